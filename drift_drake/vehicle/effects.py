@@ -1,0 +1,256 @@
+"""The catalogue of effects: each a physical change to the nominal car, with one magnitude.
+
+All effects live in one function, `motion_with_effects`, in which a magnitude of zero switches an effect off; with all
+at zero it is `bicycle.motion`. Effects with memory (lags, relaxation, heat, filtered load transfer) own the states of
+`Memory`. The transport delay of steering acts on the command before it enters here, and the sensors' effects act on
+what is measured (`measured`); delays of either are systems of their own (`drift_drake.delay`).
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+from drift_drake.vehicle.bicycle import (
+    Motion,
+    body_wrench,
+    front_contact_velocity,
+    front_slip,
+    planar_motion,
+    rear_slip,
+    static_loads,
+    wheel_acceleration,
+)
+from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.scalar import absolute, clip, cos, exp, jitable, maximum, norm2, select, sin, tanh
+from drift_drake.vehicle.tires import brush_force
+
+SLIDING_SPEED_SCALE = 3.0  # [m/s] over which sliding friction drops
+HEAT_UNIT = 1e5  # [J] of friction work that make one unit of heat
+COOLING_TIME = 12.0  # [s]
+LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
+MIN_AXLE_LOAD = 200.0  # [N]
+RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
+
+
+class Effects(NamedTuple):
+    """Magnitudes of all effects, in the units of `CATALOGUE`; zero switches an effect off."""
+
+    friction_level: Any = 0.0
+    front_rear_friction_split: Any = 0.0
+    front_stiffness_error: Any = 0.0
+    rear_stiffness_error: Any = 0.0
+    tyre_relaxation: Any = 0.0
+    sliding_friction_drop: Any = 0.0
+    tyre_thermal_fade: Any = 0.0
+    longitudinal_load_transfer: Any = 0.0
+    lateral_load_transfer: Any = 0.0
+    mass_error: Any = 0.0
+    yaw_inertia_error: Any = 0.0
+    cg_shift: Any = 0.0
+    steering_lag: Any = 0.0
+    steering_delay: Any = 0.0
+    steering_rate_limit: Any = 0.0
+    steering_offset: Any = 0.0
+    torque_lag: Any = 0.0
+    torque_gain_error: Any = 0.0
+    drivetrain_inertia_error: Any = 0.0
+    drivetrain_friction: Any = 0.0
+    aero_drag: Any = 0.0
+    rolling_resistance: Any = 0.0
+    road_grade: Any = 0.0
+    differential_yaw_moment: Any = 0.0
+    gyro_bias: Any = 0.0
+    sideslip_bias: Any = 0.0
+    wheel_radius_error: Any = 0.0
+    sensor_latency: Any = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class EffectInfo:
+    """What the catalogue says of one effect."""
+
+    unit: str
+    low: float
+    high: float
+    change: str
+
+    @property
+    def signed(self) -> bool:
+        """Whether the magnitude may have either sign."""
+        return self.low < 0.0
+
+
+CATALOGUE: dict[str, EffectInfo] = {
+    "friction_level": EffectInfo("-", -0.35, 0.2, "friction of both axles times (1 + q)"),
+    "front_rear_friction_split": EffectInfo("-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear"),
+    "front_stiffness_error": EffectInfo("-", -0.4, 0.4, "front tyre stiffness times (1 + q)"),
+    "rear_stiffness_error": EffectInfo("-", -0.4, 0.4, "rear tyre stiffness times (1 + q)"),
+    "tyre_relaxation": EffectInfo("m", 0.15, 1.0, "lateral slip follows the kinematic one over a rolled length q"),
+    "sliding_friction_drop": EffectInfo("-", 0.05, 0.35, "friction falls by q as the contact slides"),
+    "tyre_thermal_fade": EffectInfo("1/unit heat", 0.05, 0.4, "friction falls by q per unit of heat"),
+    "longitudinal_load_transfer": EffectInfo("m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q"),
+    "lateral_load_transfer": EffectInfo("-", 0.05, 0.3, "friction falls by q (a_y/g)^2"),
+    "mass_error": EffectInfo("-", -0.12, 0.2, "mass times (1 + q)"),
+    "yaw_inertia_error": EffectInfo("-", -0.3, 0.4, "yaw inertia times (1 + q)"),
+    "cg_shift": EffectInfo("m", -0.12, 0.12, "centre of gravity moved back by q"),
+    "steering_lag": EffectInfo("s", 0.03, 0.2, "first-order lag from command to road wheel"),
+    "steering_delay": EffectInfo("s", 0.02, 0.15, "transport delay of the steering command"),
+    "steering_rate_limit": EffectInfo("rad/s", 0.3, 1.2, "the road wheel moves no faster than q"),
+    "steering_offset": EffectInfo("rad", -0.035, 0.035, "added to the road-wheel angle"),
+    "torque_lag": EffectInfo("s", 0.05, 0.4, "first-order lag of engine torque"),
+    "torque_gain_error": EffectInfo("-", -0.3, 0.2, "torque at the axle times (1 + q)"),
+    "drivetrain_inertia_error": EffectInfo("-", -0.4, 0.8, "rear axle inertia times (1 + q)"),
+    "drivetrain_friction": EffectInfo("N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle"),
+    "aero_drag": EffectInfo("N s^2/m^2", 0.4, 2.5, "force q v^2 against the course"),
+    "rolling_resistance": EffectInfo("-", 0.01, 0.05, "force q m g backwards along the body"),
+    "road_grade": EffectInfo("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q"),
+    "differential_yaw_moment": EffectInfo("N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle"),
+    "gyro_bias": EffectInfo("rad/s", -0.04, 0.04, "added to the measured yaw rate"),
+    "sideslip_bias": EffectInfo("rad", -0.04, 0.04, "added to the measured sideslip"),
+    "wheel_radius_error": EffectInfo("-", -0.05, 0.05, "measured rim speed times (1 + q)"),
+    "sensor_latency": EffectInfo("s", 0.02, 0.12, "every measured column is late by q"),
+}
+
+
+class Memory(NamedTuple):
+    """States that effects own; as a value or as a time derivative."""
+
+    steering: Any = 0.0  # [rad] road-wheel angle before the offset
+    torque: Any = 0.0  # [N m] engine
+    front_slip: Any = 0.0  # [-] lateral slip that makes the force
+    rear_slip: Any = 0.0  # [-]
+    front_heat: Any = 0.0  # [-]
+    rear_heat: Any = 0.0  # [-]
+    a_x: Any = 0.0  # [m/s^2] filtered
+    a_y: Any = 0.0  # [m/s^2] filtered
+
+
+@jitable
+def changed_constants(p: Constants, q: Effects) -> Constants:
+    """The car with the effects that only change parameters."""
+    return Constants(
+        p.mass * (1.0 + q.mass_error),
+        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
+        p.front_axle_distance + q.cg_shift,
+        p.rear_axle_distance - q.cg_shift,
+        p.wheel_radius,
+        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
+        p.gear_ratio * (1.0 + q.torque_gain_error),
+        p.friction * (1.0 + q.friction_level),
+        p.front_stiffness * (1.0 + q.front_stiffness_error),
+        p.rear_stiffness * (1.0 + q.rear_stiffness_error),
+        p.gravity,
+    )
+
+
+@jitable
+def steering_rate(steering: Any, delta: Any, q: Effects) -> Any:
+    """Rate of the road wheel [rad/s] that follows the command delta [rad] with lag and rate limit."""
+    rate = (delta - steering) / maximum(q.steering_lag, RATE_LIMIT_TIME)
+    return select(0.0, q.steering_rate_limit, clip(rate, -q.steering_rate_limit, q.steering_rate_limit), rate)
+
+
+@jitable
+def tyre_friction(friction: Any, sliding_speed: Any, heat: Any, a_y: Any, p: Constants, q: Effects) -> Any:
+    """Friction of an axle after sliding, heat and lateral load transfer."""
+    sliding = 1.0 - q.sliding_friction_drop * (1.0 - exp(-sliding_speed / SLIDING_SPEED_SCALE))
+    lateral = 1.0 - q.lateral_load_transfer * (a_y / p.gravity) * (a_y / p.gravity)
+    return maximum(friction * sliding * lateral * (1.0 - q.tyre_thermal_fade * heat), 0.05)
+
+
+@jitable
+def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
+                        nominal: Constants, q: Effects,
+                        force_x: Any = 0.0, force_y: Any = 0.0,
+                        moment: Any = 0.0) -> tuple[Motion, Memory]:  # fmt: skip
+    """Motion of the car with effects, and the rates of the effects' own states.
+
+    Args:
+        r, v, beta, omega_r: as in `bicycle`; psi: heading [rad] (only a road's grade depends on it).
+        memory: the effects' states; delta, tau: commands, after any transport delay [rad], [N m].
+        nominal: the car without effects; q: magnitudes.
+        force_x, force_y, moment: optional further force [N] and moment [N m] on the body.
+    """
+    p = changed_constants(nominal, q)
+    lagged_steering = q.steering_lag + q.steering_rate_limit
+    wheel_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
+    torque = select(0.0, q.torque_lag, memory.torque, tau)
+
+    f_zf, f_zr = static_loads(p)
+    shift = p.mass * q.longitudinal_load_transfer * memory.a_x / (p.front_axle_distance + p.rear_axle_distance)
+    f_zf, f_zr = maximum(f_zf - shift, MIN_AXLE_LOAD), maximum(f_zr + shift, MIN_AXLE_LOAD)
+
+    v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
+    u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
+    kinematic_front = front_slip(v_x, v_y)
+    sigma_x, kinematic_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
+    sigma_front = select(0.0, q.tyre_relaxation, memory.front_slip, kinematic_front)
+    sigma_rear = select(0.0, q.tyre_relaxation, memory.rear_slip, kinematic_rear)
+    front_sliding, rear_sliding = absolute(v_y), norm2(omega_r - u_x, rear_v_y)
+
+    mu_front = p.friction * (1.0 + q.front_rear_friction_split)
+    mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
+    mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
+    mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
+    _, f_yf = brush_force(0.0 * v_x, sigma_front, p.front_stiffness, mu_front, f_zf)
+    f_xr, f_yr = brush_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear, f_zr)
+
+    f_x, f_y, m_z = body_wrench(wheel_angle, 0.0, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
+    drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
+    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - uphill * cos(psi) + force_x
+    f_y = f_y - drag * sin(beta) + uphill * sin(psi) + force_y
+    m_z = m_z - q.differential_yaw_moment * r * v + moment
+
+    a_x, a_y = f_x / p.mass, f_y / p.mass
+    v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
+    axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
+    omega_r_dot = wheel_acceleration(axle_torque, f_xr, p.wheel_radius, p.rear_axle_inertia)
+
+    relaxation = maximum(q.tyre_relaxation, 1e-3)
+    rates = Memory(
+        select(0.0, lagged_steering, steering_rate(memory.steering, delta, q), 0.0 * delta),
+        select(0.0, q.torque_lag, (tau - memory.torque) / maximum(q.torque_lag, 1e-3), 0.0 * tau),
+        maximum(v_x, 1.0)
+        / relaxation
+        * (kinematic_front - memory.front_slip)
+        * select(0.0, q.tyre_relaxation, 1.0, 0.0),
+        maximum(u_x, 1.0) / relaxation * (kinematic_rear - memory.rear_slip) * select(0.0, q.tyre_relaxation, 1.0, 0.0),
+        absolute(f_yf) * front_sliding / HEAT_UNIT - memory.front_heat / COOLING_TIME,
+        norm2(f_xr, f_yr) * rear_sliding / HEAT_UNIT - memory.rear_heat / COOLING_TIME,
+        (a_x - memory.a_x) / LOAD_FILTER_TIME,
+        (a_y - memory.a_y) / LOAD_FILTER_TIME,
+    )
+    return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
+
+
+@jitable
+def settled_memory(
+    r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, nominal: Constants, q: Effects
+) -> Memory:
+    """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
+    p = changed_constants(nominal, q)
+    v_x, v_y = front_contact_velocity(r, v, beta, delta + q.steering_offset, p.front_axle_distance)
+    _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
+    zero = 0.0 * v_x
+    memory = Memory(delta + zero, tau + zero, front_slip(v_x, v_y), sigma_rear + zero, zero, zero, zero, zero)
+    motion, _ = motion_with_effects(r, v, beta, omega_r, 0.0, memory, delta, tau, nominal, q)
+    return Memory(
+        memory.steering, memory.torque, memory.front_slip, memory.rear_slip, zero, zero, motion.a_x, motion.a_y
+    )
+
+
+@jitable
+def measured(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any]:
+    """What biased sensors read for the yaw rate, sideslip and rim speed, latency aside."""
+    return r + q.gyro_bias, beta + q.sideslip_bias, omega_r * (1.0 + q.wheel_radius_error)
+
+
+def make_effects(magnitudes: dict[str, float]) -> Effects:
+    """Effects from a name-to-magnitude mapping.
+
+    Raises:
+        ValueError: a name that the catalogue does not have; the message lists the names.
+    """
+    unknown = sorted(set(magnitudes) - set(Effects._fields))
+    if unknown:
+        raise ValueError(f"unknown effect {', '.join(unknown)}; the catalogue has {', '.join(Effects._fields)}")
+    return Effects(**{name: float(value) for name, value in magnitudes.items()})

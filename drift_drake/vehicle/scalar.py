@@ -1,0 +1,101 @@
+"""Scalar functions with one meaning on floats, arrays, complex numbers, AutoDiffXd, Expression and in compiled code.
+
+The equations of motion are written once with these functions. Drake evaluates them on its own scalar types, NumPy on
+batches, and numba compiles the same source through the `overload`s below. Complex arguments serve the complex-step
+derivative (Squire and Trapp 1998): comparisons look at real parts only.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload, register_jitable
+from pydrake.symbolic import Expression, if_then_else
+
+jitable = register_jitable
+"""Marks a plain Python function as callable from compiled code; the function itself is left as it is."""
+
+
+def sin(x: Any) -> Any:
+    return math.sin(x) if type(x) is float else np.sin(x)
+
+
+def cos(x: Any) -> Any:
+    return math.cos(x) if type(x) is float else np.cos(x)
+
+
+def sqrt(x: Any) -> Any:
+    return math.sqrt(x) if type(x) is float else np.sqrt(x)
+
+
+def exp(x: Any) -> Any:
+    return math.exp(x) if type(x) is float else np.exp(x)
+
+
+def tanh(x: Any) -> Any:
+    return math.tanh(x) if type(x) is float else np.tanh(x)
+
+
+def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
+    """`if_less` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.where(np.real(a) < np.real(b), if_less, otherwise)
+    if isinstance(a, Expression) or isinstance(b, Expression):
+        return if_then_else(a < b, _expression(if_less), _expression(otherwise))
+    if isinstance(a, complex) or isinstance(b, complex):
+        return if_less if a.real < b.real else otherwise
+    return if_less if a < b else otherwise
+
+
+def _expression(x: Any) -> Expression:
+    return x if isinstance(x, Expression) else Expression(x)
+
+
+def _compile_as(function: Any, ufunc: Any) -> None:
+    """Teaches compiled code that `function` is NumPy's `ufunc`."""
+    overload(function)(lambda x: lambda x: ufunc(x))  # noqa: ARG005 (numba matches arguments by name)
+
+
+_compile_as(sin, np.sin)
+_compile_as(cos, np.cos)
+_compile_as(sqrt, np.sqrt)
+_compile_as(exp, np.exp)
+_compile_as(tanh, np.tanh)
+
+
+@overload(select)
+def _select(a, b, if_less, otherwise):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    if isinstance(a, types.Complex) or isinstance(b, types.Complex):
+        return lambda a, b, if_less, otherwise: if_less if a.real < b.real else otherwise
+    return lambda a, b, if_less, otherwise: if_less if a < b else otherwise
+
+
+@jitable
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of a and b."""
+    return select(a, b, b, a)
+
+
+@jitable
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of a and b."""
+    return select(a, b, a, b)
+
+
+@jitable
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """x held within [low, high]."""
+    return minimum(maximum(x, low), high)
+
+
+@jitable
+def absolute(x: Any) -> Any:
+    """|x|, with the derivative of the branch that x is on."""
+    return select(x, 0.0, -x, x)
+
+
+@jitable
+def norm2(x: Any, y: Any) -> Any:
+    """Length of (x, y), smooth at the origin: the 1e-9 keeps the derivative finite there and changes no value."""
+    return sqrt(x * x + y * y + 1e-18)

@@ -1,0 +1,256 @@
+"""What to drive: a path, and the states and inputs wanted along it."""
+
+import dataclasses
+import math
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from drift_drake.reference.equilibrium import drift_equilibrium
+from drift_drake.reference.path import Path
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+GRID_SPACING = 0.2  # [m]
+
+# The columns of the lookup table; the first four are states.
+_COLUMNS = ("r", "v", "beta", "omega_r", "delta", "tau", "curvature", "e_min", "e_max")
+
+
+class Horizon(NamedTuple):
+    """A reference sampled in time for a planner: N steps, N + 1 points."""
+
+    s: Array
+    """Path position [N + 1] [m]."""
+    x_ref: Array
+    """States (r, v, beta, omega_r, e, dphi) [N + 1, 6], e = dphi = 0."""
+    u_ref: Array
+    """Inputs (delta, tau) [N + 1, 2]."""
+    curvature: Array
+    """Mean path curvature over each step [N] [1/m]."""
+    e_min: Array
+    """Right lane bound [N + 1] [m], negative."""
+    e_max: Array
+    """Left lane bound [N + 1] [m]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """States and inputs wanted along a path, on a grid of path positions; linear in between.
+
+    On a closed path the grid holds one lap and all lookups wrap; on an open one the end values hold beyond the ends.
+
+    Attributes:
+        path: the path, whose length is the grid's end.
+        s: grid [M] [m], uniform, from 0 to the path's length.
+        v, beta, r, omega_r: states wanted [M]; delta, tau: inputs that go with them [M].
+        curvature: of the path [M] [1/m].
+        e_min, e_max: lane bounds [M] [m], e_min < 0 < e_max.
+        in_transition: whether the car is between two steady drifts [M].
+        distance: [m] to drive in all, several laps of a closed path perhaps.
+    """
+
+    path: Path
+    s: Array
+    v: Array
+    beta: Array
+    r: Array
+    omega_r: Array
+    curvature: Array
+    delta: Array
+    tau: Array
+    e_min: Array
+    e_max: Array
+    in_transition: NDArray[np.bool_]
+    distance: float
+
+    def __post_init__(self) -> None:
+        for name in ("s", *_COLUMNS):
+            values = getattr(self, name)
+            if values.shape != self.s.shape or not np.isfinite(values).all():
+                raise ValueError(f"the reference's {name} must be {self.s.shape[0]} finite numbers, one a grid point")
+        if self.s[0] != 0.0 or not np.allclose(np.diff(self.s), self._spacing) or self.s[-1] != self.path.length:
+            raise ValueError("the reference's grid must be uniform from 0 to the path's length")
+        if not (self.v > 0.0).all():
+            raise ValueError("the reference's speed must be positive throughout")
+        if not ((self.e_min < 0.0) & (self.e_max > 0.0)).all():
+            raise ValueError("the path must lie within its lane: e_min < 0 < e_max")
+
+    @property
+    def _spacing(self) -> float:
+        return float(self.s[-1] / (len(self.s) - 1))
+
+    @cached_property
+    def _table(self) -> Array:
+        return np.ascontiguousarray(np.column_stack([getattr(self, name) for name in _COLUMNS]))
+
+    @cached_property
+    def _time(self) -> Array:
+        """Time [M] [s] at which a car on the reference passes the grid's points."""
+        mean_pace = 0.5 * (1.0 / self.v[1:] + 1.0 / self.v[:-1])
+        return np.concatenate([[0.0], np.cumsum(self._spacing * mean_pace)])
+
+    @cached_property
+    def _heading(self) -> Array:
+        return self.path.heading(np.minimum(self.s, self.path.length - 1e-12) if self.path.closed else self.s)
+
+    @cached_property
+    def duration(self) -> float:
+        """Time [s] in which a car on the reference drives the distance."""
+        return float(self.time(self.distance))
+
+    def _wrapped(self, s: Array) -> tuple[Array, Array]:
+        """(s within the grid, laps gone by)."""
+        length = self.path.length
+        if not self.path.closed:
+            return np.clip(s, 0.0, length), np.zeros_like(s)
+        laps = np.floor(s / length)
+        return s - laps * length, laps
+
+    def _lookup(self, s: ArrayLike) -> Array:
+        within, _ = self._wrapped(np.asarray(s, dtype=float))
+        position = within / self._spacing
+        index = np.minimum(position.astype(np.intp), len(self.s) - 2)
+        weight = (position - index)[..., None]
+        return (1.0 - weight) * self._table[index] + weight * self._table[index + 1]
+
+    def time(self, s: ArrayLike) -> Array:
+        """Time [...] [s] at which a car on the reference is at s [...] [m]; 0 at s = 0."""
+        s = np.asarray(s, dtype=float)
+        within, laps = self._wrapped(s)
+        beyond = np.zeros_like(s) if self.path.closed else s - within
+        end_speed = np.where(beyond < 0.0, self.v[0], self.v[-1])
+        return np.interp(within, self.s, self._time) + laps * self._time[-1] + beyond / end_speed
+
+    def position(self, time: ArrayLike) -> Array:
+        """Path position [...] [m] of a car on the reference at a time [...] [s]: ds/dt = v_ref(s), s = 0 at 0."""
+        time = np.asarray(time, dtype=float)
+        end = self._time[-1]
+        if self.path.closed:
+            laps = np.floor(time / end)
+            return np.interp(time - laps * end, self._time, self.s) + laps * self.path.length
+        beyond = time - np.clip(time, 0.0, end)
+        return np.interp(time, self._time, self.s) + beyond * np.where(beyond < 0.0, self.v[0], self.v[-1])
+
+    def state(self, s: ArrayLike) -> Array:
+        """States (r, v, beta, omega_r, e, dphi) [..., 6] wanted at s [...] [m]; e = dphi = 0."""
+        return _state(self._lookup(s))
+
+    def input(self, s: ArrayLike) -> Array:
+        """Inputs (delta, tau) [..., 2] that go with the states at s [...] [m]."""
+        return self._lookup(s)[..., 4:6]
+
+    def lane(self, s: ArrayLike) -> tuple[Array, Array]:
+        """Lane bounds (e_min, e_max) [...] [m] at s [...] [m]."""
+        row = self._lookup(s)
+        return row[..., 7], row[..., 8]
+
+    def transition(self, s: ArrayLike) -> NDArray[np.bool_]:
+        """Whether s [...] [m] lies in a transition."""
+        within, _ = self._wrapped(np.asarray(s, dtype=float))
+        return self.in_transition[np.rint(within / self._spacing).astype(np.intp)]
+
+    def horizon(self, s0: float, dt: float, count: int) -> Horizon:
+        """The reference over the next `count` steps of `dt` [s], from path position s0 [m] on."""
+        s = self.position(self.time(s0) + dt * np.arange(count + 1))
+        s[0] = s0
+        row = self._lookup(s)
+        within, laps = self._wrapped(s)
+        heading = np.interp(within, self.s, self._heading) + laps * self.path.turning
+        if not self.path.closed:
+            heading += (s - within) * row[..., 6]
+        curvature = np.diff(heading) / np.diff(s)
+        return Horizon(s, _state(row), row[:, 4:6], curvature, row[:, 7], row[:, 8])
+
+
+def _state(row: Array) -> Array:
+    state = np.zeros((*row.shape[:-1], 6))
+    state[..., :4] = row[..., :4]
+    return state
+
+
+def straight_line(v_start: float, v_end: float, duration: float, half_width: float = 5.0) -> Reference:
+    """A straight line, gripping, with a speed linear in time (the paper's section IV-A: 7.5 to 20 m/s in 4.5 s).
+
+    Args:
+        v_start, v_end: speeds [m/s] at the start and at `duration` [s]; the rim speed equals the speed.
+        half_width: [m] of the lane to either side.
+    """
+    if not (v_start > 0.0 and v_end > 0.0 and duration > 0.0):
+        raise ValueError(f"speeds ({v_start:g}, {v_end:g}) m/s and duration {duration:g} s must be positive")
+    length = 0.5 * (v_start + v_end) * duration
+    path = Path([0.0, length], [0.0, 0.0])
+    s = _grid(length)
+    v = np.sqrt(v_start**2 + (v_end**2 - v_start**2) * s / length)
+    zero = np.zeros_like(s)
+    lane = np.full_like(s, half_width)
+    return Reference(
+        path=path, s=s, v=v, beta=zero, r=zero, omega_r=v, curvature=zero, delta=zero, tau=zero, e_min=-lane,
+        e_max=lane, in_transition=np.zeros(len(s), dtype=bool), distance=length)  # fmt: skip
+
+
+def figure_8(parameters: VehicleParameters, radius: float = 18.0, sideslip: float = 0.6, transition: float = 20.0,
+             half_width: float = 3.0, laps: float = 1.5) -> Reference:  # fmt: skip
+    """A figure-8 of two circles driven in opposite directions, in steady drifts joined by transitions.
+
+    Args:
+        parameters: the car whose equilibria are wanted.
+        radius: [m] of both circles; sideslip: size [rad] of both drifts.
+        transition: [m] over which curvature goes linearly from one circle to the other.
+        half_width: [m] of the lane to either side.
+        laps: how often to drive it, from half-way round the left-hand circle (1.5: some 27 s, three transitions).
+
+    Raises:
+        NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
+    """
+    left = drift_equilibrium(parameters, radius, -sideslip)
+    kappa = left.curvature
+    arc = _closing_arc(kappa, transition)
+    s_nodes = np.cumsum([0.0, 0.5 * arc, transition, arc, transition, 0.5 * arc])
+    path = Path(s_nodes, [kappa, kappa, -kappa, -kappa, kappa, kappa], closed=True)
+    s = _grid(path.length)
+    # Progress through the transition: +1 on the left circle, -1 on the right one.
+    u = np.interp(s, s_nodes, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    shape = u * u * u * (u * (6.0 * u - 15.0) + 10.0)
+    side = 1.0 - 2.0 * shape
+    du = (
+        np.where((s > s_nodes[1]) & (s < s_nodes[2]), 1.0, 0.0) / transition
+        - np.where((s > s_nodes[3]) & (s < s_nodes[4]), 1.0, 0.0) / transition
+    )
+    side_slope = -2.0 * 30.0 * (u * (1.0 - u)) ** 2 * du
+    v = np.full_like(s, left.v)
+    curvature = path.curvature(s)
+    lane = np.full_like(s, half_width)
+    return Reference(
+        path=path, s=s, v=v, beta=left.beta * side, r=v * curvature - v * left.beta * side_slope,
+        omega_r=np.full_like(s, left.omega_r), curvature=curvature, delta=left.delta * side,
+        tau=np.full_like(s, left.tau), e_min=-lane, e_max=lane, in_transition=(u > 0.0) & (u < 1.0),
+        distance=laps * path.length)  # fmt: skip
+
+
+def _closing_arc(curvature: float, transition: float) -> float:
+    """Length [m] of the arcs with which a figure-8 closes: each lobe must come back to the crossing it left."""
+    half = 0.5 * transition
+
+    def gap(arc: float) -> float:
+        lobe = Path([0.0, half, half + arc, transition + arc], [0.0, curvature, curvature, 0.0])
+        x, y, _ = lobe.pose(lobe.length)
+        # The lobe is its own mirror image, so that its chord points along half its turning.
+        return float(x * np.cos(0.5 * lobe.turning) + y * np.sin(0.5 * lobe.turning))
+
+    ramp_turn = 0.5 * curvature * transition
+    low, high = (math.pi - ramp_turn) / curvature, (2.0 * math.pi - ramp_turn) / curvature
+    if low <= 0.0 or gap(low) * gap(high) > 0.0:
+        raise ValueError(
+            f"a figure-8 of {1.0 / curvature:g} m radius cannot close with transitions of {transition:g} m; "
+            "give shorter transitions"
+        )
+    return float(brentq(gap, low, high, xtol=1e-12))
+
+
+def _grid(length: float) -> Array:
+    return np.linspace(0.0, length, math.ceil(length / GRID_SPACING) + 1)

@@ -104,6 +104,12 @@ def path_rates(r: Any, v: Any, beta_dot: Any, e: Any, dphi: Any, curvature: Any)
     return v * sin(dphi), beta_dot + r - curvature * s_dot, s_dot
 
 
+@jitable
+def world_rates(r: Any, v: Any, beta: Any, psi: Any) -> tuple[Any, Any, Any]:
+    """(x_dot, y_dot, psi_dot): motion of the centre of gravity in the fixed frame, psi the heading [rad]."""
+    return v * cos(psi + beta), v * sin(psi + beta), r
+
+
 def derivatives(x: Any, u: Any, curvature: Any, p: Constants) -> Any:
     """Time derivative of the paper's six states.
 

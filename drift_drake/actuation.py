@@ -1,0 +1,198 @@
+"""The low-level controller that executes plans by linear interpolation (Section II of the paper)."""
+
+import enum
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from drift_drake.vehicle.bicycle import INPUTS
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+TIME_TOLERANCE = 1e-9  # [s] by which a plan's start and Drake's event times may differ through rounding
+
+
+class PlanStatus(enum.IntEnum):
+    """What the actuator is executing."""
+
+    MISSING = 0  # no plan has begun: the initial command is held
+    FRESH = 1
+    LATE = 2  # the plan in force is older than `max_age`; it is still followed
+    ENDED = 3  # past the plan's end: its last command is held
+
+
+def plan_size(steps: int) -> int:
+    """Length of the vector [t_start, delta_0, tau_0, ..., delta_N, tau_N] of a plan of N steps."""
+    return 1 + len(INPUTS) * (steps + 1)
+
+
+def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, float, float]:
+    """Command and its rate at time t: u(t) = u_k + (t - k dt) u_dot_k, held constant beyond either end.
+
+    Args:
+        plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N] ([s], [rad], [N m]).
+        t: [s]; at a knot the rate is that of the step which begins there.
+        dt: the plan's spacing [s].
+
+    Returns:
+        (delta [rad], tau [N m], delta_dot [rad/s], tau_dot [N m/s]).
+    """
+    last = (len(plan) - 1) // 2 - 1
+    steps = (t - plan[0]) / dt
+    k = math.floor(steps + TIME_TOLERANCE / dt)
+    if k < 0:
+        return float(plan[1]), float(plan[2]), 0.0, 0.0
+    if k >= last:
+        return float(plan[2 * last + 1]), float(plan[2 * last + 2]), 0.0, 0.0
+    delta, tau, next_delta, next_tau = (float(value) for value in plan[2 * k + 1 : 2 * k + 5])
+    part, delta_step, tau_step = steps - k, next_delta - delta, next_tau - tau
+    return delta + part * delta_step, tau + part * tau_step, delta_step / dt, tau_step / dt
+
+
+class LinearInterpolationActuator(LeafSystem):
+    """Holds the controller's latest plan and turns it into commands that vary linearly between the plan's points.
+
+    The plan's port is sampled each `period`, into the Context. A plan comes into force at its start time; until then
+    the plan before it is followed (so a plan may be sent ahead of its time). Choose the plan's start times as
+    multiples of `period`, and the simulator's steps end at the kinks of the command.
+
+    A plan that holds anything not finite, or that starts before the newest one taken, is refused and counted, and the
+    plan held is kept: such numbers never reach the car.
+
+    Input ports:
+        plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N], spaced by `dt`. No plan where t_start is NaN, or the port
+            is left unconnected.
+
+    Output ports (functions of the Context's time and of the plan held):
+        command: u(t) = (delta [rad], tau [N m]), within the vehicle's limits.
+        command_rate: u_dot(t) [rad/s], [N m/s]; zero in a saturated channel.
+        saturated: 1 for each channel where the plan asked for more than the limits, else 0.
+        status: `PlanStatus` (abstract).
+        plan_age: time since the start of the plan in force [s]; infinite while there is none.
+        refused: how many samples of the plan's port were refused so far.
+
+    Args:
+        parameters: the vehicle, for its steering and torque limits.
+        steps: N, the number of steps of a plan.
+        dt: the plan's spacing [s].
+        period: of the sampling of the plan's port [s].
+        max_age: age from which a plan is LATE [s].
+        initial_command: held while no plan has begun; within the limits.
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        steps: int,
+        dt: float = 0.1,
+        period: float = 0.01,
+        max_age: float = 0.1,
+        initial_command: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        LeafSystem.__init__(self)
+        self.dt, self.period, self.max_age = dt, period, max_age
+        self.limits = (
+            (-parameters.steering_limit, parameters.steering_limit),
+            (parameters.torque_min, parameters.torque_max),
+        )
+        for name, value, (low, high) in zip(INPUTS, initial_command, self.limits, strict=True):
+            if not low <= value <= high:
+                raise ValueError(f"initial_command: {name} is {value:g}; keep it within {low:g} to {high:g}")
+        self._initial_command = (float(initial_command[0]), float(initial_command[1]))
+
+        size = plan_size(steps)
+        self._port = self.DeclareVectorInputPort("plan", size)
+        nothing = np.full(size, np.nan)
+        self._in_force = self.DeclareDiscreteState(nothing)  # the plan being followed
+        self._waiting = self.DeclareDiscreteState(nothing)  # a newer one whose start lies ahead
+        self._refused = self.DeclareDiscreteState(1)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._take_plan)
+
+        plans = {self.discrete_state_ticket(self._in_force), self.discrete_state_ticket(self._waiting)}
+        now = {self.time_ticket(), *plans}
+        self.DeclareVectorOutputPort("command", 2, self._calc_command, prerequisites_of_calc=now)
+        self.DeclareVectorOutputPort("command_rate", 2, self._calc_command_rate, prerequisites_of_calc=now)
+        self.DeclareVectorOutputPort("saturated", 2, self._calc_saturated, prerequisites_of_calc=now)
+        self.DeclareAbstractOutputPort(
+            "status", lambda: Value(PlanStatus.MISSING), self._calc_status, prerequisites_of_calc=now
+        )
+        self.DeclareVectorOutputPort("plan_age", 1, self._calc_plan_age, prerequisites_of_calc=now)
+        self.DeclareVectorOutputPort(
+            "refused", 1, self._calc_refused, prerequisites_of_calc={self.discrete_state_ticket(self._refused)}
+        )
+
+    def _take_plan(self, context: Context, discrete: DiscreteValues) -> None:
+        t = context.get_time()
+        waiting = context.get_discrete_state(self._waiting).value()
+        if waiting[0] <= t + TIME_TOLERANCE:
+            discrete.set_value(self._in_force, waiting)
+            discrete.set_value(self._waiting, np.full_like(waiting, np.nan))
+        if not self._port.HasValue(context):
+            return
+        plan = self._port.Eval(context)
+        if math.isnan(plan[0]):
+            return
+        newest = np.fmax(waiting[0], context.get_discrete_state(self._in_force).value()[0])
+        if not np.isfinite(plan).all() or plan[0] < newest - TIME_TOLERANCE:
+            discrete.get_mutable_vector(self._refused)[0] += 1.0
+        elif plan[0] <= t + TIME_TOLERANCE:
+            discrete.set_value(self._in_force, plan)
+        else:
+            discrete.set_value(self._waiting, plan)
+
+    def _plan(self, context: Context) -> Array | None:
+        """The plan in force now, if any."""
+        waiting = context.get_discrete_state(self._waiting).value()
+        if waiting[0] <= context.get_time() + TIME_TOLERANCE:
+            return waiting
+        in_force = context.get_discrete_state(self._in_force).value()
+        return None if math.isnan(in_force[0]) else in_force
+
+    def _unsaturated(self, context: Context) -> tuple[float, float, float, float]:
+        plan = self._plan(context)
+        if plan is None:
+            return (*self._initial_command, 0.0, 0.0)
+        return interpolate_plan(plan, context.get_time(), self.dt)
+
+    def _outside(self, command: tuple[float, ...]) -> list[bool]:
+        return [not low <= value <= high for value, (low, high) in zip(command[:2], self.limits, strict=True)]
+
+    def _calc_command(self, context: Context, output: Any) -> None:
+        command = self._unsaturated(context)
+        for i, (low, high) in enumerate(self.limits):
+            output[i] = min(max(command[i], low), high)
+
+    def _calc_command_rate(self, context: Context, output: Any) -> None:
+        command = self._unsaturated(context)
+        for i, outside in enumerate(self._outside(command)):
+            output[i] = 0.0 if outside else command[2 + i]
+
+    def _calc_saturated(self, context: Context, output: Any) -> None:
+        output.SetFromVector([float(outside) for outside in self._outside(self._unsaturated(context))])
+
+    def _calc_status(self, context: Context, output: Any) -> None:
+        plan = self._plan(context)
+        if plan is None:
+            status = PlanStatus.MISSING
+        else:
+            age = context.get_time() - plan[0]
+            length = self.dt * ((len(plan) - 1) // 2 - 1)
+            if age > length + TIME_TOLERANCE:
+                status = PlanStatus.ENDED
+            elif age > self.max_age + TIME_TOLERANCE:
+                status = PlanStatus.LATE
+            else:
+                status = PlanStatus.FRESH
+        output.set_value(status)
+
+    def _calc_plan_age(self, context: Context, output: Any) -> None:
+        plan = self._plan(context)
+        output[0] = math.inf if plan is None else context.get_time() - plan[0]
+
+    def _calc_refused(self, context: Context, output: Any) -> None:
+        output[0] = context.get_discrete_state(self._refused).value()[0]

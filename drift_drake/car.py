@@ -1,0 +1,66 @@
+"""The real car of a simulation: actuators' delay, plant and sensors as one diagram."""
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer, Multiplexer
+
+from drift_drake.delay import TransportDelay
+from drift_drake.sensors import NoiseLevels, Sensors
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plant import CurvedPath, VehiclePlant
+
+
+class Car(Diagram):
+    """What stands for the real car: command in, measurements out, with every effect of the catalogue at its place.
+
+    Put it into a state with `car.plant.set_initial(...)` and seed its noise with `car.sensors.set_seed(...)`.
+
+    Input ports:
+        command: (delta [rad], tau [N m]); steering passes the transport delay of `steering_delay`.
+        disturbance, curvature (optional): see `VehiclePlant`.
+
+    Output ports:
+        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.sensors`.
+        state, path_position, pose, acceleration: the truth; see `VehiclePlant`.
+
+    Args:
+        parameters: the car without effects.
+        effects: magnitudes, zero for none.
+        path: see `VehiclePlant`.
+        noise: of the sensors.
+        period: of the sensors' sampling, and of the rows of the transport delays [s].
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        path: CurvedPath | None = None,
+        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        period: float = 0.01,
+    ) -> None:
+        Diagram.__init__(self)
+        builder = DiagramBuilder()
+        self.plant = builder.AddNamedSystem("plant", VehiclePlant(parameters, effects, path))
+        self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
+        actuation = self.plant.GetInputPort("actuation")
+        if effects.steering_delay > 0.0:
+            split = builder.AddNamedSystem("command", Demultiplexer(2))
+            delay = builder.AddNamedSystem("steering_delay", TransportDelay(1, effects.steering_delay, period))
+            joined = builder.AddNamedSystem("actuation", Multiplexer(2))
+            builder.ExportInput(split.get_input_port(), "command")
+            builder.Connect(split.get_output_port(0), delay.get_input_port())
+            builder.Connect(delay.get_output_port(), joined.get_input_port(0))
+            builder.Connect(split.get_output_port(1), joined.get_input_port(1))
+            builder.Connect(joined.get_output_port(), actuation)
+        else:
+            builder.ExportInput(actuation, "command")
+        for name in ("disturbance", "curvature"):
+            builder.ExportInput(self.plant.GetInputPort(name), name)
+        for name in ("state", "path_position", "pose", "acceleration"):
+            builder.Connect(self.plant.GetOutputPort(name), self.sensors.GetInputPort(name))
+        for name in ("measured_state", "log_row"):
+            builder.ExportOutput(self.sensors.GetOutputPort(name), name)
+        for name in ("state", "path_position", "pose", "acceleration"):
+            builder.ExportOutput(self.plant.GetOutputPort(name), name)
+        builder.BuildInto(self)

@@ -1,0 +1,157 @@
+"""What the car's sensors say: sampled, held, biased, late and noisy."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import RandomDistribution, RandomGenerator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues, LeafSystem
+from pydrake.systems.primitives import Multiplexer, RandomSource
+
+from drift_drake.delay import TransportDelay
+from drift_drake.vehicle.bicycle import STATES
+from drift_drake.vehicle.effects import Effects, measured
+
+Array = NDArray[np.float64]
+
+SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
+"""The measured signals: `state`, `path_position`, `pose` and `acceleration` of the plant, in this order."""
+
+MEASURED_STATE = (*STATES, "s")
+LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
+"""Columns of the log format, the commands aside (which are known exactly)."""
+
+_SAMPLE_AT = {name: 1 + i for i, name in enumerate(SIGNALS)} | {"t": 0}
+_MEASURED_STATE_AT = [_SAMPLE_AT[name] for name in MEASURED_STATE]
+_LOG_ROW_AT = [_SAMPLE_AT[name] for name in LOG_ROW]
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseLevels:
+    """Standard deviations of white measurement noise, a sample each period. Defaults: a good inertial system.
+
+    Raises:
+        ValueError: a level that is negative or not finite.
+    """
+
+    r: float = 0.002  # [rad/s]
+    v: float = 0.02  # [m/s]
+    beta: float = 0.002  # [rad]
+    omega_r: float = 0.04  # [m/s]
+    e: float = 0.01  # [m]
+    dphi: float = 0.002  # [rad]
+    s: float = 0.01  # [m]
+    x: float = 0.01  # [m]
+    y: float = 0.01  # [m]
+    psi: float = 0.001  # [rad]
+    ax: float = 0.05  # [m/s^2]
+    ay: float = 0.05  # [m/s^2]
+
+    def __post_init__(self) -> None:
+        for name, level in dataclasses.asdict(self).items():
+            if not 0.0 <= level < math.inf:
+                raise ValueError(f"noise of {name} is {level!r}; give a standard deviation, zero or more")
+
+    @classmethod
+    def none(cls) -> "NoiseLevels":
+        """Perfect sensors."""
+        return cls(*([0.0] * len(dataclasses.fields(cls))))
+
+
+class SampleAndHold(LeafSystem):
+    """Takes a noisy sample of all signals each period and holds it, biased as the effects say.
+
+    The hold is continuous from the right: at a sampling time the outputs already are the sample taken then, for whoever
+    else acts at that time (a controller's update, a logger's publish), before Drake's updates and after them.
+
+    Input ports: signals (`SIGNALS`); noise: as many standard normal numbers, new ones each period.
+    Output ports: measured_state (`MEASURED_STATE`); log_row (`LOG_ROW`; t is the time of sampling).
+    """
+
+    def __init__(self, noise: NoiseLevels, effects: Effects, period: float) -> None:
+        LeafSystem.__init__(self)
+        self._effects, self._period = effects, period
+        self._levels = np.array([getattr(noise, name) for name in SIGNALS])
+        self._signals = self.DeclareVectorInputPort("signals", len(SIGNALS))
+        self._noise = self.DeclareVectorInputPort("noise", len(SIGNALS))
+        self.DeclareDiscreteState(np.full(1 + len(SIGNALS), np.nan))  # the time of sampling, and the sample
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareVectorOutputPort("measured_state", len(MEASURED_STATE), self._calc_measured_state)
+        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row)
+
+    def _samples_before(self, t: float) -> int:
+        return math.floor(t / self._period + 1e-6)
+
+    def _sample(self, context: Context) -> Array:
+        """(time of sampling, signals): the sample held, or the one that is due at the Context's time."""
+        held, t = context.get_discrete_state_vector().value(), context.get_time()
+        if not math.isnan(held[0]) and self._samples_before(t) <= self._samples_before(held[0]):
+            return held
+        sample = np.concatenate(([t], self._signals.Eval(context) + self._levels * self._noise.Eval(context)))
+        at = _SAMPLE_AT
+        sample[at["r"]], sample[at["beta"]], sample[at["omega_r"]] = measured(
+            sample[at["r"]], sample[at["beta"]], sample[at["omega_r"]], self._effects
+        )
+        # The course is the measured heading plus the measured sideslip, so it takes over the bias.
+        sample[at["dphi"]] += self._effects.sideslip_bias
+        return sample
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        discrete.set_value(self._sample(context))
+
+    def _calc_measured_state(self, context: Context, output: Any) -> None:
+        output.SetFromVector(self._sample(context)[_MEASURED_STATE_AT])
+
+    def _calc_log_row(self, context: Context, output: Any) -> None:
+        output.SetFromVector(self._sample(context)[_LOG_ROW_AT])
+
+
+class Sensors(Diagram):
+    """The car's sensors: latency, sampling, biases and noise from Drake's random source.
+
+    A run replays to the bit from the seed that `set_seed` gave its Context (without one, Drake numbers its sources as
+    they are made).
+
+    Input ports: state (6), path_position (1), pose (3), acceleration (2): those of `VehiclePlant`.
+    Output ports: measured_state (`MEASURED_STATE`) for a controller; log_row (`LOG_ROW`) for a log.
+
+    Args:
+        noise: standard deviations.
+        effects: of which the sensors' are used: gyro_bias, sideslip_bias, wheel_radius_error, sensor_latency.
+        period: of sampling [s].
+    """
+
+    def __init__(
+        self,
+        noise: NoiseLevels = NoiseLevels(),
+        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        period: float = 0.01,
+    ) -> None:
+        Diagram.__init__(self)
+        builder = DiagramBuilder()
+        signals = builder.AddNamedSystem("signals", Multiplexer([6, 1, 3, 2]))
+        for i, name in enumerate(("state", "path_position", "pose", "acceleration")):
+            builder.ExportInput(signals.get_input_port(i), name)
+        source = RandomSource(RandomDistribution.kGaussian, len(SIGNALS), period)
+        self.noise_source = builder.AddNamedSystem("noise", source)
+        sampler = builder.AddNamedSystem("sampler", SampleAndHold(noise, effects, period))
+        builder.Connect(self.noise_source.get_output_port(), sampler.GetInputPort("noise"))
+        if effects.sensor_latency > 0.0:
+            # Rows are taken where the sampler will look, so that nothing is interpolated.
+            offset = -effects.sensor_latency % period
+            latency = TransportDelay(len(SIGNALS), effects.sensor_latency, period, offset)
+            builder.AddNamedSystem("latency", latency)
+            builder.Connect(signals.get_output_port(0), latency.get_input_port())
+            builder.Connect(latency.get_output_port(), sampler.GetInputPort("signals"))
+        else:
+            builder.Connect(signals.get_output_port(0), sampler.GetInputPort("signals"))
+        for name in ("measured_state", "log_row"):
+            builder.ExportOutput(sampler.GetOutputPort(name), name)
+        builder.BuildInto(self)
+
+    def set_seed(self, root_context: Context, seed: int) -> None:
+        """Starts the noise of this Context (of the whole diagram that holds the sensors) from a seed."""
+        context = self.noise_source.GetMyMutableContextFromRoot(root_context)
+        self.noise_source.SetRandomContext(context, RandomGenerator(seed))

@@ -225,7 +225,7 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             if self.path is None:
                 return 0.0
             if T is float:
-                return float(self.path.curvature(s))
+                return float(self.path.curvature(float(s)))
             if T is AutoDiffXd:
                 at, step = s.value(), CURVATURE_STEP
                 slope = (self.path.curvature(at + step) - self.path.curvature(at - step)) / (2.0 * step)

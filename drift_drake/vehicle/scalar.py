@@ -17,24 +17,29 @@ jitable = register_jitable
 """Marks a plain Python function as callable from compiled code; the function itself is left as it is."""
 
 
+def _on_objects(x: Any, ufunc: np.ufunc) -> Any:
+    # NumPy takes the bits of an Expression for an invalid number and warns; its own method is the same function.
+    return getattr(x, ufunc.__name__)() if isinstance(x, Expression) else ufunc(x)
+
+
 def sin(x: Any) -> Any:
-    return math.sin(x) if type(x) is float else np.sin(x)
+    return math.sin(x) if type(x) is float else _on_objects(x, np.sin)
 
 
 def cos(x: Any) -> Any:
-    return math.cos(x) if type(x) is float else np.cos(x)
+    return math.cos(x) if type(x) is float else _on_objects(x, np.cos)
 
 
 def sqrt(x: Any) -> Any:
-    return math.sqrt(x) if type(x) is float else np.sqrt(x)
+    return math.sqrt(x) if type(x) is float else _on_objects(x, np.sqrt)
 
 
 def exp(x: Any) -> Any:
-    return math.exp(x) if type(x) is float else np.exp(x)
+    return math.exp(x) if type(x) is float else _on_objects(x, np.exp)
 
 
 def tanh(x: Any) -> Any:
-    return math.tanh(x) if type(x) is float else np.tanh(x)
+    return math.tanh(x) if type(x) is float else _on_objects(x, np.tanh)
 
 
 def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:

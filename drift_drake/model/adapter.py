@@ -1,0 +1,124 @@
+"""BayesianAdapter: the last layer's posterior, updated in the loop."""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from drift_drake.model.bayesian_step import TIME_STEP, residual
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
+
+Array = NDArray[np.float64]
+
+MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
+MEAN_COUNT = STATE_COUNT * FEATURE_COUNT
+COVARIANCE_COUNT = MEAN_COUNT * FEATURE_COUNT
+DEFAULT_THRESHOLD = 8.0
+
+
+def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
+          threshold: float = DEFAULT_THRESHOLD) -> tuple[Posterior, bool]:  # fmt: skip
+    """The posterior after one sample, unless the sample is refused.
+
+    A sample is refused when it is not finite, or when its Mahalanobis distance from the prediction (eq. 6, over the
+    four learnt states) is beyond the threshold: a spike of a sensor rather than news of the car.
+
+    Args:
+        x, x_next: measured states at both ends of the step [>= 4]; u, u_next: commands there [2].
+
+    Returns:
+        (posterior, whether the sample was taken).
+    """
+    numbers = np.concatenate([x[:STATE_COUNT], u, u_next, x_next[:STATE_COUNT]])
+    if not np.isfinite(numbers).all():
+        return posterior, False
+    phi = features(model.network, network_inputs(x, u, u_next))
+    y = residual(x, u, x_next, model.vehicle.constants())
+    if mahalanobis(predict(posterior, model.sigma, phi), y) > threshold:
+        return posterior, False
+    return update(posterior, phi, y), True
+
+
+class BayesianAdapter(LeafSystem):
+    """Adapts the last layer to the car at hand: every dt one sample, from the step that ended.
+
+    Input ports:
+        measured_state [7]: (r, v, beta, omega_r, e, dphi, s) as the sensors give it.
+        command [2]: (delta, tau) in force.
+
+    Output ports:
+        posterior_mean [64]: theta, states by features (row-major [4, 16]).
+        posterior_covariance [1024]: Lambda_i^{-1}, row-major [4, 16, 16].
+        counters [2]: samples (taken, refused).
+
+    Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
+    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, and the
+    measurement and command of the last tick. With dt = 0.1 s, the tick at t = k dt takes the sample of [t - dt, t].
+    """
+
+    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP) -> None:
+        """Args: model: its prior is the state that a default Context starts with."""
+        super().__init__()
+        self._model = model
+        prior = model.prior()
+        self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
+        self._command = self.DeclareVectorInputPort("command", 2)
+        self._mean = self.DeclareDiscreteState(prior.mean.ravel())
+        self._covariance = self.DeclareDiscreteState(prior.covariance.ravel())
+        self._q = self.DeclareDiscreteState(prior.q.ravel())
+        self._counters = self.DeclareDiscreteState(2)
+        # The last tick: its measured (r, v, beta, omega_r) and command; NaN before the first.
+        self._last = self.DeclareDiscreteState(np.full(STATE_COUNT + 2, np.nan))
+        self._started = self.DeclareDiscreteState(1)
+        self._frozen = self.DeclareNumericParameter(BasicVector([0.0]))
+        self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
+        for name, index, size in (
+            ("posterior_mean", self._mean, MEAN_COUNT),
+            ("posterior_covariance", self._covariance, COVARIANCE_COUNT),
+            ("counters", self._counters, 2),
+        ):
+            self.DeclareStateOutputPort(name, index)
+            assert self.GetOutputPort(name).size() == size
+        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._tick)
+
+    def _tick(self, context: Context, discrete: DiscreteValues) -> None:
+        x = self._measured.Eval(context)[:STATE_COUNT]
+        u = self._command.Eval(context)
+        last = context.get_discrete_state(self._last).value()
+        frozen = context.get_numeric_parameter(self._frozen).value()[0] > 0.5
+        if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
+            threshold = context.get_numeric_parameter(self._threshold).value()[0]
+            posterior, taken = adapt(
+                self._model, self.posterior(context), last[:STATE_COUNT], last[STATE_COUNT:], u, x, threshold
+            )
+            if taken:
+                self._write(discrete, posterior)
+            counters = discrete.get_mutable_vector(self._counters)
+            counters.SetAtIndex(0 if taken else 1, counters.GetAtIndex(0 if taken else 1) + 1.0)
+        discrete.get_mutable_vector(self._last).SetFromVector(np.concatenate([x, u]))
+        discrete.get_mutable_vector(self._started).SetFromVector([1.0])
+
+    def _write(self, discrete: DiscreteValues, posterior: Posterior) -> None:
+        for index, values in zip((self._mean, self._covariance, self._q), posterior, strict=True):
+            discrete.get_mutable_vector(index).SetFromVector(values.ravel())
+
+    def posterior(self, context: Context) -> Posterior:
+        """The posterior in a Context of this system."""
+        mean, covariance, q = (
+            np.array(context.get_discrete_state(index).value()) for index in (self._mean, self._covariance, self._q)
+        )
+        shape = (STATE_COUNT, FEATURE_COUNT)
+        return Posterior(mean.reshape(shape), covariance.reshape(*shape, FEATURE_COUNT), q.reshape(shape))
+
+    def set_posterior(self, context: Context, posterior: Posterior) -> None:
+        """Puts a posterior, of an earlier drive say, into a Context of this system."""
+        self._write(context.get_mutable_discrete_state(), posterior)
+
+    def set_frozen(self, context: Context, frozen: bool) -> None:
+        """Stops or resumes adaptation in a Context of this system; the outputs stay."""
+        context.get_mutable_numeric_parameter(self._frozen).SetFromVector([1.0 if frozen else 0.0])
+
+    def set_threshold(self, context: Context, threshold: float) -> None:
+        """Sets the Mahalanobis distance beyond which samples are refused."""
+        context.get_mutable_numeric_parameter(self._threshold).SetFromVector([threshold])

@@ -1,0 +1,133 @@
+"""The controller's one-step model f_theta(x_k, u_k, u_{k+1}) = h(x_k, u_k) + theta^T phi(z_k) and its Jacobians.
+
+h is one Euler step of the nominal car with h_4 = 0: the wheel speed is learnt whole. The path coordinates e and dphi
+have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
+
+- "euler", the paper's: rates of the nominal car at the start of the step. The course rate then holds the *nominal*
+  car's beta_dot and forces, whatever has been learnt.
+- "trapezoid": the course advances by what the learnt model says of the body, beta_{k+1} - beta_k + dt (r_k +
+  r_{k+1}) / 2, and the path terms use the mean of v and of dphi over the step.
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.model.features import INPUT_COUNT, STATE_COUNT, MeanFunction, Network, network_inputs
+from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.parameters import Constants
+
+Array = NDArray[np.float64]
+PathStep = Literal["euler", "trapezoid"]
+
+TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
+
+
+def euler_step(x: Array, u: Array, curvature: Array, nominal: Constants, dt: float = TIME_STEP) -> Array:
+    """h(x, u) [..., 6] for x [..., 6], u [..., 2], curvature [...]: Euler, with h_4 = 0."""
+    rates, _, _ = linearize(x, u, curvature, nominal)
+    h = np.asarray(x) + dt * rates
+    h[..., 3] = 0.0
+    return h
+
+
+def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = TIME_STEP) -> Array:
+    """y [..., 4] = x_{k+1} - h(x_k, u_k) of the learnt states: what the last layer is fitted to."""
+    state = np.zeros((*np.shape(x)[:-1], 6))
+    state[..., :STATE_COUNT] = np.asarray(x)[..., :STATE_COUNT]
+    h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal, dt)
+    return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
+
+
+class BayesianStepModel:
+    """One step of the learnt car over the arrays of a horizon, for one theta."""
+
+    def __init__(
+        self,
+        network: Network,
+        theta: Array,
+        nominal: Constants,
+        dt: float = TIME_STEP,
+        path_step: PathStep = "euler",
+    ) -> None:
+        """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
+        self._mean = MeanFunction(network, theta)
+        self._nominal = nominal
+        self._dt = dt
+        self._trapezoid = path_step == "trapezoid"
+
+    def with_theta(self, theta: Array) -> "BayesianStepModel":
+        """The model with another theta [4, 16] (the features and work arrays are shared)."""
+        other = object.__new__(BayesianStepModel)
+        other.__dict__.update(self.__dict__)
+        other._mean = self._mean.with_theta(theta)
+        return other
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        """x_{k+1} [n, 6] for states x [n, 6], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
+        next_state = euler_step(x, u, curvature, self._nominal, self._dt)
+        next_state[:, :STATE_COUNT] += self._mean.value(network_inputs(x, u, u_next))
+        if self._trapezoid:
+            next_state[:, 4:] = _trapezoid_path(x, next_state, curvature, self._dt)[0]
+        return next_state
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        """The step and its Jacobians.
+
+        Returns:
+            (x_{k+1} [n, 6], A = d/dx [n, 6, 6], B = d/du_k [n, 6, 2], B_next = d/du_{k+1} [n, 6, 2]).
+        """
+        rates, rate_a, rate_b = linearize(x, u, curvature, self._nominal)
+        next_state, a, b = x + self._dt * rates, self._dt * rate_a, self._dt * rate_b
+        a[:, range(6), range(6)] += 1.0
+        next_state[:, 3], a[:, 3], b[:, 3] = 0.0, 0.0, 0.0
+        b_next = np.zeros_like(b)
+        g, slope = self._mean.linearize(network_inputs(x, u, u_next))
+        next_state[:, :STATE_COUNT] += g
+        a[:, :STATE_COUNT, :STATE_COUNT] += slope[..., :STATE_COUNT]
+        b[:, :STATE_COUNT] += slope[..., STATE_COUNT : STATE_COUNT + 2]
+        b_next[:, :STATE_COUNT] = slope[..., STATE_COUNT + 2 : INPUT_COUNT]
+        if self._trapezoid:
+            path, by_state, by_next = _trapezoid_path(x, next_state, curvature, self._dt)
+            next_state[:, 4:] = path
+            learnt_a, learnt_b, learnt_b_next = a[:, :STATE_COUNT], b[:, :STATE_COUNT], b_next[:, :STATE_COUNT]
+            a[:, 4:] = by_state + by_next @ learnt_a
+            b[:, 4:] = by_next @ learnt_b
+            b_next[:, 4:] = by_next @ learnt_b_next
+        return next_state, a, b, b_next
+
+
+def _trapezoid_path(x: Array, x_next: Array, curvature: Array, dt: float) -> tuple[Array, Array, Array]:
+    """(e, dphi) [n, 2] at the end of a step whose first four states are known at both ends, and its derivatives.
+
+    Returns:
+        ((e, dphi) [n, 2], derivative by x at fixed x_next[:4] [n, 2, 6], derivative by x_next[:4] [n, 2, 4]).
+    """
+    # The turn of the course comes from the body; what the path turns by in the meantime is taken from it at the mean
+    # speed and the course at the start.
+    v = 0.5 * (x[:, 1] + x_next[:, 1])
+    e, dphi = x[:, 4], x[:, 5]
+    stretch = 1.0 - curvature * e
+    cos_start, sin_start = np.cos(dphi), np.sin(dphi)
+    s_dot = v * cos_start / stretch
+    turn = x_next[:, 2] - x[:, 2] + 0.5 * dt * (x[:, 0] + x_next[:, 0])
+    dphi_next = dphi + turn - dt * curvature * s_dot
+    mid = 0.5 * (dphi + dphi_next)
+    cos_mid, sin_mid = np.cos(mid), np.sin(mid)
+    count = x.shape[0]
+    by_state, by_next = np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
+    d = by_state[:, 1]  # of dphi_next
+    d[:, 0] = 0.5 * dt
+    d[:, 1] = -0.5 * dt * curvature * cos_start / stretch
+    d[:, 2] = -1.0
+    d[:, 4] = -dt * curvature * curvature * s_dot / stretch
+    d[:, 5] = 1.0 + dt * curvature * v * sin_start / stretch
+    by_next[:, 1, 0], by_next[:, 1, 1], by_next[:, 1, 2] = 0.5 * dt, d[:, 1], 1.0
+    by_state[:, 0] = (0.5 * dt * v * cos_mid)[:, None] * d
+    by_state[:, 0, 1] += 0.5 * dt * sin_mid
+    by_state[:, 0, 4] += 1.0
+    by_state[:, 0, 5] += 0.5 * dt * v * cos_mid
+    by_next[:, 0] = (0.5 * dt * v * cos_mid)[:, None] * by_next[:, 1]
+    by_next[:, 0, 1] += 0.5 * dt * sin_mid
+    return np.stack([e + dt * v * sin_mid, dphi_next], axis=-1), by_state, by_next

@@ -1,0 +1,150 @@
+"""The learnt features phi_i(z): a tanh network at run time, values and Jacobians in NumPy.
+
+z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}); two hidden layers of 128 are shared by the four
+learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its own (section II of
+Davydov et al.). The output layers are linear, so theta folds into them: for the mean of the model the 64 features
+become 4 outputs, and the Jacobian needs 4 reverse rows.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+INPUT_COUNT = 8
+HIDDEN_COUNT = 128
+STATE_COUNT = 4  # learnt states: r, v, beta, omega_r
+FEATURE_COUNT = 16
+INPUT_OFFSET = np.array([0.0, 12.0, 0.0, 14.0, 0.0, 120.0, 0.0, 120.0])
+INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0])
+
+
+class Network(NamedTuple):
+    """Weights of the feature network, and the fixed scaling (z - offset) / scale of its inputs."""
+
+    input_offset: Array  # [8]
+    input_scale: Array  # [8]
+    w1: Array  # [8, 128]
+    b1: Array  # [128]
+    w2: Array  # [128, 128]
+    b2: Array  # [128]
+    w_out: Array  # [4, 128, 16]
+    b_out: Array  # [4, 16]
+
+
+def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
+    """z [..., 8] from states x [..., >= 4] and inputs u, u_next [..., 2] at the ends of the step."""
+    return np.concatenate([np.asarray(x)[..., :STATE_COUNT], u, u_next], axis=-1)
+
+
+def _hidden(network: Network, z: Array) -> tuple[Array, Array]:
+    scaled = (z - network.input_offset) / network.input_scale
+    h1 = np.tanh(scaled @ network.w1 + network.b1)
+    return h1, np.tanh(h1 @ network.w2 + network.b2)
+
+
+def _reverse(network: Network, h1: Array, h2: Array, seed: Array) -> Array:
+    """Gradients with respect to z, [..., k, 8], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
+    g2 = seed * (1.0 - h2 * h2)[..., None, :]
+    g1 = (g2 @ network.w2.T) * (1.0 - h1 * h1)[..., None, :]
+    return (g1 @ network.w1.T) / network.input_scale
+
+
+def features(network: Network, z: Array) -> Array:
+    """phi [..., 4, 16] at z [..., 8]."""
+    _, h2 = _hidden(network, z)
+    return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+
+
+def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
+    """phi [..., 4, 16] and d phi / dz [..., 4, 16, 8]."""
+    h1, h2 = _hidden(network, z)
+    phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
+    jacobian = _reverse(network, h1, h2, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
+    return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
+
+
+def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Array, Array]:
+    """Information that a sample at z would bring: the paper's eq. (8), one term of the sum over k.
+
+    Args:
+        covariance: Lambda_i^{-1}, [4, 16, 16]; z: [..., 8].
+
+    Returns:
+        (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 8]). The gradient
+        costs one reverse row.
+    """
+    h1, h2 = _hidden(network, z)
+    phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    weighted = np.einsum("ifg,...ig->...if", covariance, phi, optimize=True)
+    spread = 1.0 + np.sum(phi * weighted, axis=-1)
+    gain = 0.5 * np.sum(np.log(spread), axis=-1)
+    seed = np.einsum("ihf,...if->...h", network.w_out, weighted / spread[..., None], optimize=True)
+    return gain, _reverse(network, h1, h2, seed[..., None, :])[..., 0, :]
+
+
+class MeanFunction:
+    """g(z) = theta^T phi(z) for one theta, folded into the last layer, with work arrays kept between calls.
+
+    The work arrays are scratch, not state: a call's result depends on its arguments only.
+    """
+
+    def __init__(self, network: Network, theta: Array) -> None:
+        """Folds theta [4, 16] into the output layers."""
+        self._w1 = np.ascontiguousarray(network.w1 / network.input_scale[:, None])
+        self._b1 = network.b1 - network.input_offset @ self._w1
+        self._w2, self._b2 = np.ascontiguousarray(network.w2), network.b2
+        self._w1_t, self._w2_t = np.ascontiguousarray(self._w1.T), np.ascontiguousarray(self._w2.T)
+        self._work: dict[int, tuple[Array, ...]] = {}
+        self._network = network
+        self._fold(theta)
+
+    def _fold(self, theta: Array) -> None:
+        self._w3 = np.matmul(self._network.w_out, theta[:, :, None])[:, :, 0]  # [4, 128]
+        self._b3 = np.sum(self._network.b_out * theta, axis=1)
+
+    def with_theta(self, theta: Array) -> "MeanFunction":
+        """The same features under another theta [4, 16]; shares the weights and the work arrays."""
+        other = object.__new__(MeanFunction)
+        other.__dict__.update(self.__dict__)
+        other._fold(theta)
+        return other
+
+    def _forward(self, z: Array) -> tuple[Array, ...]:
+        count = z.shape[0]
+        if count not in self._work:
+            hidden = (count, HIDDEN_COUNT)
+            self._work = {count: (*(np.empty(hidden) for _ in range(4)),
+                                  *(np.empty((STATE_COUNT, *hidden)) for _ in range(2)))}  # fmt: skip
+        work = self._work[count]
+        h1, h2 = work[0], work[1]
+        np.matmul(z, self._w1, out=h1)
+        h1 += self._b1
+        np.tanh(h1, out=h1)
+        np.matmul(h1, self._w2, out=h2)
+        h2 += self._b2
+        np.tanh(h2, out=h2)
+        return work
+
+    def value(self, z: Array) -> Array:
+        """g [n, 4] at z [n, 8]."""
+        h2 = self._forward(z)[1]
+        return h2 @ self._w3.T + self._b3
+
+    def linearize(self, z: Array) -> tuple[Array, Array]:
+        """g [n, 4] and d g / dz [n, 4, 8] at z [n, 8], by reverse mode."""
+        h1, h2, slope1, slope2, g2, g1 = self._forward(z)
+        value = h2 @ self._w3.T + self._b3
+        np.multiply(h2, h2, out=slope2)
+        np.subtract(1.0, slope2, out=slope2)
+        np.multiply(h1, h1, out=slope1)
+        np.subtract(1.0, slope1, out=slope1)
+        np.multiply(slope2, self._w3[:, None, :], out=g2)
+        count = z.shape[0]
+        np.matmul(g2.reshape(-1, HIDDEN_COUNT), self._w2_t, out=g1.reshape(-1, HIDDEN_COUNT))
+        g1 *= slope1
+        jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, INPUT_COUNT)
+        return value, jacobian.transpose(1, 0, 2)

@@ -1,0 +1,107 @@
+"""Samples (x_k, u_k, u_{k+1}, x_{k+1}) at 10 Hz: what the model is trained on, adapts to and is judged by."""
+
+import hashlib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+MIRROR_STATE = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, -1.0])  # (r, v, beta, omega_r, e, dphi) seen in a mirror
+MIRROR_INPUT = np.array([-1.0, 1.0])
+
+
+class InvalidSamplesError(ValueError):
+    """A table that cannot be used; the message names the file, the place and the mend."""
+
+
+class Samples(NamedTuple):
+    """n samples; those of one drive are consecutive in time and stand together."""
+
+    x: Array  # measured state (r, v, beta, omega_r, e, dphi) at the start of the step [n, 6]
+    u: Array  # commands (delta, tau) then [n, 2]
+    u_next: Array  # commands at the end of the step [n, 2]
+    x_next: Array  # measured state at the end of the step [n, 6]
+    curvature: Array  # of the path, mean over the step [n] [1/m]
+    vehicle: Indices  # which vehicle [n]
+    drive: Indices  # which drive [n]
+
+    def of_vehicle(self, vehicle: int) -> "Samples":
+        """The samples of one vehicle."""
+        return self.where(self.vehicle == vehicle)
+
+    def where(self, chosen: NDArray[np.bool_] | Indices) -> "Samples":
+        """The samples that a mask or an index array picks."""
+        columns: list[Any] = [column[chosen] for column in self]
+        return Samples(*columns)
+
+    def drives(self) -> list["Samples"]:
+        """One table a drive, in order."""
+        if not len(self.drive):
+            return []
+        cuts = np.flatnonzero(np.diff(self.drive)) + 1
+        return [Samples(*columns) for columns in zip(*(np.split(column, cuts) for column in self), strict=True)]
+
+
+def concatenate(parts: list[Samples]) -> Samples:
+    """Several tables in one."""
+    return Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def mirrored(samples: Samples) -> Samples:
+    """The same drives turning the other way, numbered as further drives and vehicles (the paper doubles its set so)."""
+    return Samples(
+        samples.x * MIRROR_STATE,
+        samples.u * MIRROR_INPUT,
+        samples.u_next * MIRROR_INPUT,
+        samples.x_next * MIRROR_STATE,
+        -samples.curvature,
+        samples.vehicle + samples.vehicle.max(initial=-1) + 1,
+        samples.drive + samples.drive.max(initial=-1) + 1,
+    )
+
+
+def content_hash(samples: Samples) -> str:
+    """SHA-256 of the numbers: which data a model was trained on."""
+    digest = hashlib.sha256()
+    for name, column in zip(Samples._fields, samples, strict=True):
+        digest.update(f"{name}{column.shape}{column.dtype}".encode())
+        digest.update(np.ascontiguousarray(column).tobytes())
+    return digest.hexdigest()
+
+
+def save_samples(samples: Samples, path: str | Path) -> None:
+    """Writes a table as .npz."""
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    with Path(path).open("wb") as file:
+        np.savez_compressed(file, **samples._asdict())
+
+
+def load_samples(path: str | Path) -> Samples:
+    """Reads a table written by `save_samples`.
+
+    Raises:
+        InvalidSamplesError: names the file, the column and the mend.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            missing = [name for name in Samples._fields if name not in stored.files]
+            if missing:
+                raise InvalidSamplesError(f"{path}: no column {', '.join(missing)}; make it with `experiments.drives`")
+            samples = Samples(*(stored[name] for name in Samples._fields))
+    except FileNotFoundError:
+        raise InvalidSamplesError(f"{path}: no such file; make it with `python -m experiments.drives`") from None
+    except InvalidSamplesError:
+        raise
+    except (ValueError, OSError, EOFError) as error:
+        raise InvalidSamplesError(f"{path}: not a table of samples ({error}); make it anew") from None
+    if len(samples.x) == 0:
+        raise InvalidSamplesError(f"{path}: holds no sample; make it anew from drives of 0.2 s or more")
+    for name, column in zip(Samples._fields, samples, strict=True):
+        bad = np.flatnonzero(~np.isfinite(column.reshape(len(column), -1)).all(axis=1))
+        if len(bad):
+            raise InvalidSamplesError(f"{path}: {name} is not finite in row {bad[0]}; drop that row or mend it")
+    return samples

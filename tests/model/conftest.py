@@ -1,0 +1,30 @@
+"""A small model and quick drives for the tests of this room."""
+
+import numpy as np
+import pytest
+
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import INPUT_OFFSET, INPUT_SCALE, Network
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+@pytest.fixture(scope="session")
+def random_network() -> Network:
+    """Untrained features: smooth, of order one."""
+    generator = np.random.default_rng(3)
+
+    def normal(*shape: int) -> np.ndarray:
+        return generator.normal(size=shape) / np.sqrt(shape[-2] if len(shape) > 1 else 8)
+
+    return Network(INPUT_OFFSET, INPUT_SCALE, normal(8, 128), normal(128), normal(128, 128), normal(128),
+                   normal(4, 128, 16), normal(4, 16))  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def random_model(random_network: Network) -> BayesianModel:
+    """An untrained model with a wide prior."""
+    generator = np.random.default_rng(8)
+    factor = np.eye(16) + 0.2 * generator.normal(size=(4, 16, 16))
+    sigma = np.array([0.05, 0.1, 0.02, 0.5])
+    mean = sigma[:, None] * generator.normal(size=(4, 16))
+    return BayesianModel(random_network, mean, factor, sigma, VehicleParameters(), {"note": "untrained"})

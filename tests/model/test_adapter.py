@@ -1,0 +1,139 @@
+"""BayesianAdapter: equal to the plain functions, replayable, and deaf to what it should not hear."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.bayesian_step import residual
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import mahalanobis, predict, update
+
+TICKS = 30
+TIMES = 0.1 * np.arange(TICKS + 1)
+DEAF_TO_NOTHING = 1e9
+
+
+@pytest.fixture(scope="module")
+def record() -> PiecewisePolynomial:
+    """Measured state and command (9 signals) of some drive at 10 Hz."""
+    generator = np.random.default_rng(0)
+    centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0])
+    spread = np.array([0.2, 0.5, 0.1, 1.0, 0.1, 0.02, 1.0, 0.1, 30.0])
+    return PiecewisePolynomial.FirstOrderHold(TIMES, (centre + spread * generator.normal(size=(TICKS + 1, 9))).T)
+
+
+@pytest.fixture(scope="module")
+def replay(random_model: BayesianModel, record: PiecewisePolynomial) -> tuple[Diagram, BayesianAdapter]:
+    builder = DiagramBuilder()
+    adapter = builder.AddSystem(BayesianAdapter(random_model, threshold=DEAF_TO_NOTHING))
+    for name, rows in (("measured_state", slice(0, 7)), ("command", slice(7, 9))):
+        part = PiecewisePolynomial.FirstOrderHold(TIMES, record.vector_values(list(TIMES))[rows])
+        source = builder.AddSystem(TrajectorySource(part))
+        builder.Connect(source.get_output_port(), adapter.GetInputPort(name))
+    return builder.Build(), adapter
+
+
+def test_outputs_equal_the_plain_functions(
+    random_model: BayesianModel, record: PiecewisePolynomial, replay: tuple[Diagram, BayesianAdapter]
+) -> None:
+    diagram, adapter = replay
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(TIMES[-1] + 0.01)
+    context = adapter.GetMyContextFromRoot(simulator.get_context())
+    posterior = random_model.prior()
+    for k in range(TICKS):
+        now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
+        x, u, u_next = now[:4], now[7:], then[7:]
+        phi = features(random_model.network, network_inputs(x, u, u_next))
+        posterior = update(posterior, phi, residual(x, u, then[:4], random_model.vehicle.constants()))
+    for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
+        np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
+
+
+def test_a_cloned_context_replays_to_the_bit(replay: tuple[Diagram, BayesianAdapter]) -> None:
+    diagram, adapter = replay
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.23)
+    clone: Context = simulator.get_context().Clone()
+    simulator.AdvanceTo(2.5)
+    again = Simulator(diagram, clone)
+    again.AdvanceTo(2.5)
+    for name in ("posterior_mean", "posterior_covariance", "counters"):
+        port = adapter.GetOutputPort(name)
+        np.testing.assert_array_equal(
+            port.Eval(adapter.GetMyContextFromRoot(simulator.get_context())),
+            port.Eval(adapter.GetMyContextFromRoot(again.get_context())),
+        )
+
+
+def test_frozen_adapter_keeps_its_posterior_and_thaws(replay: tuple[Diagram, BayesianAdapter]) -> None:
+    diagram, adapter = replay
+    simulator = Simulator(diagram)
+    context = adapter.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    simulator.AdvanceTo(1.05)
+    before = adapter.posterior(context)
+    adapter.set_frozen(context, True)
+    simulator.AdvanceTo(2.05)
+    np.testing.assert_array_equal(adapter.posterior(context).mean, before.mean)
+    np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [10, 0])
+    adapter.set_frozen(context, False)
+    simulator.AdvanceTo(2.55)
+    np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [15, 0])
+    assert np.abs(adapter.posterior(context).mean - before.mean).max() > 0.0
+
+
+def stepped(model: BayesianModel, ticks: list[np.ndarray]) -> tuple[BayesianAdapter, Context]:
+    """An adapter that has seen the given rows of (r, v, beta, omega_r, delta, tau), one a tick."""
+    adapter = BayesianAdapter(model)
+    context = adapter.CreateDefaultContext()
+    for row in ticks:
+        adapter.GetInputPort("measured_state").FixValue(context, np.concatenate([row[:4], np.zeros(3)]))
+        adapter.GetInputPort("command").FixValue(context, row[4:])
+        context.SetDiscreteState(adapter.EvalUniquePeriodicDiscreteUpdate(context))
+    return adapter, context
+
+
+def consistent_rows(model: BayesianModel, count: int) -> list[np.ndarray]:
+    """Rows that the model's prior mean predicts exactly, one step after the other from the same state."""
+    row = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0])
+    rows = [row]
+    for _ in range(count):
+        x, u = rows[-1][:4], rows[-1][4:]
+        phi = features(model.network, network_inputs(x, u, u))
+        h = x - residual(x, u, x, model.vehicle.constants())
+        rows.append(np.concatenate([h + np.sum(model.prior_mean * phi, axis=-1), u]))
+    return rows
+
+
+def test_what_is_not_finite_is_refused_and_counted(random_model: BayesianModel) -> None:
+    rows = consistent_rows(random_model, 5)
+    rows[2] = rows[2].copy()
+    rows[2][1] = np.nan
+    adapter, context = stepped(random_model, rows)
+    # A bad measurement spoils the step that ends with it and the one that starts with it.
+    np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [3, 2])
+    assert np.isfinite(adapter.posterior(context).covariance).all()
+
+
+def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel) -> None:
+    rows = consistent_rows(random_model, 3)
+    x, u = rows[-1][:4], rows[-1][4:]
+    phi = features(random_model.network, network_inputs(x, u, u))
+    adapter, context = stepped(random_model, rows)
+    posterior = adapter.posterior(context)
+    prediction = predict(posterior, random_model.sigma, phi)
+    h = x - residual(x, u, x, random_model.vehicle.constants())
+    deviation = np.array([0.0, 0.0, np.sqrt(prediction.variance[2]), 0.0])
+    for distance, taken in ((7.9, 4), (8.1, 3)):
+        spike = np.concatenate([h + prediction.mean + distance * deviation, u])
+        np.testing.assert_allclose(mahalanobis(prediction, prediction.mean + distance * deviation), distance)
+        adapter, context = stepped(random_model, [*rows, spike])
+        np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, 4 - taken])
+    adapter.set_threshold(context, 3.0)
+    assert context.get_numeric_parameter(1).value()[0] == 3.0

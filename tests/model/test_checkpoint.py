@@ -1,0 +1,43 @@
+"""Checkpoints: what is written comes back, and what is no checkpoint says so."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.features import features
+
+
+def test_the_model_has_the_papers_parameter_count(random_model: BayesianModel) -> None:
+    assert random_model.trainable_count() == 27_012
+
+
+def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) -> None:
+    single = random_model.network._replace(
+        **{name: getattr(random_model.network, name).astype(np.float32).astype(float)
+           for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")})  # fmt: skip
+    model = BayesianModel(single, random_model.prior_mean, random_model.precision_factor, random_model.sigma,
+                          random_model.vehicle.replace(mass=1700.0), {"epochs": 3})  # fmt: skip
+    path = tmp_path / "folder" / "model.npz"
+    model.save(path)
+    again = load(path)
+    for ours, theirs in zip(model.network, again.network, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(model.prior_mean, again.prior_mean)
+    np.testing.assert_array_equal(model.precision_factor, again.precision_factor)
+    np.testing.assert_array_equal(model.sigma, again.sigma)
+    assert again.vehicle == model.vehicle
+    assert again.record == {"epochs": 3}
+    z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0])
+    np.testing.assert_array_equal(features(model.network, z), features(again.network, z))
+    assert path.stat().st_size < 300_000
+
+
+def test_bad_files_are_named(tmp_path: Path) -> None:
+    missing, garbage, foreign = (tmp_path / name for name in ("missing.npz", "garbage.npz", "foreign.npz"))
+    garbage.write_text("not a zip file")
+    np.savez(foreign, numbers=np.zeros(3))
+    for path in (missing, garbage, foreign):
+        with pytest.raises(InvalidCheckpointError, match=path.name):
+            load(path)

@@ -1,0 +1,82 @@
+"""The network at run time: parameter count, shapes, Jacobians."""
+
+import numpy as np
+import pytest
+
+from drift_drake.model.features import (
+    FEATURE_COUNT,
+    HIDDEN_COUNT,
+    INPUT_OFFSET,
+    INPUT_SCALE,
+    MeanFunction,
+    Network,
+    feature_jacobian,
+    features,
+    information_gain,
+)
+
+
+@pytest.fixture(scope="module")
+def network(random_network: Network) -> Network:
+    return random_network
+
+
+@pytest.fixture(scope="module")
+def points() -> np.ndarray:
+    return INPUT_OFFSET + INPUT_SCALE * np.random.default_rng(4).normal(size=(45, 8))
+
+
+def central_difference(function, z: np.ndarray) -> np.ndarray:
+    columns = []
+    for j in range(8):
+        step = np.zeros(8)
+        step[j] = 1e-5 * INPUT_SCALE[j]
+        columns.append((function(z + step) - function(z - step)) / (2.0 * step[j]))
+    return np.stack(columns, axis=-1)
+
+
+def test_features_are_the_networks_formula(network: Network, points: np.ndarray) -> None:
+    z = points[0]
+    h1 = np.tanh(network.w1.T @ ((z - network.input_offset) / network.input_scale) + network.b1)
+    h2 = np.tanh(network.w2.T @ h1 + network.b2)
+    expected = np.stack([network.w_out[i].T @ h2 + network.b_out[i] for i in range(4)])
+    np.testing.assert_allclose(features(network, z), expected, rtol=0, atol=1e-13)
+    assert features(network, points.reshape(9, 5, 8)).shape == (9, 5, 4, FEATURE_COUNT)
+    assert network.w2.shape == (HIDDEN_COUNT, HIDDEN_COUNT)
+
+
+def test_feature_jacobian_equals_finite_differences(network: Network, points: np.ndarray) -> None:
+    phi, jacobian = feature_jacobian(network, points)
+    np.testing.assert_allclose(phi, features(network, points), rtol=0, atol=1e-13)
+    numeric = central_difference(lambda z: features(network, z), points)
+    np.testing.assert_allclose(jacobian * INPUT_SCALE, numeric * INPUT_SCALE, rtol=0, atol=1e-8)
+
+
+def test_mean_function_folds_theta(network: Network, points: np.ndarray) -> None:
+    generator = np.random.default_rng(5)
+    theta, other = generator.normal(size=(2, 4, FEATURE_COUNT))
+    mean = MeanFunction(network, theta)
+    phi, slope = feature_jacobian(network, points)
+    value, jacobian = mean.linearize(points)
+    np.testing.assert_allclose(mean.value(points), value, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(value, np.sum(phi * theta, axis=-1), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        jacobian * INPUT_SCALE, np.einsum("nifj,if->nij", slope, theta) * INPUT_SCALE, atol=1e-12
+    )
+    # Another theta, another batch size: neither disturbs what was returned, nor what the first one returns.
+    kept = value.copy()
+    changed = mean.with_theta(other).value(points[:7])
+    np.testing.assert_allclose(changed, np.sum(phi[:7] * other, axis=-1), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(value, kept)
+    np.testing.assert_array_equal(mean.linearize(points)[0], kept)
+
+
+def test_information_gain_and_its_gradient(network: Network, points: np.ndarray) -> None:
+    factor = np.random.default_rng(6).normal(size=(4, FEATURE_COUNT, FEATURE_COUNT))
+    covariance = factor @ factor.transpose(0, 2, 1)
+    gain, gradient = information_gain(network, covariance, points)
+    phi = features(network, points)
+    expected = 0.5 * np.log(1.0 + np.einsum("nif,ifg,nig->ni", phi, covariance, phi)).sum(axis=1)
+    np.testing.assert_allclose(gain, expected, rtol=1e-12)
+    numeric = central_difference(lambda z: information_gain(network, covariance, z)[0], points)
+    np.testing.assert_allclose(gradient * INPUT_SCALE, numeric * INPUT_SCALE, rtol=0, atol=1e-7)

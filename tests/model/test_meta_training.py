@@ -1,0 +1,141 @@
+"""Meta-training: its objective is the paper's, its checkpoint is its network, and a broken-off run goes on."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drift_drake.model.bayesian_step import residual
+from drift_drake.model.checkpoint import load
+from drift_drake.model.features import FEATURE_COUNT, feature_jacobian, features, network_inputs
+from drift_drake.model.posterior import predict, update
+from drift_drake.model.samples import Samples, save_samples
+from drift_drake.vehicle.parameters import VehicleParameters
+
+torch = pytest.importorskip("torch", reason="training needs the extra `train`")
+
+from drift_drake.model import meta_training  # noqa: E402 (needs torch)
+from drift_drake.model.meta_training import TrainingConfig, paper_recipe, train  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three cars that differ in grip, in random states of a drift: noisy steps of a made-up residual."""
+    generator = np.random.default_rng(0)
+    car = VehicleParameters().constants()
+    parts = []
+    for vehicle in range(3):
+        count = 60
+        x = np.zeros((count, 6))
+        x[:, :4] = np.array([0.4, 11.0, -0.5, 16.0]) + np.array([0.2, 1.0, 0.2, 2.0]) * generator.normal(
+            size=(count, 4)
+        )
+        u = np.array([-0.1, 150.0]) + np.array([0.1, 40.0]) * generator.normal(size=(count, 2))
+        truth = car._replace(friction=0.8 + 0.1 * vehicle)
+        x_next = x.copy()
+        x_next[:, :4] -= residual(x, u, x, truth)
+        x_next[:, 3] = x[:, 3] + 0.002 * (u[:, 1] - 150.0)
+        x_next[:, :4] += np.array([0.01, 0.05, 0.005, 0.1]) * generator.normal(size=(count, 4))
+        parts.append(Samples(x, u, u, x_next, np.zeros(count), np.full(count, vehicle),
+                             2 * vehicle + (np.arange(count) >= 30)))  # fmt: skip
+    path = tmp_path_factory.mktemp("table") / "train.npz"
+    save_samples(Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True))), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def config(table: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainingConfig:
+    output = tmp_path_factory.mktemp("model") / "model.npz"
+    return TrainingConfig(
+        data=table, output=output, validation=table, epochs=30, batch=128, threads=1, horizons=(5, 20)
+    )
+
+
+def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
+    generator = torch.Generator().manual_seed(1)
+    parameters = meta_training.initial_parameters(generator)
+    scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
+    model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
+    phi = np.random.default_rng(2).normal(size=(2, 12, 4, FEATURE_COUNT))
+    y = np.random.default_rng(3).normal(size=(2, 12, 4)) * scale.numpy()
+    mask = np.ones((2, 12), dtype=bool)
+    mask[1, 7:] = False  # a window cut short by the end of its drive
+    loss = meta_training.window_nll(
+        parameters, torch.as_tensor(phi), torch.as_tensor(y) / scale, torch.as_tensor(mask)
+    ).detach().numpy()  # fmt: skip
+    for w, length in enumerate((12, 7)):
+        posterior, total = model.prior(), np.zeros(4)
+        for k in range(length):
+            prediction = predict(posterior, model.sigma, phi[w, k])
+            total += (y[w, k] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
+            posterior = update(posterior, phi[w, k], y[w, k])
+        np.testing.assert_allclose(loss[w] + 2.0 * length * np.log(scale.numpy()), total, rtol=1e-9)
+
+
+def test_parameters_number_as_in_the_paper() -> None:
+    parameters = meta_training.initial_parameters(torch.Generator().manual_seed(0))
+    assert sum(value.numel() for value in parameters.values()) == 27_012
+
+
+def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network(config: TrainingConfig) -> None:
+    model = train(config)
+    history = model.record["history"]
+    first = train(dataclasses.replace(config, epochs=1, output=config.output.with_name("first.npz")))
+    assert history[-1]["validation_10"] < first.record["history"][-1]["validation_10"] - 1.0
+    assert model.record["epochs"] == 30
+    assert len(model.record["data"]) == 64
+    assert not config.output.with_name("model.npz.resume").exists()
+    stored = load(config.output)
+    np.testing.assert_array_equal(stored.sigma, model.sigma)
+    z = network_inputs(*(np.random.default_rng(4).normal(size=(20, n)) for n in (6, 2, 2)))
+    parameters = {
+        name: torch.as_tensor(getattr(stored.network, name)) for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")
+    }
+    points = torch.as_tensor(z).requires_grad_()
+    phi = meta_training.torch_features(parameters, points)
+    np.testing.assert_allclose(features(stored.network, z), phi.detach().numpy(), rtol=0, atol=1e-12)
+    gradient = torch.autograd.grad(phi[:, 2, 5].sum(), points)[0].numpy()
+    np.testing.assert_allclose(feature_jacobian(stored.network, z)[1][:, 2, 5], gradient, rtol=0, atol=1e-12)
+    single = meta_training.torch_features(
+        {name: value.float() for name, value in parameters.items()}, torch.as_tensor(z, dtype=torch.float32)
+    )
+    np.testing.assert_allclose(features(stored.network, z), single.numpy(), rtol=0, atol=3e-6)
+
+
+def test_a_broken_off_run_goes_on_to_the_same_model(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = train(dataclasses.replace(config, output=config.output.with_name("whole.npz")))
+    broken = dataclasses.replace(config, output=config.output.with_name("broken.npz"))
+    calls = iter(range(10_000))
+    step = meta_training._batch_loss
+
+    def interrupted(*arguments):
+        if next(calls) == 120:
+            raise KeyboardInterrupt
+        return step(*arguments)
+
+    monkeypatch.setattr(meta_training, "_batch_loss", interrupted)
+    monkeypatch.setattr(meta_training, "SAVE_EVERY", 5)
+    with pytest.raises(KeyboardInterrupt):
+        train(broken)
+    monkeypatch.setattr(meta_training, "_batch_loss", step)
+    assert broken.output.with_name("broken.npz.resume").exists()
+    resumed = train(broken)
+    np.testing.assert_array_equal(resumed.network.w2, whole.network.w2)
+    np.testing.assert_array_equal(resumed.precision_factor, whole.precision_factor)
+
+
+def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
+    plain = paper_recipe(config)
+    assert plain.horizons == (10,)
+    assert plain.shuffled_share == plain.weight_decay == 0.0
+
+
+def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> None:
+    model = train(dataclasses.replace(config, adaptive=False, output=config.output.with_name("fixed.npz")))
+    prior = model.prior()
+    phi = features(model.network, np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.1, 150.0]))
+    prediction = predict(prior, model.sigma, phi)
+    np.testing.assert_allclose(prediction.variance, model.sigma**2, rtol=1e-6)
+    after = update(prior, phi, prediction.mean + 5.0 * model.sigma)
+    np.testing.assert_allclose(after.mean, prior.mean, rtol=0, atol=1e-6)

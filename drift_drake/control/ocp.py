@@ -1,0 +1,237 @@
+"""The paper's optimal control problem (OCP) as a Drake MathematicalProgram, for any one-step vehicle model.
+
+    min   sum_{k<N} |x_k - x_ref,k|^2_Q + |u_k - u_{k+1}|^2_R  +  penalty sum_k slack_k
+    s.t.  x_{k+1} = f(x_k, u_k, u_{k+1}),  x_0 = x_init,  u_0 = the command in force,
+          u_min <= u_k <= u_max,  e_min,k - slack_k <= e_k <= e_max,k + slack_k,  slack_k >= 0,   k = 1..N.
+
+The lane is softened by an exact (l1) penalty: as long as the penalty exceeds the multiplier of the hard constraint, the
+solution is that of the hard problem wherever the hard problem is feasible, and the smallest total violation where it is
+not (Nocedal and Wright, section 17.2). So a start outside the lane is a problem with a solution.
+
+The program holds states and inputs divided by `STATE_SCALE` and `INPUT_SCALE`: all solvers, OSQP and IPOPT most,
+need numbers of order one. `stack` and `unstack` convert.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.solvers import MathematicalProgram
+
+from drift_drake.control.step_model import StepModel
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])
+INPUT_SCALE = np.array([0.3, 100.0])
+
+
+@dataclasses.dataclass(frozen=True)
+class OcpWeights:
+    """Diagonals of Q (per state) and R (per input), and the lane's penalty."""
+
+    r: float = 1.0  # [1/(rad/s)^2]
+    v: float = 0.1  # [1/(m/s)^2]
+    beta: float = 20.0  # [1/rad^2]
+    omega_r: float = 0.02  # [1/(m/s)^2]
+    e: float = 1.0  # [1/m^2]
+    dphi: float = 4.0  # [1/rad^2]
+    delta: float = 20.0  # [1/rad^2] of a change of steering over one step
+    tau: float = 5e-5  # [1/(N m)^2] of a change of torque over one step
+    lane_penalty: float = 100.0  # [1/m]
+
+    def state(self) -> Array:
+        """Diagonal of Q [6]."""
+        return np.array([self.r, self.v, self.beta, self.omega_r, self.e, self.dphi])
+
+    def input(self) -> Array:
+        """Diagonal of R [2]."""
+        return np.array([self.delta, self.tau])
+
+
+class OcpData(NamedTuple):
+    """What changes from one problem to the next."""
+
+    x_init: Array  # [6]
+    u_init: Array  # [2], the command in force
+    x_ref: Array  # [N+1, 6] (the last row does not enter the cost)
+    curvature: Array  # [N] of the path [1/m]
+    e_min: Array  # [N+1] [m] (the first entry is not used)
+    e_max: Array  # [N+1] [m]
+
+
+class OcpSolution(NamedTuple):
+    """A trajectory over the horizon."""
+
+    x: Array  # [N+1, 6]
+    u: Array  # [N+1, 2]
+    slack: Array  # [N], how far each stage leaves the lane [m]
+
+
+class StackedDynamics:
+    """All dynamics constraints as one, f(x_k, u_k, u_{k+1}) - x_{k+1} = 0, residuals and variables scaled.
+
+    Called by Drake's solvers with the variables (x_0..x_N, u_0..u_N) as float or AutoDiffXd; the SQP calls `linearize`.
+    """
+
+    def __init__(self, model: StepModel, horizon: int) -> None:
+        self.model = model
+        self.horizon = horizon
+        self.curvature = np.zeros(horizon)
+        n, states = horizon, 6 * (horizon + 1)
+        stage, row, column = np.meshgrid(np.arange(n), np.arange(6), np.arange(10), indexing="ij")
+        x_column, u_column = 6 * stage + column, states + 2 * stage + column - 6
+        self._rows = np.concatenate([(6 * stage + row).ravel(), np.arange(6 * n)])
+        self._columns = np.concatenate([np.where(column < 6, x_column, u_column).ravel(), 6 + np.arange(6 * n)])
+        self._block_scale = np.concatenate([STATE_SCALE, INPUT_SCALE, INPUT_SCALE]) / STATE_SCALE[:, None]
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return 6 * self.horizon
+
+    def sparsity(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(row, column) of each entry of `linearize`'s Jacobian, within this constraint's own variables."""
+        return self._rows, self._columns
+
+    def value(self, z: Array) -> Array:
+        """The residuals [6 N]."""
+        x, u = self.split(z)
+        residual: Array = (self.model.step(x[:-1], u[:-1], u[1:], self.curvature) - x[1:]) / STATE_SCALE
+        return residual.ravel()
+
+    def linearize(self, z: Array) -> tuple[Array, Array]:
+        """(residuals [6 N], the Jacobian's entries in the order of `sparsity`)."""
+        x, u = self.split(z)
+        x_next, a, b, b_next = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
+        block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
+        return ((x_next - x[1:]) / STATE_SCALE).ravel(), np.concatenate([block.ravel(), np.full(self.size, -1.0)])
+
+    def split(self, z: Array) -> tuple[Array, Array]:
+        """(x [N+1, 6], u [N+1, 2]) in SI units of the stacked variables."""
+        states = 6 * (self.horizon + 1)
+        inputs = z[states : states + 2 * (self.horizon + 1)]
+        return z[:states].reshape(-1, 6) * STATE_SCALE, inputs.reshape(-1, 2) * INPUT_SCALE
+
+    def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
+        if z.dtype != object:
+            return self.value(z)
+        value, entries = self.linearize(ExtractValue(z).ravel())
+        jacobian = np.zeros((self.size, z.size))
+        jacobian[self._rows, self._columns] = entries
+        gradient = ExtractGradient(z)
+        if gradient.size == 0:
+            return np.array([AutoDiffXd(v) for v in value])
+        return InitializeAutoDiff(value[:, None], jacobian @ gradient).ravel()
+
+
+class OptimalControlProblem:
+    """The OCP, built once for a horizon; `set` then changes its data in place.
+
+    Attributes:
+        program: the MathematicalProgram that Drake's solvers take (scaled variables).
+        dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the program.
+    """
+
+    def __init__(
+        self,
+        model: StepModel,
+        parameters: VehicleParameters,
+        horizon: int,
+        weights: OcpWeights | None = None,
+    ) -> None:
+        self.horizon = horizon
+        self.weights = weights or OcpWeights()
+        self.parameters = parameters
+        self.dynamics = StackedDynamics(model, horizon)
+        self.program = program = MathematicalProgram()
+        # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
+        x = program.NewContinuousVariables(6 * (horizon + 1), "x").reshape(-1, 6)
+        u = program.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
+        slack = program.NewContinuousVariables(horizon, "slack")
+        self._z = np.concatenate([x.ravel(), u.ravel(), slack])
+        program.AddQuadraticCost(self._hessian(), np.zeros(self._z.size), 0.0, self._z, is_convex=True)
+        self._linear_cost = program.AddLinearCost(np.zeros(self._z.size), 0.0, self._z)
+        self._x_init = program.AddBoundingBoxConstraint(np.zeros(6), np.zeros(6), x[0])
+        self._u_init = program.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), u[0])
+        low = np.array([-parameters.steering_limit, parameters.torque_min]) / INPUT_SCALE
+        high = np.array([parameters.steering_limit, parameters.torque_max]) / INPUT_SCALE
+        program.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), u[1:].ravel())
+        program.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), slack)
+        eye = np.eye(horizon)
+        lane = np.block([[eye, eye], [eye, -eye]])  # e + slack >= e_min, e - slack <= e_max
+        unbounded = np.full(2 * horizon, np.inf)
+        self._lane = program.AddLinearConstraint(lane, -unbounded, unbounded, np.concatenate([x[1:, 4], slack]))
+        zeros = np.zeros(self.dynamics.size)
+        self.dynamics_binding = program.AddConstraint(
+            self.dynamics, lb=zeros, ub=zeros, vars=self._z[: -horizon or None], description="dynamics"
+        )
+        self.dynamics_binding.evaluator().SetGradientSparsityPattern(
+            [(int(i), int(j)) for i, j in zip(*self.dynamics.sparsity(), strict=True)]
+        )
+
+    def _hessian(self) -> Array:
+        """2 Q on each state but the last, and 2 R on the differences of successive inputs."""
+        n, states = self.horizon, 6 * (self.horizon + 1)
+        hessian = np.zeros((self._z.size, self._z.size))
+        running = np.arange(6 * n)
+        hessian[running, running] = np.tile(2.0 * self.weights.state() * STATE_SCALE**2, n)
+        difference = np.eye(n, n + 1, 1) - np.eye(n, n + 1)
+        hessian[states : states + 2 * (n + 1), states : states + 2 * (n + 1)] = np.kron(
+            difference.T @ difference, np.diag(2.0 * self.weights.input() * INPUT_SCALE**2)
+        )
+        return hessian
+
+    def set(self, data: OcpData) -> None:
+        """Puts the data of one problem into the program.
+
+        Raises:
+            ValueError: data that is not finite or of the wrong length; the message names it.
+        """
+        n = self.horizon
+        shapes = {
+            "x_init": (6,),
+            "u_init": (2,),
+            "x_ref": (n + 1, 6),
+            "curvature": (n,),
+            "e_min": (n + 1,),
+            "e_max": (n + 1,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(data, name)
+            if np.shape(value) != shape:
+                raise ValueError(f"{name} has shape {np.shape(value)}; a horizon of {n} steps needs {shape}")
+            if np.isnan(value).any():
+                raise ValueError(f"{name} holds NaN at index {tuple(int(i) for i in np.argwhere(np.isnan(value))[0])}")
+        q = self.weights.state()
+        reference = data.x_ref[:-1]
+        linear = np.zeros(self._z.size)
+        linear[: 6 * n] = (-2.0 * q * STATE_SCALE * reference).ravel()
+        linear[-n:] = self.weights.lane_penalty
+        self._linear_cost.evaluator().UpdateCoefficients(linear, float(np.sum(q * reference * reference)))
+        x_init, u_init = data.x_init / STATE_SCALE, data.u_init / INPUT_SCALE
+        self._x_init.evaluator().set_bounds(x_init, x_init)
+        self._u_init.evaluator().set_bounds(u_init, u_init)
+        unbounded = np.full(n, np.inf)
+        self._lane.evaluator().set_bounds(
+            np.concatenate([data.e_min[1:], -unbounded]), np.concatenate([unbounded, data.e_max[1:]])
+        )
+        self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
+
+    def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:
+        """The decision vector of a trajectory x [N+1, 6], u [N+1, 2] (SI)."""
+        slack = np.zeros(self.horizon) if slack is None else slack
+        return np.concatenate([np.ravel(x / STATE_SCALE), np.ravel(u / INPUT_SCALE), slack])
+
+    def unstack(self, z: Array) -> OcpSolution:
+        """The trajectory (SI) of a decision vector."""
+        return OcpSolution(*self.dynamics.split(z), z[-self.horizon :].copy())
+
+    def initial_guess(self, data: OcpData) -> Array:
+        """A decision vector to start from: the reference with the initial state's errors fading out, inputs held."""
+        fade = np.linspace(1.0, 0.0, self.horizon + 1)[:, None]
+        x = data.x_ref + fade * (data.x_init - data.x_ref[0])
+        return self.stack(x, np.tile(data.u_init, (self.horizon + 1, 1)))

@@ -1,0 +1,158 @@
+"""The quadratic programs of the SQP: a MathematicalProgram's linear-quadratic part, and one persistent OSQP workspace.
+
+The workspace has a fixed sparsity; each subproblem updates numbers only. The program's variables are of order one, so
+OSQP's own scaling is off. Its step length rho is fixed and the start is given with each solve, so that a solution
+depends on nothing but its arguments and a run replays to the bit.
+"""
+
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+import osqp
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from pydrake.solvers import MathematicalProgram
+
+from drift_drake.control.ocp import StackedDynamics
+
+Array = NDArray[np.float64]
+
+
+class LinearQuadraticPart:
+    """Costs and linear constraints of a program, low <= A z <= high.
+
+    Rows: linear constraints (each scaled to a largest entry of one), then one row per bounded variable.
+
+    Raises:
+        ValueError: the program holds a cost or constraint that is neither linear nor quadratic.
+    """
+
+    def __init__(self, program: MathematicalProgram) -> None:
+        self._program = program
+        self.size = program.num_vars()
+        if program.generic_costs():
+            raise ValueError("the program has a cost that is not quadratic; hand it to the solver as a nonlinear cost")
+        self._linear_costs = [(b.evaluator(), self._indices(b)) for b in program.linear_costs()]
+        self._linear_constraints = [b.evaluator() for b in program.linear_constraints()]
+        self._boxes = [(b.evaluator(), self._indices(b)) for b in program.bounding_box_constraints()]
+        self.constant = 0.0
+        hessian = sparse.csc_matrix((self.size, self.size))
+        gradient = np.zeros(self.size)
+        for binding in program.quadratic_costs():
+            cost, index = binding.evaluator(), self._indices(binding)
+            selection = sparse.csc_matrix(
+                (np.ones(index.size), (np.arange(index.size), index)), (index.size, self.size)
+            )
+            hessian = hessian + selection.T @ sparse.csc_matrix(cost.Q()) @ selection
+            gradient[index] += cost.b()
+            self.constant += cost.c()
+        self.hessian = sparse.csc_matrix(hessian)
+        self._quadratic_gradient = gradient
+        self.matrix = self._constraint_matrix()
+
+    def _indices(self, binding: Any) -> NDArray[np.intp]:
+        return np.asarray(self._program.FindDecisionVariableIndices(binding.variables()), dtype=np.intp)
+
+    def _constraint_matrix(self) -> sparse.csr_matrix:
+        blocks = []
+        for binding in self._program.linear_constraints():
+            index = self._indices(binding)
+            block = sparse.coo_matrix(binding.evaluator().get_sparse_A())
+            blocks.append(sparse.csr_matrix((block.data, (block.row, index[block.col])), (block.shape[0], self.size)))
+        for _, index in self._boxes:
+            blocks.append(
+                sparse.csr_matrix((np.ones(index.size), (np.arange(index.size), index)), (index.size, self.size))
+            )
+        matrix = sparse.vstack(blocks, format="csr")
+        self.row_scale = 1.0 / abs(matrix).max(axis=1).toarray().ravel()
+        return sparse.csr_matrix(sparse.diags(self.row_scale) @ matrix)
+
+    def data(self) -> tuple[Array, float, Array, Array]:
+        """(gradient at zero, constant, low, high) as the program holds them now."""
+        gradient, constant = self._quadratic_gradient.copy(), self.constant
+        for cost, index in self._linear_costs:
+            gradient[index] += cost.a()
+            constant += cost.b()
+        low = [c.lower_bound() for c in self._linear_constraints] + [box.lower_bound() for box, _ in self._boxes]
+        high = [c.upper_bound() for c in self._linear_constraints] + [box.upper_bound() for box, _ in self._boxes]
+        return gradient, constant, np.concatenate(low) * self.row_scale, np.concatenate(high) * self.row_scale
+
+
+class QpSolution(NamedTuple):
+    """A QP's primal and dual solution, and how OSQP ended."""
+
+    z: Array
+    y: Array
+    status: str
+    iterations: int
+
+    @property
+    def usable(self) -> bool:
+        """Whether the iterate may serve as a search direction: solved, or stopped early with a finite iterate."""
+        return self.status.startswith(("solved", "maximum iterations")) and bool(np.isfinite(self.z).all())
+
+
+class QpWorkspace:
+    """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the Jacobian's numbers change from call to call."""
+
+    def __init__(
+        self,
+        linear_quadratic: LinearQuadraticPart,
+        dynamics: StackedDynamics,
+        tolerance: float,
+        max_iterations: int,
+        polish: bool,
+        rho: float,
+    ) -> None:
+        rows, columns = dynamics.sparsity()
+        self.dynamics_rows = dynamics.size
+        count = rows.size
+        # Numbering the entries before the conversion to CSC tells where each of them lands.
+        fixed = sparse.coo_matrix(linear_quadratic.matrix)
+        entries = sparse.csc_matrix(
+            (
+                np.arange(1, count + fixed.nnz + 1, dtype=float),
+                (np.concatenate([rows, dynamics.size + fixed.row]), np.concatenate([columns, fixed.col])),
+            ),
+            (dynamics.size + fixed.shape[0], linear_quadratic.size),
+        )
+        self._order = entries.data.astype(np.intp) - 1
+        self._values = np.concatenate([np.zeros(count), fixed.data])
+        self._count = count
+        entries.data = np.where(self._order < count, 1.0, self._values[self._order])
+        self._matrix = entries
+        _, _, low, high = linear_quadratic.data()
+        zeros = np.zeros(dynamics.size)
+        self._solver = osqp.OSQP()
+        self._solver.setup(
+            sparse.triu(linear_quadratic.hessian, format="csc"),
+            np.zeros(linear_quadratic.size),
+            entries,
+            np.concatenate([zeros, low]),
+            np.concatenate([zeros, high]),
+            verbose=False,
+            scaling=0,
+            rho=rho,
+            adaptive_rho=False,
+            eps_abs=tolerance,
+            eps_rel=tolerance,
+            max_iter=max_iterations,
+            polishing=polish,
+            check_termination=10,
+        )
+
+    def set_jacobian(self, jacobian: Array) -> sparse.csc_matrix:
+        """Takes the dynamics' Jacobian entries and returns the matrix [dynamics; linear rows]."""
+        self._values[: self._count] = jacobian
+        self._matrix.data = self._values[self._order]
+        return self._matrix
+
+    def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
+        """Solves with the Jacobian last set, the given gradient at zero and row bounds, starting from (z, y)."""
+        self._solver.update(Ax=self._matrix.data, q=gradient, l=low, u=high)
+        self._solver.warm_start(x=z, y=y)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
+            result = self._solver.solve(raise_error=False)
+        return QpSolution(np.array(result.x), np.array(result.y), result.info.status, int(result.info.iter))

@@ -1,0 +1,154 @@
+"""Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by OSQP.
+
+Gauss-Newton: the Hessian of the quadratic cost, without the constraints' curvature, so that every QP is convex. Steps
+are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36).
+"""
+
+import dataclasses
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.qp import LinearQuadraticPart, QpWorkspace
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class SqpOptions:
+    """Settings; residuals are in the program's scaled variables (1e-6 is 1 um in e, 10 um/s in v)."""
+
+    max_iterations: int = 100
+    tolerance: float = 1e-6  # on the primal and dual residuals, to call a point converged
+    qp_tolerance: float = 1e-9
+    qp_max_iterations: int = 20000
+    qp_polish: bool = True
+    qp_rho: float = 0.1
+    sufficient_decrease: float = 1e-4
+    shrink: float = 0.5
+    min_step: float = 1e-4
+
+    @classmethod
+    def real_time(cls, iterations: int = 1) -> "SqpOptions":
+        """A fixed number of iterations with QPs solved to a controller's accuracy."""
+        return cls(max_iterations=iterations, qp_tolerance=1e-4, qp_max_iterations=400, qp_polish=False)
+
+
+class SqpIteration(NamedTuple):
+    """What one iteration did. Residuals are those of the point that it started from."""
+
+    step: float
+    cost: float
+    primal_residual: float
+    dual_residual: float
+    penalty: float
+    qp_status: str
+    qp_iterations: int
+    seconds: float
+
+
+class SqpResult(NamedTuple):
+    """A solve's outcome; `status` is "converged", "iterations", "line search failed" or "qp failed: ..."."""
+
+    z: Array
+    y: Array
+    cost: float
+    primal_residual: float
+    status: str
+    iterations: list[SqpIteration]
+
+    @property
+    def failed(self) -> bool:
+        """Whether the point must not be used: the QP gave nothing, or nothing that lowers the merit."""
+        return self.status.startswith("qp failed") or not bool(np.isfinite(self.z).all())
+
+
+class LineSearchSqp:
+    """A solver bound to one program: holds the OSQP workspace and nothing that a later result depends on."""
+
+    def __init__(self, problem: OptimalControlProblem, options: SqpOptions | None = None) -> None:
+        self.options = options or SqpOptions()
+        self.problem = problem
+        self._dynamics = problem.dynamics
+        self._part = LinearQuadraticPart(problem.program)
+        self._workspace = QpWorkspace(
+            self._part,
+            problem.dynamics,
+            self.options.qp_tolerance,
+            self.options.qp_max_iterations,
+            self.options.qp_polish,
+            self.options.qp_rho,
+        )
+        self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
+
+    def solve(self, z_guess: Array, y_guess: Array | None = None) -> SqpResult:
+        """Solves the program as its data now stand, from a decision vector (and multipliers, if known)."""
+        part, options = self._part, self.options
+        gradient_at_zero, constant, low, high = part.data()
+        z = np.asarray(z_guess, dtype=float)
+        y = np.zeros(self.multiplier_count) if y_guess is None else y_guess
+        residual = self._dynamics.value(z)
+        penalty, status = 0.0, "iterations"
+        iterations: list[SqpIteration] = []
+        while True:
+            start = time.perf_counter()
+            bent = part.hessian @ z
+            gradient = bent + gradient_at_zero
+            cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant)
+            linear = part.matrix @ z
+            primal_residual = float(max(np.abs(residual).max(), _outside(linear, low, high).max()))
+            if len(iterations) == options.max_iterations:
+                break
+            residual, jacobian = self._dynamics.linearize(z)
+            stacked = self._workspace.set_jacobian(jacobian)
+            # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
+            dual_residual = float(np.abs(gradient + stacked.T @ y).max() / max(1.0, np.abs(y).max()))
+            if max(primal_residual, dual_residual) < options.tolerance:
+                status = "converged"
+                break
+            target = (stacked @ z)[: residual.size] - residual
+            qp = self._workspace.solve(
+                gradient_at_zero, np.concatenate([target, low]), np.concatenate([target, high]), z, y
+            )
+            step = 0.0
+            if qp.usable:
+                direction = qp.z - z
+                slope, bend = float(gradient @ direction), float(direction @ (part.hessian @ direction))
+                violation = _violation(residual, linear, low, high)
+                if violation > 1e-12:
+                    penalty = max(penalty, (slope + 0.5 * bend) / (0.5 * violation))
+                merit, decrease = cost + penalty * violation, slope - penalty * violation
+                # Near the solution the decrease drowns in the merit's rounding error.
+                rounding = 1e-12 * (1.0 + abs(merit))
+                step = 1.0
+                while step >= options.min_step:
+                    trial = z + step * direction
+                    trial_residual = self._dynamics.value(trial)
+                    trial_cost = cost + step * slope + 0.5 * step * step * bend
+                    trial_merit = trial_cost + penalty * _violation(trial_residual, part.matrix @ trial, low, high)
+                    if trial_merit <= merit + options.sufficient_decrease * step * decrease + rounding:
+                        z, residual, y = trial, trial_residual, y + step * (qp.y - y)
+                        break
+                    step *= options.shrink
+                else:
+                    step = 0.0
+            seconds = time.perf_counter() - start
+            iterations.append(
+                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp.iterations, seconds)
+            )
+            if step == 0.0:
+                status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
+                break
+        return SqpResult(z, y, cost, primal_residual, status, iterations)
+
+
+def _outside(values: Array, low: Array, high: Array) -> Array:
+    return np.maximum(np.maximum(low - values, values - high), 0.0)
+
+
+def _violation(residual: Array, linear: Array, low: Array, high: Array) -> float:
+    """l1 norm of all constraint violations."""
+    return float(np.abs(residual).sum() + _outside(linear, low, high).sum())

@@ -1,0 +1,114 @@
+"""What the optimal control problems need of a vehicle model, and the nominal car as such a model."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.compilation import compiled
+from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+
+Array = NDArray[np.float64]
+
+
+class StepModel(Protocol):
+    """One time step x_{k+1} = f(x_k, u_k, u_{k+1}) of the paper's six states, over all stages of a horizon at once.
+
+    Shapes: x [N, 6], u and u_next [N, 2], curvature [N] (of the path, the mean over the step) [1/m].
+    """
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        """x_next [N, 6]."""
+        ...
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        """(x_next [N, 6], d x_next/dx [N, 6, 6], d x_next/du [N, 6, 2], d x_next/du_next [N, 6, 2])."""
+        ...
+
+
+class NominalStepModel:
+    """The nominal car over one step under linearly interpolated input: Runge-Kutta 4 with sub-steps, exact Jacobians.
+
+    The rim speed is stiff (about 170/s at 7.5 m/s), which sets the number of sub-steps: RK4 is stable for
+    dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
+    """
+
+    def __init__(self, parameters: VehicleParameters, dt: float = 0.1, substeps: int = 8) -> None:
+        self.dt = dt
+        self._substeps = substeps
+        self._constants = parameters.constants()
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        return self.linearize(x, u, u_next, curvature)[0]
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        count = x.shape[0]
+        x_next, sensitivity = np.empty((count, 6)), np.empty((count, 6, 10))
+        _rk4_sensitivity(
+            np.ascontiguousarray(x),
+            np.ascontiguousarray(u),
+            np.ascontiguousarray(u_next),
+            np.ascontiguousarray(curvature),
+            self._constants,
+            self.dt,
+            self._substeps,
+            x_next,
+            sensitivity,
+        )
+        return x_next, sensitivity[:, :, :6], sensitivity[:, :, 6:8], sensitivity[:, :, 8:]
+
+
+@compiled
+def _rk4_sensitivity(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, dt: float, substeps: int,
+                     x_next: Array, sensitivity: Array) -> None:  # fmt: skip
+    """Integrates state and sensitivity d x(t) / d(x_0, u, u_next) together, which makes its Jacobian exact."""
+    h = dt / substeps
+    slope, a, b = np.empty(6), np.empty((6, 6)), np.empty((6, 2))
+    state, sens = np.empty(6), np.empty((6, 10))
+    point, point_sens = np.empty(6), np.empty((6, 10))
+    total, total_sens = np.empty(6), np.empty((6, 10))
+    slope_sens = np.empty((6, 10))
+    command = np.empty(2)
+    nodes = (0.0, 0.5, 0.5, 1.0)
+    weights = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
+    for n in range(x.shape[0]):
+        for i in range(6):
+            state[i] = x[n, i]
+            for j in range(10):
+                sens[i, j] = 1.0 if i == j else 0.0
+        for sub in range(substeps):
+            for i in range(6):
+                total[i] = 0.0
+                for j in range(10):
+                    total_sens[i, j] = 0.0
+            for stage in range(4):
+                advance = nodes[stage] * h
+                for i in range(6):
+                    point[i] = state[i] if stage == 0 else state[i] + advance * slope[i]
+                    for j in range(10):
+                        point_sens[i, j] = sens[i, j] if stage == 0 else sens[i, j] + advance * slope_sens[i, j]
+                share = (sub + nodes[stage]) / substeps
+                for i in range(2):
+                    command[i] = (1.0 - share) * u[n, i] + share * u_next[n, i]
+                linearize_point(point, command, curvature[n], p, slope, a, b)
+                for i in range(6):
+                    total[i] += weights[stage] * slope[i]
+                    for j in range(10):
+                        value = 0.0
+                        for m in range(6):
+                            value += a[i, m] * point_sens[m, j]
+                        if 6 <= j < 8:
+                            value += (1.0 - share) * b[i, j - 6]
+                        elif j >= 8:
+                            value += share * b[i, j - 8]
+                        slope_sens[i, j] = value
+                        total_sens[i, j] += weights[stage] * value
+            for i in range(6):
+                state[i] += h * total[i]
+                for j in range(10):
+                    sens[i, j] += h * total_sens[i, j]
+        for i in range(6):
+            x_next[n, i] = state[i]
+            for j in range(10):
+                sensitivity[n, i, j] = sens[i, j]

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from drift_drake.reference.chain import GRID_SPACING, Chain, Leg, chain, mirrored, steady_straight
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.path import Path
+from drift_drake.reference.transition import Transition, plan_transition
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 
-GRID_SPACING = 0.2  # [m]
+ENTRY_LENGTH = 10.0  # [m] of steady straight before and after the loops' acceleration
+ACCELERATION_LENGTH = 50.0  # [m]
 
 # The columns of the lookup table; the first four are states.
 _COLUMNS = ("r", "v", "beta", "omega_r", "delta", "tau", "curvature", "e_min", "e_max")
@@ -38,7 +41,7 @@ class Horizon(NamedTuple):
     """Left lane bound [N + 1] [m]."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Reference:
     """States and inputs wanted along a path, on a grid of path positions; linear in between.
 
@@ -184,7 +187,7 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
         raise ValueError(f"speeds ({v_start:g}, {v_end:g}) m/s and duration {duration:g} s must be positive")
     length = 0.5 * (v_start + v_end) * duration
     path = Path([0.0, length], [0.0, 0.0])
-    s = _grid(length)
+    s = np.linspace(0.0, length, math.ceil(length / GRID_SPACING) + 1)
     v = np.sqrt(v_start**2 + (v_end**2 - v_start**2) * s / length)
     zero = np.zeros_like(s)
     lane = np.full_like(s, half_width)
@@ -195,62 +198,107 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
 
 def figure_8(parameters: VehicleParameters, radius: float = 18.0, sideslip: float = 0.6, transition: float = 20.0,
              half_width: float = 3.0, laps: float = 1.5) -> Reference:  # fmt: skip
-    """A figure-8 of two circles driven in opposite directions, in steady drifts joined by transitions.
+    """A figure-8: steady drifts round two circles in opposite directions, joined by feasible transitions.
+
+    The equilibria are those of Goh and Gerdes 2016. In between, path and motion come from `plan_transition`: the
+    nominal car can follow the reference exactly, with the curvature going from one circle's to the other's mostly in
+    the first half and the yaw rate swinging beyond both equilibria's. The circles' arcs are as long as it takes for
+    the figure to close; the default car steers at most 0.62 rad in a 20 m transition and 0.56 rad in a 25 m one.
 
     Args:
         parameters: the car whose equilibria are wanted.
         radius: [m] of both circles; sideslip: size [rad] of both drifts.
-        transition: [m] over which curvature goes linearly from one circle to the other.
+        transition: [m] from the one steady drift to the other.
         half_width: [m] of the lane to either side.
-        laps: how often to drive it, from half-way round the left-hand circle (1.5: some 27 s, three transitions).
+        laps: how often to drive it, from half-way round the left-hand circle on (1.5: some 27 s, three transitions).
 
     Raises:
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
+        NoTransitionError: the car cannot go from one drift to the other over the transition.
     """
     left = drift_equilibrium(parameters, radius, -sideslip)
-    kappa = left.curvature
-    arc = _closing_arc(kappa, transition)
-    s_nodes = np.cumsum([0.0, 0.5 * arc, transition, arc, transition, 0.5 * arc])
-    path = Path(s_nodes, [kappa, kappa, -kappa, -kappa, kappa, kappa], closed=True)
-    s = _grid(path.length)
-    # Progress through the transition: +1 on the left circle, -1 on the right one.
-    u = np.interp(s, s_nodes, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-    shape = u * u * u * (u * (6.0 * u - 15.0) + 10.0)
-    side = 1.0 - 2.0 * shape
-    du = (
-        np.where((s > s_nodes[1]) & (s < s_nodes[2]), 1.0, 0.0) / transition
-        - np.where((s > s_nodes[3]) & (s < s_nodes[4]), 1.0, 0.0) / transition
-    )
-    side_slope = -2.0 * 30.0 * (u * (1.0 - u)) ** 2 * du
-    v = np.full_like(s, left.v)
-    curvature = path.curvature(s)
-    lane = np.full_like(s, half_width)
+    right = mirrored(left)
+    arc = _closing_arc(left.curvature, plan_transition(parameters, left, right, transition))
+    legs = [Leg(left, 0.5 * arc, transition), Leg(right, arc, transition), Leg(left, 0.5 * arc, 0.0)]
+    # Laid out with the left-hand circle about the origin, then moved so that the circles' centres lie on the x axis,
+    # at equal distances from the origin.
+    trial = chain(parameters, legs, (-radius, 0.0, -0.5 * math.pi), closed=True).path
+    x, y = trial.to_world(0.5 * trial.length, -radius)
+    tilt, half_distance = math.atan2(y, x), 0.5 * math.hypot(x, y)
+    start = (-radius * math.cos(tilt) - half_distance, radius * math.sin(tilt), -0.5 * math.pi - tilt)
+    return _reference(chain(parameters, legs, start, closed=True), half_width, laps)
+
+
+def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float = 0.6, count: int = 4,
+          swing: float = 4.0, initiation: float = 30.0, transition: float = 20.0, entry_speed: float = 8.0,
+          half_width: float = 3.0) -> Reference:  # fmt: skip
+    """A straight entry in grip, a drift initiation, and linked loops to alternating sides (the paper's section IV-C).
+
+    The car accelerates along the x axis from `entry_speed` to the drift's speed, breaks away while the curvature builds
+    up, and drifts `count` loops, the first one to the left, with transitions in between. The loops follow each other
+    along x. All joints are feasible motions (`plan_transition`).
+
+    Args:
+        parameters: the car whose equilibria are wanted.
+        radius: [m] of the loops; sideslip: size [rad] of the drifts; count: how many loops.
+        swing: [rad] between the path's headings at the ends of two loops, about the x axis.
+        initiation: [m] from the straight to the first drift; transition: [m] from one drift to the next.
+        entry_speed: [m/s] at the start.
+        half_width: [m] of the lane to either side.
+
+    Raises:
+        NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
+        NoTransitionError: the car cannot go from one state to the next over the distance.
+    """
+    left = drift_equilibrium(parameters, radius, -sideslip)
+    entry = steady_straight(left.v)
+    turned = _turning(plan_transition(parameters, entry, left, initiation))
+    change = _turning(plan_transition(parameters, left, mirrored(left), transition))
+    if not 0.5 * swing > turned:
+        raise ValueError(
+            f"swing is {swing:g} rad; the initiation turns through {turned:.2f} rad, give more than twice that"
+        )
+    arc = radius * (swing + change)
+    legs = [
+        Leg(steady_straight(entry_speed), ENTRY_LENGTH, ACCELERATION_LENGTH),
+        Leg(entry, ENTRY_LENGTH, initiation),
+        Leg(left, radius * (0.5 * swing - turned), transition),
+        *(Leg(left if index % 2 == 0 else mirrored(left), arc, transition) for index in range(1, count)),
+    ]
+    return _reference(chain(parameters, legs, (0.0, 0.0, 0.0)), half_width, 1.0)
+
+
+def _turning(motion: Transition) -> float:
+    """Change of course [rad] over a transition."""
+    return Path(motion.s, motion.curvature).turning
+
+
+def _reference(parts: Chain, half_width: float, laps: float) -> Reference:
+    lane = np.full_like(parts.s, half_width)
     return Reference(
-        path=path, s=s, v=v, beta=left.beta * side, r=v * curvature - v * left.beta * side_slope,
-        omega_r=np.full_like(s, left.omega_r), curvature=curvature, delta=left.delta * side,
-        tau=np.full_like(s, left.tau), e_min=-lane, e_max=lane, in_transition=(u > 0.0) & (u < 1.0),
-        distance=laps * path.length)  # fmt: skip
+        path=parts.path, s=parts.s, **parts.columns, e_min=-lane, e_max=lane, in_transition=parts.in_transition,
+        distance=laps * parts.path.length)  # fmt: skip
 
 
-def _closing_arc(curvature: float, transition: float) -> float:
-    """Length [m] of the arcs with which a figure-8 closes: each lobe must come back to the crossing it left."""
-    half = 0.5 * transition
+def _closing_arc(curvature: float, transition: Transition) -> float:
+    """Length [m] of the arcs with which a figure-8 closes.
+
+    The second half of the figure is the first one's mirror image, so that it closes where the first half's chord is
+    at right angles to half its turning.
+    """
 
     def gap(arc: float) -> float:
-        lobe = Path([0.0, half, half + arc, transition + arc], [0.0, curvature, curvature, 0.0])
-        x, y, _ = lobe.pose(lobe.length)
-        # The lobe is its own mirror image, so that its chord points along half its turning.
-        return float(x * np.cos(0.5 * lobe.turning) + y * np.sin(0.5 * lobe.turning))
+        half = Path(np.concatenate([[0.0], arc + transition.s]), np.concatenate([[curvature], transition.curvature]))
+        x, y, _ = half.pose(half.length)
+        return float(x * math.cos(0.5 * half.turning) + y * math.sin(0.5 * half.turning))
 
-    ramp_turn = 0.5 * curvature * transition
-    low, high = (math.pi - ramp_turn) / curvature, (2.0 * math.pi - ramp_turn) / curvature
-    if low <= 0.0 or gap(low) * gap(high) > 0.0:
+    full_turn = 2.0 * math.pi / curvature
+    arcs = np.linspace(0.4, 0.99, 60) * full_turn
+    gaps = np.array([gap(arc) for arc in arcs])
+    crossings = np.flatnonzero(gaps[1:] * gaps[:-1] <= 0.0)
+    if len(crossings) == 0:
         raise ValueError(
-            f"a figure-8 of {1.0 / curvature:g} m radius cannot close with transitions of {transition:g} m; "
+            f"a figure-8 of {1.0 / curvature:g} m radius cannot close with transitions of {transition.s[-1]:g} m; "
             "give shorter transitions"
         )
-    return float(brentq(gap, low, high, xtol=1e-12))
-
-
-def _grid(length: float) -> Array:
-    return np.linspace(0.0, length, math.ceil(length / GRID_SPACING) + 1)
+    return float(brentq(gap, arcs[crossings[0]], arcs[crossings[0] + 1], xtol=1e-12))

@@ -131,7 +131,9 @@ class VehicleParameters:
             InvalidVehicleError: names the file, the key and the mend.
         """
         try:
-            text = Path(path).read_text()
+            text = Path(path).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise InvalidVehicleError(f"{path}: not a text file; give the path of a vehicle file in YAML") from None
         except OSError as error:
             raise InvalidVehicleError(
                 f"{path}: cannot be read ({error.strerror}); give the path of a vehicle file"
@@ -146,7 +148,7 @@ class VehicleParameters:
 
     def to_yaml(self, path: str | Path) -> None:
         """Writes a vehicle file that `from_yaml` reads back to the same parameters."""
-        Path(path).write_text(yaml.safe_dump(self.to_dict(), sort_keys=False))
+        Path(path).write_text(yaml.safe_dump(self.to_dict(), sort_keys=False), encoding="utf-8")
 
 
 def _number(value: Any) -> Any:

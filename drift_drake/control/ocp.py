@@ -185,6 +185,11 @@ class OptimalControlProblem:
         )
         return hessian
 
+    @property
+    def size(self) -> int:
+        """Number of decision variables."""
+        return int(self._z.size)
+
     def set(self, data: OcpData) -> None:
         """Puts the data of one problem into the program.
 

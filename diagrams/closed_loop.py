@@ -1,0 +1,170 @@
+"""The closed loop: reference, car (plant and sensors), actuator, MPC controller and loggers.
+
+    python -m diagrams.closed_loop            # drives the figure-8, writes numbers, pictures and the 3D replay
+    python -m diagrams.closed_loop --graph    # draws the diagram
+"""
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from pydrake.systems.primitives import LogVectorOutput
+
+from drift_drake.actuation import LinearInterpolationActuator
+from drift_drake.car import Car
+from drift_drake.control.mpc import DT, MpcController, SolveStatistics
+from drift_drake.control.ocp import OcpWeights
+from drift_drake.control.sqp import SqpOptions
+from drift_drake.control.step_model import StepModel
+from drift_drake.reference.trajectory import Reference
+from drift_drake.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.vehicle.bicycle import INPUTS, STATES
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plant import POSE
+
+Array = NDArray[np.float64]
+MAX_STEP = 0.01  # [s] of the integrator
+Outcome = Literal["completed", "spin", "left the lane", "time is up"]
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlConfig:
+    """How the controller is set up; the same for every model that it is given."""
+
+    horizon: int = 25  # N, steps of 0.1 s
+    period: float = 0.01  # [s] between plans
+    delay: float = 0.01  # [s] from a measurement until its plan is in force
+    iterations: int = 1  # SQP steps a plan
+    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """When a run ends early."""
+
+    sideslip: float = 1.3  # [rad] beyond which the car has spun
+    lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
+    time_factor: float = 1.5  # of the reference's own duration
+
+
+class ClosedLoop:
+    """The diagram with its parts at hand. Built once; each run takes a fresh Context.
+
+    Systems: car (plant, sensors), actuator, controller, and loggers of measured_state, log_row, state, path_position,
+    pose, command, statistics.
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        reference: Reference,
+        model: StepModel,
+        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        control: ControlConfig = ControlConfig(),  # noqa: B008 (immutable)
+        initial_command: tuple[float, float] | None = None,
+    ) -> None:
+        self.reference = reference
+        command = tuple(reference.input(0.0)) if initial_command is None else initial_command
+        self.initial_command = (float(command[0]), float(command[1]))
+        builder = DiagramBuilder()
+        self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise))
+        self.controller = builder.AddNamedSystem(
+            "controller",
+            MpcController(
+                model,
+                parameters,
+                reference,
+                control.horizon,
+                control.weights,
+                SqpOptions.real_time(control.iterations),
+                control.period,
+                control.delay,
+                self.initial_command,
+            ),
+        )
+        self.actuator = builder.AddNamedSystem(
+            "actuator",
+            LinearInterpolationActuator(
+                parameters, control.horizon, DT, control.period, initial_command=self.initial_command
+            ),
+        )
+        builder.Connect(self.car.GetOutputPort("measured_state"), self.controller.GetInputPort("measured_state"))
+        builder.Connect(self.controller.GetOutputPort("plan"), self.actuator.GetInputPort("plan"))
+        builder.Connect(self.actuator.GetOutputPort("command"), self.car.GetInputPort("command"))
+        logged = [
+            *((self.car, name) for name in ("measured_state", "log_row", "state", "path_position", "pose")),
+            (self.actuator, "command"),
+            (self.controller, "statistics"),
+        ]
+        self._loggers = {}
+        for system, name in logged:
+            sink = LogVectorOutput(system.GetOutputPort(name), builder, control.period)
+            sink.set_name(f"log_{name}")
+            self._loggers[name] = sink
+        self.diagram: Diagram = builder.Build()
+        self.diagram.set_name("closed_loop")
+
+    def initial_context(self, seed: int, error: Array | None = None, s: float = 0.0) -> Context:
+        """A Context with the car on the reference at s [m], off by `error` [6], and its noise seeded."""
+        context = self.diagram.CreateDefaultContext()
+        state = self.reference.state(s) + (np.zeros(6) if error is None else error)
+        plant = self.car.plant
+        plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self.initial_command)
+        self.car.sensors.set_seed(context, seed)
+        return context
+
+    def run(self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4) -> "Run":  # noqa: B008
+        """Simulates until the reference's end, a spin, the lane's edge or the time limit."""
+        simulator = Simulator(self.diagram, context)
+        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
+        plant, reference = self.car.plant, self.reference
+
+        def monitor(root: Context) -> EventStatus:
+            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            beta, e, s = state[2], state[4], state[6]
+            if abs(beta) > limits.sideslip:
+                return EventStatus.ReachedTermination(plant, "spin")
+            e_min, e_max = reference.lane(s)
+            if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
+                return EventStatus.ReachedTermination(plant, "left the lane")
+            if s >= reference.distance:
+                return EventStatus.ReachedTermination(plant, "completed")
+            return EventStatus.DidNothing()
+
+        simulator.set_monitor(monitor)
+        simulator.Initialize()
+        status = simulator.AdvanceTo(context.get_time() + limits.time_factor * reference.duration)
+        outcome: Outcome = status.message() or "time is up"
+        return Run(self._table(simulator.get_context()), outcome, reference)
+
+    def _table(self, context: Context) -> pd.DataFrame:
+        names = {
+            "state": STATES,
+            "path_position": ("s",),
+            "pose": POSE,
+            "command": INPUTS,
+            "measured_state": tuple(f"measured_{name}" for name in MEASURED_STATE),
+            "statistics": tuple(f"solve_{name}" for name in SolveStatistics._fields),
+        }
+        logs = {name: sink.FindLog(context) for name, sink in self._loggers.items()}
+        columns = {"t": logs["state"].sample_times()}
+        for port, fields in names.items():
+            columns |= dict(zip(fields, logs[port].data(), strict=True))
+        # The accelerations are in the log's row alone, behind t, x, y, psi and four states.
+        columns |= {"measured_ax": logs["log_row"].data()[8], "measured_ay": logs["log_row"].data()[9]}
+        return pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One run: a row each control period (true states, commands, `measured_...`, `solve_...`), and how it ended."""
+
+    table: pd.DataFrame
+    outcome: Outcome
+    reference: Reference

@@ -1,0 +1,172 @@
+"""MpcController: replans at a fixed rate by real-time iterations on the OCP."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from drift_drake.actuation import interpolate_plan, plan_size
+from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
+from drift_drake.control.step_model import StepModel
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+DT = 0.1  # [s] of a plan's steps
+
+
+class SolveStatistics(NamedTuple):
+    """One solve, as the port `statistics` gives it. `seconds` is wall time: the one number that does not replay."""
+
+    cost: float
+    primal_residual: float
+    dual_residual: float
+    step: float  # of the last line search; 0 when it failed
+    qp_iterations: float  # of all QPs together
+    slack: float  # [m] the largest planned excursion from the lane
+    failed: float  # 1 if this solve failed
+    failures: float  # solves that failed since the start
+    seconds: float
+
+
+class MpcController(LeafSystem):
+    """Model predictive control along a reference: measured state in, plan and predicted trajectory out.
+
+    Each `period`, the state is predicted to the time at which the plan will be in force (`delay` later), the OCP is set
+    up from there with the command that the last plan has for that time as u_0, and `options.max_iterations` SQP steps
+    are made from the last solution, shifted. If the state is not finite or the QP fails, the last plan stays in force
+    (it goes on in time, and the actuator holds its last command beyond its end) and the failure is counted.
+
+    Input ports:
+        measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
+        theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
+
+    Output ports:
+        plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N]; NaN before the first solve.
+        prediction: states [(N + 1) * 6] that go with the plan.
+        statistics: `SolveStatistics`.
+
+    State in the Context: the plan, the last solution (decision vector and multipliers), the statistics.
+
+    Args:
+        model: one step of the car, as the controller believes it.
+        parameters: for the limits of the inputs.
+        reference: what to drive.
+        horizon: N, steps of 0.1 s.
+        weights: of the cost.
+        options: of the solver; one real-time iteration by default.
+        period: [s] between plans.
+        delay: [s] from a measurement until its plan is in force: one period, which the solve may use up.
+        initial_command: (delta [rad], tau [N m]) in force before the first plan.
+        theta_size: length of the port `theta`; 0 for a model without.
+    """
+
+    def __init__(
+        self,
+        model: StepModel,
+        parameters: VehicleParameters,
+        reference: Reference,
+        horizon: int = 25,
+        weights: OcpWeights | None = None,
+        options: SqpOptions | None = None,
+        period: float = 0.01,
+        delay: float = 0.01,
+        initial_command: tuple[float, float] = (0.0, 0.0),
+        theta_size: int = 0,
+    ) -> None:
+        LeafSystem.__init__(self)
+        self.reference = reference
+        self.horizon, self.period, self.delay = horizon, period, delay
+        self._model = model
+        self._initial_command = np.array(initial_command, dtype=float)
+        self.problem = OptimalControlProblem(model, parameters, horizon, weights)
+        self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
+
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
+        nothing = np.full(plan_size(horizon), np.nan)
+        self._plan = self.DeclareDiscreteState(nothing)
+        self._primal = self.DeclareDiscreteState(np.full(self.problem.size, np.nan))
+        self._dual = self.DeclareDiscreteState(np.zeros(self._solver.multiplier_count))
+        self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
+
+        for name, index in (("plan", self._plan), ("statistics", self._statistics)):
+            self.DeclareStateOutputPort(name, index)
+        self.DeclareVectorOutputPort(
+            "prediction",
+            6 * (horizon + 1),
+            self._calc_prediction,
+            prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
+        )
+
+    def _calc_prediction(self, context: Context, output: Any) -> None:
+        x, _, _ = self.problem.unstack(context.get_discrete_state(self._primal).value())
+        output.SetFromVector(x.ravel())
+
+    def _replan(self, context: Context, discrete: DiscreteValues) -> None:
+        last = SolveStatistics(*context.get_discrete_state(self._statistics).value())
+        measured = self._measured.Eval(context)
+        result, start = None, context.get_time() + self.delay
+        if np.isfinite(measured).all():
+            result = self._solve(context, measured, start)
+        if result is None or result.failed:
+            failed = last._replace(failed=1.0, failures=last.failures + 1.0)
+            discrete.set_value(self._statistics, np.array(failed))
+            return
+        solution = self.problem.unstack(result.z)
+        discrete.set_value(self._plan, np.concatenate([[start], solution.u.ravel()]))
+        discrete.set_value(self._primal, result.z)
+        discrete.set_value(self._dual, result.y)
+        iterations = result.iterations
+        statistics = SolveStatistics(
+            cost=result.cost,
+            primal_residual=result.primal_residual,
+            dual_residual=iterations[-1].dual_residual,
+            step=iterations[-1].step,
+            qp_iterations=float(sum(iteration.qp_iterations for iteration in iterations)),
+            slack=float(solution.slack.max()),
+            failed=0.0,
+            failures=last.failures,
+            seconds=sum(iteration.seconds for iteration in iterations),
+        )
+        discrete.set_value(self._statistics, np.array(statistics))
+
+    def _solve(self, context: Context, measured: Array, start: float) -> SqpResult:
+        model = self._model
+        if self._theta is not None and self._theta.HasValue(context):
+            model = model.with_theta(self._theta.Eval(context).reshape(4, -1))  # type: ignore[attr-defined]
+        self.problem.dynamics.model = model
+        plan = context.get_discrete_state(self._plan).value()
+        now, at_start, later = (self._command(plan, t) for t in (context.get_time(), start, context.get_time() + DT))
+        x, s = measured[:6], measured[6]
+        curvature = np.atleast_1d(self.reference.path.curvature(s))
+        step = model.step(x[None], now[None], later[None], curvature)[0] - x
+        data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
+        self.problem.set(data)
+        primal, dual = (context.get_discrete_state(index).value() for index in (self._primal, self._dual))
+        if np.isnan(plan[0]):
+            return self._solver.solve(self.problem.initial_guess(data))
+        return self._solver.solve(self._shifted(primal, (start - plan[0]) / DT, data), dual)
+
+    def _data(self, x: Array, s: float, command: Array) -> OcpData:
+        horizon = self.reference.horizon(s, DT, self.horizon)
+        return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max)
+
+    def _command(self, plan: Array, t: float) -> Array:
+        """The command that a plan, or the initial command before there is any, has for time t."""
+        return self._initial_command if np.isnan(plan[0]) else np.array(interpolate_plan(plan, t, DT)[:2])
+
+    def _shifted(self, primal: Array, steps: float, data: OcpData) -> Array:
+        """The last solution read `steps` (a fraction of one, as a rule) later, from the state and command of now."""
+        x, u, slack = self.problem.unstack(primal)
+        knots = np.arange(self.horizon + 1.0)
+        at = np.minimum(knots + steps, self.horizon)
+        index = np.minimum(at.astype(np.intp), self.horizon - 1)
+        part = (at - index)[:, None]
+        x, u = ((1.0 - part) * z[index] + part * z[index + 1] for z in (x, u))
+        x[0], u[0] = data.x_init, data.u_init
+        return self.problem.stack(x, u, slack)

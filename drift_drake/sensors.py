@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
 from pydrake.systems.primitives import Multiplexer, RandomSource
 
 from drift_drake.delay import TransportDelay
@@ -77,9 +77,19 @@ class SampleAndHold(LeafSystem):
         self._signals = self.DeclareVectorInputPort("signals", len(SIGNALS))
         self._noise = self.DeclareVectorInputPort("noise", len(SIGNALS))
         self.DeclareDiscreteState(np.full(1 + len(SIGNALS), np.nan))  # the time of sampling, and the sample
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareVectorOutputPort("measured_state", len(MEASURED_STATE), self._calc_measured_state)
-        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row)
+        # Drake's random source draws in an unrestricted update, and those come before the discrete ones: only as one of
+        # them does the sample keep the noise that the outputs had just before the updates.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        sources = {
+            self.time_ticket(),
+            self.xd_ticket(),
+            self.input_port_ticket(self._signals.get_index()),
+            self.input_port_ticket(self._noise.get_index()),
+        }
+        self.DeclareVectorOutputPort(
+            "measured_state", len(MEASURED_STATE), self._calc_measured_state, prerequisites_of_calc=sources
+        )
+        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row, prerequisites_of_calc=sources)
 
     def _samples_before(self, t: float) -> int:
         return math.floor(t / self._period + 1e-6)
@@ -98,8 +108,8 @@ class SampleAndHold(LeafSystem):
         sample[at["dphi"]] += self._effects.sideslip_bias
         return sample
 
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        discrete.set_value(self._sample(context))
+    def _update(self, context: Context, state: State) -> None:
+        state.get_mutable_discrete_state().set_value(self._sample(context))
 
     def _calc_measured_state(self, context: Context, output: Any) -> None:
         output.SetFromVector(self._sample(context)[_MEASURED_STATE_AT])

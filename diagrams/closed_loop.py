@@ -1,7 +1,7 @@
 """The closed loop: reference, car (plant and sensors), actuator, MPC controller and loggers.
 
-    python -m diagrams.closed_loop            # drives the figure-8, writes numbers, pictures and the 3D replay
-    python -m diagrams.closed_loop --graph    # draws the diagram
+python -m diagrams.closed_loop            # drives the figure-8, writes numbers, pictures and the 3D replay
+python -m diagrams.closed_loop --graph    # draws the diagram
 """
 
 import dataclasses
@@ -16,10 +16,12 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from drift_drake.actuation import LinearInterpolationActuator
 from drift_drake.car import Car
+from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
 from drift_drake.control.mpc import DT, MpcController, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
+from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
@@ -66,9 +68,11 @@ class ClosedLoop:
         model: StepModel,
         effects: Effects = Effects(),  # noqa: B008 (immutable)
         noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
-        control: ControlConfig = ControlConfig(),  # noqa: B008 (immutable)
+        control: ControlConfig = ControlConfig(),
         initial_command: tuple[float, float] | None = None,
+        adapter: BayesianAdapter | None = None,
     ) -> None:
+        """Args: model: what the controller believes; adapter: if given, `model` (a `BayesianStepModel`) follows it."""
         self.reference = reference
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
@@ -86,6 +90,7 @@ class ClosedLoop:
                 control.period,
                 control.delay,
                 self.initial_command,
+                theta_size=MEAN_COUNT if adapter else 0,
             ),
         )
         self.actuator = builder.AddNamedSystem(
@@ -94,9 +99,23 @@ class ClosedLoop:
                 parameters, control.horizon, DT, control.period, initial_command=self.initial_command
             ),
         )
-        builder.Connect(self.car.GetOutputPort("measured_state"), self.controller.GetInputPort("measured_state"))
+        measured_state, command_in_force = (
+            self.car.GetOutputPort("measured_state"),
+            self.actuator.GetOutputPort("command"),
+        )
+        builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
+        if isinstance(model, EffectsStepModel):
+            observer = builder.AddNamedSystem("memory_observer", MemoryObserver(model, control.period))
+            builder.Connect(measured_state, observer.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, observer.GetInputPort("command"))
+            builder.Connect(observer.GetOutputPort("memory"), self.controller.GetInputPort("memory"))
+        if adapter is not None:
+            builder.AddNamedSystem("adapter", adapter)
+            builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, adapter.GetInputPort("command"))
+            builder.Connect(adapter.GetOutputPort("posterior_mean"), self.controller.GetInputPort("theta"))
         builder.Connect(self.controller.GetOutputPort("plan"), self.actuator.GetInputPort("plan"))
-        builder.Connect(self.actuator.GetOutputPort("command"), self.car.GetInputPort("command"))
+        builder.Connect(command_in_force, self.car.GetInputPort("command"))
         logged = [
             *((self.car, name) for name in ("measured_state", "log_row", "state", "path_position", "pose")),
             (self.actuator, "command"),
@@ -119,7 +138,7 @@ class ClosedLoop:
         self.car.sensors.set_seed(context, seed)
         return context
 
-    def run(self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4) -> "Run":  # noqa: B008
+    def run(self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4) -> "Run":
         """Simulates until the reference's end, a spin, the lane's edge or the time limit."""
         simulator = Simulator(self.diagram, context)
         ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)

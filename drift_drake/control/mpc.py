@@ -43,10 +43,11 @@ class MpcController(LeafSystem):
     Input ports:
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
         theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
+        memory: the model's further states, for a model that has any.
 
     Output ports:
         plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N]; NaN before the first solve.
-        prediction: states [(N + 1) * 6] that go with the plan.
+        prediction: states [(N + 1) * n] that go with the plan.
         statistics: `SolveStatistics`.
 
     State in the Context: the plan, the last solution (decision vector and multipliers), the statistics.
@@ -87,6 +88,8 @@ class MpcController(LeafSystem):
 
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
+        memory_size = model.memory_scale.size
+        self._memory = self.DeclareVectorInputPort("memory", memory_size) if memory_size else None
         nothing = np.full(plan_size(horizon), np.nan)
         self._plan = self.DeclareDiscreteState(nothing)
         self._primal = self.DeclareDiscreteState(np.full(self.problem.size, np.nan))
@@ -98,7 +101,7 @@ class MpcController(LeafSystem):
             self.DeclareStateOutputPort(name, index)
         self.DeclareVectorOutputPort(
             "prediction",
-            6 * (horizon + 1),
+            (6 + memory_size) * (horizon + 1),
             self._calc_prediction,
             prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
         )
@@ -143,6 +146,8 @@ class MpcController(LeafSystem):
         plan = context.get_discrete_state(self._plan).value()
         now, at_start, later = (self._command(plan, t) for t in (context.get_time(), start, context.get_time() + DT))
         x, s = measured[:6], measured[6]
+        if self._memory is not None:
+            x = np.concatenate([x, self._memory.Eval(context)])
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)

@@ -37,7 +37,7 @@ class OcpWeights:
     v: float = 0.1  # [1/(m/s)^2]
     beta: float = 20.0  # [1/rad^2]
     omega_r: float = 0.02  # [1/(m/s)^2]
-    e: float = 1.0  # [1/m^2]
+    e: float = 4.0  # [1/m^2]
     dphi: float = 4.0  # [1/rad^2]
     delta: float = 20.0  # [1/rad^2] of a change of steering over one step
     tau: float = 5e-5  # [1/(N m)^2] of a change of torque over one step
@@ -55,7 +55,7 @@ class OcpWeights:
 class OcpData(NamedTuple):
     """What changes from one problem to the next."""
 
-    x_init: Array  # [6]
+    x_init: Array  # [n], n = 6 but for models with states of their own
     u_init: Array  # [2], the command in force
     x_ref: Array  # [N+1, 6] (the last row does not enter the cost)
     curvature: Array  # [N] of the path [1/m]
@@ -66,7 +66,7 @@ class OcpData(NamedTuple):
 class OcpSolution(NamedTuple):
     """A trajectory over the horizon."""
 
-    x: Array  # [N+1, 6]
+    x: Array  # [N+1, n]
     u: Array  # [N+1, 2]
     slack: Array  # [N], how far each stage leaves the lane [m]
 
@@ -81,40 +81,42 @@ class StackedDynamics:
         self.model = model
         self.horizon = horizon
         self.curvature = np.zeros(horizon)
-        n, states = horizon, 6 * (horizon + 1)
-        stage, row, column = np.meshgrid(np.arange(n), np.arange(6), np.arange(10), indexing="ij")
-        x_column, u_column = 6 * stage + column, states + 2 * stage + column - 6
-        self._rows = np.concatenate([(6 * stage + row).ravel(), np.arange(6 * n)])
-        self._columns = np.concatenate([np.where(column < 6, x_column, u_column).ravel(), 6 + np.arange(6 * n)])
-        self._block_scale = np.concatenate([STATE_SCALE, INPUT_SCALE, INPUT_SCALE]) / STATE_SCALE[:, None]
+        self.state_scale = np.concatenate([STATE_SCALE, model.memory_scale])
+        self.state_size = n = self.state_scale.size
+        inputs_at = n * (horizon + 1)
+        stage, row, column = np.meshgrid(np.arange(horizon), np.arange(n), np.arange(n + 4), indexing="ij")
+        x_column, u_column = n * stage + column, inputs_at + 2 * stage + column - n
+        self._rows = np.concatenate([(n * stage + row).ravel(), np.arange(n * horizon)])
+        self._columns = np.concatenate([np.where(column < n, x_column, u_column).ravel(), n + np.arange(n * horizon)])
+        self._block_scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE]) / self.state_scale[:, None]
 
     @property
     def size(self) -> int:
         """Number of rows."""
-        return 6 * self.horizon
+        return self.state_size * self.horizon
 
     def sparsity(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """(row, column) of each entry of `linearize`'s Jacobian, within this constraint's own variables."""
         return self._rows, self._columns
 
     def value(self, z: Array) -> Array:
-        """The residuals [6 N]."""
+        """The residuals [n N]."""
         x, u = self.split(z)
-        residual: Array = (self.model.step(x[:-1], u[:-1], u[1:], self.curvature) - x[1:]) / STATE_SCALE
+        residual: Array = (self.model.step(x[:-1], u[:-1], u[1:], self.curvature) - x[1:]) / self.state_scale
         return residual.ravel()
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
-        """(residuals [6 N], the Jacobian's entries in the order of `sparsity`)."""
+        """(residuals [n N], the Jacobian's entries in the order of `sparsity`)."""
         x, u = self.split(z)
         x_next, a, b, b_next = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
         block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
-        return ((x_next - x[1:]) / STATE_SCALE).ravel(), np.concatenate([block.ravel(), np.full(self.size, -1.0)])
+        return ((x_next - x[1:]) / self.state_scale).ravel(), np.concatenate([block.ravel(), np.full(self.size, -1.0)])
 
     def split(self, z: Array) -> tuple[Array, Array]:
-        """(x [N+1, 6], u [N+1, 2]) in SI units of the stacked variables."""
-        states = 6 * (self.horizon + 1)
+        """(x [N+1, n], u [N+1, 2]) in SI units of the stacked variables."""
+        states = self.state_size * (self.horizon + 1)
         inputs = z[states : states + 2 * (self.horizon + 1)]
-        return z[:states].reshape(-1, 6) * STATE_SCALE, inputs.reshape(-1, 2) * INPUT_SCALE
+        return z[:states].reshape(-1, self.state_size) * self.state_scale, inputs.reshape(-1, 2) * INPUT_SCALE
 
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:
@@ -149,13 +151,14 @@ class OptimalControlProblem:
         self.dynamics = StackedDynamics(model, horizon)
         self.program = program = MathematicalProgram()
         # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
-        x = program.NewContinuousVariables(6 * (horizon + 1), "x").reshape(-1, 6)
+        n = self.dynamics.state_size
+        x = program.NewContinuousVariables(n * (horizon + 1), "x").reshape(-1, n)
         u = program.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
         slack = program.NewContinuousVariables(horizon, "slack")
         self._z = np.concatenate([x.ravel(), u.ravel(), slack])
         program.AddQuadraticCost(self._hessian(), np.zeros(self._z.size), 0.0, self._z, is_convex=True)
         self._linear_cost = program.AddLinearCost(np.zeros(self._z.size), 0.0, self._z)
-        self._x_init = program.AddBoundingBoxConstraint(np.zeros(6), np.zeros(6), x[0])
+        self._x_init = program.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), x[0])
         self._u_init = program.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), u[0])
         low = np.array([-parameters.steering_limit, parameters.torque_min]) / INPUT_SCALE
         high = np.array([parameters.steering_limit, parameters.torque_max]) / INPUT_SCALE
@@ -175,9 +178,9 @@ class OptimalControlProblem:
 
     def _hessian(self) -> Array:
         """2 Q on each state but the last, and 2 R on the differences of successive inputs."""
-        n, states = self.horizon, 6 * (self.horizon + 1)
+        n, states = self.horizon, self.dynamics.state_size * (self.horizon + 1)
         hessian = np.zeros((self._z.size, self._z.size))
-        running = np.arange(6 * n)
+        running = np.arange(self.dynamics.state_size * n).reshape(n, -1)[:, :6].ravel()
         hessian[running, running] = np.tile(2.0 * self.weights.state() * STATE_SCALE**2, n)
         difference = np.eye(n, n + 1, 1) - np.eye(n, n + 1)
         hessian[states : states + 2 * (n + 1), states : states + 2 * (n + 1)] = np.kron(
@@ -198,7 +201,7 @@ class OptimalControlProblem:
         """
         n = self.horizon
         shapes = {
-            "x_init": (6,),
+            "x_init": (self.dynamics.state_size,),
             "u_init": (2,),
             "x_ref": (n + 1, 6),
             "curvature": (n,),
@@ -214,10 +217,11 @@ class OptimalControlProblem:
         q = self.weights.state()
         reference = data.x_ref[:-1]
         linear = np.zeros(self._z.size)
-        linear[: 6 * n] = (-2.0 * q * STATE_SCALE * reference).ravel()
+        states = linear[: self.dynamics.state_size * n].reshape(n, -1)
+        states[:, :6] = -2.0 * q * STATE_SCALE * reference
         linear[-n:] = self.weights.lane_penalty
         self._linear_cost.evaluator().UpdateCoefficients(linear, float(np.sum(q * reference * reference)))
-        x_init, u_init = data.x_init / STATE_SCALE, data.u_init / INPUT_SCALE
+        x_init, u_init = data.x_init / self.dynamics.state_scale, data.u_init / INPUT_SCALE
         self._x_init.evaluator().set_bounds(x_init, x_init)
         self._u_init.evaluator().set_bounds(u_init, u_init)
         unbounded = np.full(n, np.inf)
@@ -227,9 +231,9 @@ class OptimalControlProblem:
         self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
 
     def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:
-        """The decision vector of a trajectory x [N+1, 6], u [N+1, 2] (SI)."""
+        """The decision vector of a trajectory x [N+1, n], u [N+1, 2] (SI)."""
         slack = np.zeros(self.horizon) if slack is None else slack
-        return np.concatenate([np.ravel(x / STATE_SCALE), np.ravel(u / INPUT_SCALE), slack])
+        return np.concatenate([np.ravel(x / self.dynamics.state_scale), np.ravel(u / INPUT_SCALE), slack])
 
     def unstack(self, z: Array) -> OcpSolution:
         """The trajectory (SI) of a decision vector."""
@@ -238,5 +242,6 @@ class OptimalControlProblem:
     def initial_guess(self, data: OcpData) -> Array:
         """A decision vector to start from: the reference with the initial state's errors fading out, inputs held."""
         fade = np.linspace(1.0, 0.0, self.horizon + 1)[:, None]
-        x = data.x_ref + fade * (data.x_init - data.x_ref[0])
+        x = np.tile(data.x_init, (self.horizon + 1, 1))
+        x[:, :6] = data.x_ref + fade * (data.x_init[:6] - data.x_ref[0])
         return self.stack(x, np.tile(data.u_init, (self.horizon + 1, 1)))

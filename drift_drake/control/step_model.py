@@ -13,17 +13,21 @@ Array = NDArray[np.float64]
 
 
 class StepModel(Protocol):
-    """One time step x_{k+1} = f(x_k, u_k, u_{k+1}) of the paper's six states, over all stages of a horizon at once.
+    """One time step x_{k+1} = f(x_k, u_k, u_{k+1}) over all stages of a horizon at once.
 
-    Shapes: x [N, 6], u and u_next [N, 2], curvature [N] (of the path, the mean over the step) [1/m].
+    Shapes: x [N, n] with n = 6 + m: the paper's six states and m further ones of the model's own (m = 0 as a rule);
+    u and u_next [N, 2]; curvature [N] (of the path, the mean over the step) [1/m].
     """
 
+    memory_scale: Array
+    """Sizes [m] of the model's further states, which no cost or bound knows."""
+
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        """x_next [N, 6]."""
+        """x_next [N, n]."""
         ...
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
-        """(x_next [N, 6], d x_next/dx [N, 6, 6], d x_next/du [N, 6, 2], d x_next/du_next [N, 6, 2])."""
+        """(x_next [N, n], d x_next/dx [N, n, n], d x_next/du [N, n, 2], d x_next/du_next [N, n, 2])."""
         ...
 
 
@@ -33,6 +37,8 @@ class NominalStepModel:
     The rim speed is stiff (about 170/s at 7.5 m/s), which sets the number of sub-steps: RK4 is stable for
     dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
     """
+
+    memory_scale: Array = np.empty(0)
 
     def __init__(self, parameters: VehicleParameters, dt: float = 0.1, substeps: int = 8) -> None:
         self.dt = dt

@@ -43,6 +43,8 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = 
 class BayesianStepModel:
     """One step of the learnt car over the arrays of a horizon, for one theta."""
 
+    memory_scale: Array = np.empty(0)
+
     def __init__(
         self,
         network: Network,

@@ -1,0 +1,172 @@
+"""The car with effects as a one-step model: what an MPC that knows the true car believes (the oracle).
+
+The effects' own states (lags, relaxation, heat, filtered accelerations) are states of the model. They are not measured;
+`MemoryObserver` runs them along the measured states and the commands.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from drift_drake.compilation import compiled
+from drift_drake.vehicle.bicycle import path_rates
+from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.scalar import jitable
+
+Array = NDArray[np.float64]
+
+MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0])
+STATE_SIZE = 6 + len(Memory._fields)
+COMPLEX_STEP = 1e-30
+
+
+class EffectsStepModel:
+    """One step of the car with effects: RK4 with sub-steps under linear input, Jacobians by the complex step (exact).
+
+    A transport delay of steering is beyond it (a step knows the commands at its own ends only), as are a road's grade
+    on a heading (the six states have none) and the sensors' effects.
+
+    Raises:
+        ValueError: such an effect.
+    """
+
+    def __init__(self, parameters: VehicleParameters, effects: Effects, dt: float = 0.1, substeps: int = 8) -> None:
+        beyond = [n for n in ("steering_delay", "road_grade", "gyro_bias", "sideslip_bias", "wheel_radius_error",
+                              "sensor_latency") if getattr(effects, n) != 0.0]  # fmt: skip
+        if beyond:
+            raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
+        self.memory_scale = MEMORY_SCALE
+        self.dt = dt
+        self.constants, self.effects = parameters.constants(), effects
+        self._substeps = max(substeps, _stable_substeps(effects, dt))
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        x_next = np.empty(x.shape)
+        car = (self.constants, self.effects, self.dt, self._substeps)
+        _steps(*_contiguous(x, u, u_next, curvature), *car, x_next)
+        return x_next
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        x_next, jacobian = np.empty(x.shape), np.empty((len(x), STATE_SIZE, STATE_SIZE + 4))
+        car = (self.constants, self.effects, self.dt, self._substeps)
+        _jacobians(*_contiguous(x, u, u_next, curvature), *car, x_next, jacobian)
+        n = STATE_SIZE
+        return x_next, jacobian[:, :, :n], jacobian[:, :, n : n + 2], jacobian[:, :, n + 2 :]
+
+
+def _stable_substeps(effects: Effects, duration: float) -> int:
+    """A rate-limited wheel settles within 2 ms; RK4 then needs steps of at most 4 ms."""
+    return math.ceil(duration / (2.0 * RATE_LIMIT_TIME)) if effects.steering_rate_limit > 0.0 else 1
+
+
+def _contiguous(x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+    return (np.ascontiguousarray(x, dtype=float), np.ascontiguousarray(u, dtype=float),
+            np.ascontiguousarray(u_next, dtype=float), np.ascontiguousarray(curvature, dtype=float))  # fmt: skip
+
+
+@jitable
+def _rates(x: Any, delta: Any, tau: Any, curvature: Any, p: Constants, q: Effects, out: Any) -> None:
+    memory = Memory(x[6], x[7], x[8], x[9], x[10], x[11], x[12], x[13])
+    m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, memory, delta, tau, p, q)
+    e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
+    out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
+    out[6], out[7], out[8], out[9] = d.steering, d.torque, d.front_slip, d.rear_slip
+    out[10], out[11], out[12], out[13] = d.front_heat, d.rear_heat, d.a_x, d.a_y
+
+
+@jitable
+def _rk4(x: Any, u: Any, u_next: Any, curvature: Any, p: Constants, q: Effects, dt: float, substeps: int,
+         k: Any, point: Any, total: Any) -> None:  # fmt: skip
+    """Advances x in place; k, point and total are work arrays of x's type."""
+    h = dt / substeps
+    for sub in range(substeps):
+        for stage in range(4):
+            node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+            for i in range(x.size):
+                point[i] = x[i] if stage == 0 else x[i] + node * h * k[i]
+            share = (sub + node) / substeps
+            delta, tau = u[0] + share * (u_next[0] - u[0]), u[1] + share * (u_next[1] - u[1])
+            _rates(point, delta, tau, curvature, p, q, k)
+            for i in range(x.size):
+                total[i] = weight * k[i] if stage == 0 else total[i] + weight * k[i]
+        for i in range(x.size):
+            x[i] += h * total[i]
+
+
+@compiled
+def _steps(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, q: Effects, dt: float, substeps: int,
+           x_next: Array) -> None:  # fmt: skip
+    k, point, total = np.empty(STATE_SIZE), np.empty(STATE_SIZE), np.empty(STATE_SIZE)
+    for n in range(x.shape[0]):
+        x_next[n] = x[n]
+        _rk4(x_next[n], u[n], u_next[n], curvature[n], p, q, dt, substeps, k, point, total)
+
+
+@compiled
+def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, q: Effects, dt: float,
+               substeps: int, x_next: Array, jacobian: Array) -> None:  # fmt: skip
+    n_x = STATE_SIZE
+    z = np.empty(n_x + 4, dtype=np.complex128)
+    k, point, total = np.empty(n_x, np.complex128), np.empty(n_x, np.complex128), np.empty(n_x, np.complex128)
+    for n in range(x.shape[0]):
+        for j in range(n_x + 4):
+            for i in range(n_x):
+                z[i] = x[n, i]
+            for i in range(2):
+                z[n_x + i], z[n_x + 2 + i] = u[n, i], u_next[n, i]
+            z[j] += COMPLEX_STEP * 1j
+            _rk4(z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :], curvature[n], p, q, dt, substeps, k, point, total)
+            for i in range(n_x):
+                jacobian[n, i, j] = z[i].imag / COMPLEX_STEP
+        for i in range(n_x):
+            x_next[n, i] = z[i].real
+
+
+class MemoryObserver(LeafSystem):
+    """Runs the effects' states along what is measured: they are stable, so that their initial error dies out.
+
+    Input ports: measured_state [7]; command [2], in force. Output port: memory [8] (`effects.Memory`).
+    State in the Context, each `period`: the memory and the command of the last tick; the memory starts settled.
+    """
+
+    def __init__(self, model: EffectsStepModel, period: float = 0.01) -> None:
+        LeafSystem.__init__(self)
+        self._model, self._period = model, period
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._command = self.DeclareVectorInputPort("command", 2)
+        size = len(Memory._fields)
+        # Time, memory, state and command of the last tick.
+        held = self.DeclareDiscreteState(np.full(1 + STATE_SIZE + 2, np.nan))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command)}
+        self.DeclareVectorOutputPort(
+            "memory",
+            size,
+            lambda context, output: output.SetFromVector(self._now(context)[7:-2]),
+            prerequisites_of_calc={*inputs, self.discrete_state_ticket(held), self.time_ticket()},
+        )
+
+    def _now(self, context: Context) -> Array:
+        """(time, measured state [6], memory [8], command [2]) at this tick, the memory run on from the last one."""
+        held, t = context.get_discrete_state_vector().value(), context.get_time()
+        if t - held[0] < 0.5 * self._period:
+            return held
+        measured, command = self._measured.Eval(context), self._command.Eval(context)
+        model = self._model
+        if np.isnan(held[0]):
+            memory = np.array(settled_memory(*measured[:4], *command, model.constants, model.effects), dtype=float)
+        else:
+            x_next = np.empty((1, STATE_SIZE))
+            substeps = _stable_substeps(model.effects, self._period)
+            _steps(held[None, 1:-2].copy(), held[None, -2:].copy(), command[None].copy(), np.zeros(1), model.constants,
+                   model.effects, self._period, substeps, x_next)  # fmt: skip
+            memory = x_next[0, 6:]
+        return np.concatenate([[t], measured[:6], memory, command])
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        discrete.set_value(self._now(context))

@@ -1,0 +1,58 @@
+# `make demo` and `make test` work from a fresh clone: they make .venv, install into it once, and run. See `make help`.
+
+# The first interpreter that is recent enough and can make virtual environments; or `make PYTHON=/path/to/python3.11 ...`.
+PYTHON ?= $(shell for python in python3.11 python3.12 python3.13 python3.14 python3 python; do \
+	if $$python -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; \
+	then echo $$python; break; fi; done)
+
+BIN := .venv/bin
+# The compiled equations and BLAS are fastest on one thread each, and runs replay to the bit.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: help demo test test-slow lint format clean
+
+help:
+	@echo "make demo       drive the figure-8 in simulation; pictures and numbers go to runs/"
+	@echo "make test       linters, type checker and tests"
+	@echo "make test-slow  the long checks too"
+	@echo "make lint       linters and type checker alone"
+	@echo "make format     rewrite the sources in the house's format"
+	@echo "make clean      remove the virtual environment and all caches"
+
+demo: .venv/installed
+	$(BIN)/python -m diagrams.closed_loop
+
+test: lint
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-slow: lint
+	$(BIN)/python -m pytest -n 2
+
+lint: .venv/installed-all
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: .venv/installed-all
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The stamps let the second run do without pip, and so without the network.
+.venv/bin/python:
+	@test -n "$(PYTHON)" || { \
+		echo "drift_drake needs Python 3.11 or newer with its venv module: install it (Debian, Ubuntu: apt install python3.11-venv), or name it with make PYTHON=/path/to/python3.11"; \
+		exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/installed: pyproject.toml constraints.txt | .venv/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+.venv/installed-all: pyproject.toml constraints.txt | .venv/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,test,dev]"
+	@touch $@

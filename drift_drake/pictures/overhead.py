@@ -1,0 +1,178 @@
+"""The map from above: lane, reference, driven path and the car's attitude along it."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from drift_drake.pictures.car_shape import CarShape, placed
+from drift_drake.pictures.style import (
+    DEGREES,
+    INK,
+    KMH,
+    LANE,
+    LEVELS,
+    REFERENCE,
+    RUNS,
+    SIDES,
+    check_columns,
+    new_figure,
+    styled,
+)
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+Colour = Literal["sideslip", "speed", "run"]
+
+COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
+LINE_SPACING = 0.5  # [m] between points of the reference's lines
+
+
+@styled()
+def overhead(
+    runs: Mapping[str, pd.DataFrame],
+    reference: Reference | None = None,
+    parameters: VehicleParameters | None = None,
+    colour: Colour | None = None,
+    car_every: float = 0.7,
+    title: str = "",
+) -> Figure:
+    """Draws runs from above.
+
+    Args:
+        runs: tables with t, x, y, psi, v, beta, delta (SI) by name.
+        reference: its path and lane are drawn beneath.
+        parameters: the car whose outline is drawn; the default car without.
+        colour: what the driven path's colour means; sideslip for one run and the run itself for several by default.
+        car_every: [s] between the cars drawn, leaving out those that would cover another of their run; 0 draws none.
+        title: of the picture.
+
+    Raises:
+        ValueError: a run lacks a column or has no row.
+    """
+    if not runs:
+        raise ValueError("no runs to draw; give at least one")
+    for name, run in runs.items():
+        check_columns(run, COLUMNS, name)
+    colour = colour or ("sideslip" if len(runs) == 1 else "run")
+    shape = CarShape.of(parameters or VehicleParameters())
+    low, high = _extent(runs, reference, 0.6 * shape.length)
+    width, height = high - low
+    figure = new_figure(7.5, float(np.clip(1.0 + 5.8 * height / width, 2.6, 8.5)))
+    axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_aspect("equal")
+    if reference is not None:
+        _draw_reference(axes, reference)
+    mappable = _mappable(colour, runs)
+    for index, run in enumerate(runs.values()):
+        run_colour = RUNS[index % len(RUNS)]
+        _draw_path(axes, run, mappable, colour, run_colour)
+        if car_every > 0.0:
+            _draw_cars(axes, run, shape, car_every, INK if mappable else run_colour)
+    first = next(iter(runs.values()))
+    axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
+    axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    _legend(axes, runs, reference, colour)
+    if mappable is not None:
+        label = "sideslip [deg]" if colour == "sideslip" else "speed [km/h]"
+        figure.colorbar(mappable, ax=axes, label=label, shrink=0.7, aspect=30, pad=0.02).outline.set_visible(False)
+    return figure
+
+
+def _lane_edges(reference: Reference) -> tuple[Array, Array, Array]:
+    """(path positions [K], left and right edge of the lane, each [K, 2])."""
+    beyond = LINE_SPACING if reference.path.closed else 0.0  # so that the lines of a closed path meet
+    end = min(reference.distance, reference.path.length) + beyond
+    s = np.arange(0.0, end + 0.5 * LINE_SPACING, LINE_SPACING)
+    low, high = reference.lane(s)
+    return s, np.stack(reference.path.to_world(s, high), -1), np.stack(reference.path.to_world(s, low), -1)
+
+
+def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None, margin: float) -> tuple[Array, Array]:
+    """Lower left and upper right corner [2] [m] of what is drawn."""
+    drawn = [run[["x", "y"]].to_numpy(dtype=float) for run in runs.values()]
+    if reference is not None:
+        drawn += _lane_edges(reference)[1:]
+    points = np.concatenate(drawn)
+    return np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
+
+
+def _draw_reference(axes: Axes, reference: Reference) -> None:
+    s, left, right = _lane_edges(reference)
+    # A strip of quads: a single outline would leave a hole where the lane crosses itself.
+    quads = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
+    axes.add_collection(PolyCollection(list(quads), facecolors=LANE, edgecolors=LANE, linewidths=0.5, zorder=1))
+    for bound in (left, right):
+        axes.plot(bound[:, 0], bound[:, 1], color="#B8B8B4", linewidth=0.8, zorder=2)
+    x, y, _ = reference.path.pose(s)
+    axes.plot(x, y, color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), zorder=3)
+
+
+def _mappable(colour: Colour, runs: Mapping[str, pd.DataFrame]) -> ScalarMappable | None:
+    values = np.concatenate([_coloured_quantity(run, colour) for run in runs.values()])
+    if colour == "run":
+        return None
+    colours: Colormap
+    if colour == "sideslip":
+        size = max(float(np.nanmax(np.abs(values))), 1.0)
+        norm, colours = Normalize(-size, size), SIDES
+    else:
+        norm, colours = Normalize(float(np.nanmin(values)), float(np.nanmax(values))), LEVELS
+    return ScalarMappable(norm, colours)
+
+
+def _coloured_quantity(run: pd.DataFrame, colour: Colour) -> Array:
+    return run["v"].to_numpy() * KMH if colour == "speed" else run["beta"].to_numpy() * DEGREES
+
+
+def _draw_path(axes: Axes, run: pd.DataFrame, mappable: ScalarMappable | None, colour: Colour, plain: str) -> None:
+    points = run[["x", "y"]].to_numpy(dtype=float)
+    if mappable is None:
+        axes.plot(points[:, 0], points[:, 1], color=plain, linewidth=1.6, zorder=4)
+        return
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    lines = LineCollection(list(segments), cmap=mappable.cmap, norm=mappable.norm, linewidths=2.2, zorder=4)
+    lines.set_array(_coloured_quantity(run, colour)[:-1])
+    lines.set_capstyle("round")
+    axes.add_collection(lines)
+
+
+def _draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colour: str) -> None:
+    t = run["t"].to_numpy(dtype=float)
+    rows = np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, every)))
+    centres: list[tuple[float, float]] = []
+    bodies, cabins, wheels = [], [], []
+    for row in rows[rows < len(t)]:
+        x, y, psi, delta = (float(run[name].iloc[row]) for name in ("x", "y", "psi", "delta"))
+        if any(np.hypot(x - other_x, y - other_y) < shape.length for other_x, other_y in centres):
+            continue
+        centres.append((x, y))
+        bodies.append(placed(shape.body(), x, y, psi))
+        cabins.append(placed(shape.cabin(), x, y, psi))
+        wheels += [placed(wheel, x, y, psi) for wheel in shape.wheels(delta)]
+    axes.add_collection(PolyCollection(wheels, facecolors=INK, edgecolors="none", zorder=5.2))
+    axes.add_collection(
+        PolyCollection(bodies, facecolors=(1.0, 1.0, 1.0, 0.75), edgecolors=colour, linewidths=0.7, zorder=5.1)
+    )
+    axes.add_collection(PolyCollection(cabins, facecolors=colour, edgecolors="none", alpha=0.35, zorder=5.15))
+
+
+def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None, colour: Colour) -> None:
+    handles = []
+    if colour == "run":
+        handles += [Line2D([], [], color=RUNS[k % len(RUNS)], linewidth=1.6, label=name) for k, name in enumerate(runs)]
+    if reference is not None:
+        handles.append(Line2D([], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), label="reference"))
+        handles.append(Line2D([], [], color="#B8B8B4", linewidth=0.8, label="lane"))
+    if handles:
+        axes.legend(handles=handles, loc="lower right", ncols=len(handles), bbox_to_anchor=(1.0, 1.0))

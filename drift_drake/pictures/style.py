@@ -1,0 +1,94 @@
+"""The look that all pictures share: quiet, readable in print and by the colour-blind, units on every axis."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+DEGREES = 57.29577951308232  # [deg / rad]
+KMH = 3.6  # [(km/h) / (m/s)]
+
+INK = "#222222"
+REFERENCE = "#777777"
+BOUND = "#A03020"
+LANE = "#ECECEA"
+TRANSITION = "#E3E3E0"
+
+# Okabe and Ito's colours, which the colour-blind tell apart, in an order that greys tell apart too.
+RUNS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+
+SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])
+"""From right to left (sideslip): dark in the middle, so that it shows on a light lane."""
+
+LEVELS = LinearSegmentedColormap.from_list("levels", ["#1B1B4B", "#3B5B92", "#2E9C8F", "#E8B83A"])
+"""From little to much (speed)."""
+
+RC: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture on every machine
+    "font.size": 8.0,
+    "axes.titlesize": 9.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#888888",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.5,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.fonttype": "path",
+    "svg.hashsalt": "drift_drake",  # the same picture gives the same file
+}
+
+
+def styled() -> Any:
+    """Context (or decorator) in which figures are made; leaves matplotlib's own settings alone."""
+    return matplotlib.rc_context(RC)
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of the given size [in], laid out without overlaps, with no display behind it."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Writes a figure, in the format that the path's ending names; makes the folder."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    metadata = {"Date": None} if path.suffix == ".svg" else None
+    with styled():
+        figure.savefig(path, dpi=200, metadata=metadata)
+    return path
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    """A legend in one row above the axes, out of the way of the data."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.6)
+
+
+def check_columns(run: Any, columns: Iterable[str], name: str) -> None:
+    """Raises a ValueError that names the run and what it lacks."""
+    missing = [column for column in columns if column not in run.columns]
+    if missing:
+        raise ValueError(f"run '{name}' lacks the column(s) {', '.join(missing)}; this picture needs them")
+    if len(run) == 0:
+        raise ValueError(f"run '{name}' is empty; a picture needs at least one row")

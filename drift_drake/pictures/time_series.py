@@ -1,0 +1,169 @@
+"""Signals of runs against the reference, inputs with their bounds, and tracking errors."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from drift_drake.pictures.style import (
+    BOUND,
+    DEGREES,
+    INK,
+    KMH,
+    REFERENCE,
+    RUNS,
+    TRANSITION,
+    check_columns,
+    legend_above,
+    new_figure,
+    styled,
+)
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+# Above the runs, or a car that does what is wanted would hide it.
+REFERENCE_LINE: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (4, 3)), "zorder": 3.0}
+MIN_SPEED_SPAN = 10.0  # [km/h] that the axis of a speed shows at least
+MIN_LATERAL_SPAN = 0.5  # [m] that the axis of the lateral error shows at least, to either side
+
+COLUMNS = ("t", "s", "r", "v", "beta", "omega_r", "e", "delta", "tau")
+
+
+@styled()
+def time_series(
+    runs: Mapping[str, pd.DataFrame],
+    reference: Reference,
+    parameters: VehicleParameters,
+    against: Literal["t", "s"] | None = None,
+    title: str = "",
+) -> Figure:
+    """Draws states against the reference, inputs with their bounds, and tracking errors; transitions in grey.
+
+    Args:
+        runs: tables with t, s, r, v, beta, omega_r, e, delta, tau (SI) by name.
+        reference: looked up at each run's path position.
+        parameters: for the inputs' limits.
+        against: time, or path position, which lines several runs up; by default time for one run, else position.
+        title: of the picture.
+
+    Raises:
+        ValueError: a run lacks a column or has no row.
+    """
+    if not runs:
+        raise ValueError("no runs to draw; give at least one")
+    for name, run in runs.items():
+        check_columns(run, COLUMNS, name)
+    against = against or ("t" if len(runs) == 1 else "s")
+    figure = new_figure(7.5, 7.6)
+    grid = figure.subplots(4, 2, sharex=True)
+    states = grid[:, 0]
+    _draw_transitions(grid.ravel(), runs, reference, against)
+
+    lines = (
+        (states[0], "sideslip [deg]", 2, "beta", DEGREES),
+        (states[1], "yaw rate [deg/s]", 0, "r", DEGREES),
+        (states[2], "speed [km/h]", 1, "v", KMH),
+        (states[3], "rear rim speed [km/h]", 3, "omega_r", KMH),
+    )
+    longest = max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
+    for axes, label, index, _, unit in lines:
+        wanted = reference.state(longest["s"].to_numpy(dtype=float))[:, index] * unit
+        axes.plot(longest[against], wanted, **REFERENCE_LINE, label="reference")
+        axes.set_ylabel(label)
+    for axes, _, _, column, unit in lines:
+        _draw(axes, runs, against, _column(column, unit))
+
+    steering, torque, lateral, sideslip = grid[:, 1]
+    _bounds(steering, -parameters.steering_limit * DEGREES, parameters.steering_limit * DEGREES)
+    _bounds(torque, parameters.torque_min, parameters.torque_max)
+    _draw(steering, runs, against, _column("delta", DEGREES))
+    _draw(torque, runs, against, _column("tau", 1.0))
+    for index, (axes, unit) in enumerate(((steering, DEGREES), (torque, 1.0))):
+        wanted = reference.input(longest["s"].to_numpy(dtype=float))[:, index] * unit
+        axes.plot(longest[against], wanted, **REFERENCE_LINE)
+    _draw(lateral, runs, against, _column("e", 1.0))
+    _draw(sideslip, runs, against, lambda run: sideslip_error(run, reference) * DEGREES)
+    for axes in (states[2], states[3]):
+        _widen(axes, MIN_SPEED_SPAN)
+    _draw_lane(lateral, runs, longest, reference, against)
+    steering.set_ylabel("steering angle [deg]")
+    torque.set_ylabel("engine torque [N m]")
+    lateral.set_ylabel("lateral error e [m]")
+    sideslip.set_ylabel("sideslip error [deg]")
+    for axes in (lateral, sideslip):
+        axes.axhline(0.0, color=REFERENCE, linewidth=0.8)
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
+    for axes in grid.ravel():
+        axes.margins(x=0.0)
+    legend_above(states[0], len(runs) + 1)
+    steering.plot([], [], color=BOUND, linewidth=0.8, label="bound")
+    steering.fill_between([], [], color=TRANSITION, label="transition")
+    handles, labels = steering.get_legend_handles_labels()
+    shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in ("bound", "transition")]
+    steering.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
+    return figure
+
+
+def sideslip_error(run: pd.DataFrame, reference: Reference) -> Array:
+    """beta - beta_ref(s) [rad] of each row."""
+    return run["beta"].to_numpy(dtype=float) - reference.state(run["s"].to_numpy(dtype=float))[:, 2]
+
+
+def _column(name: str, unit: float) -> Callable[[pd.DataFrame], Array]:
+    return lambda run: run[name].to_numpy(dtype=float) * unit
+
+
+def _draw(
+    axes: Axes, runs: Mapping[str, pd.DataFrame], against: str, quantity: Callable[[pd.DataFrame], Array]
+) -> None:
+    for index, (name, run) in enumerate(runs.items()):
+        axes.plot(run[against], quantity(run), color=RUNS[index % len(RUNS)], linewidth=1.1, label=name, zorder=2.5)
+
+
+def _widen(axes: Axes, span: float) -> None:
+    """Shows at least `span`, so that noise does not look like a swing."""
+    low, high = axes.get_ylim()
+    missing = max(0.0, span - (high - low))
+    axes.set_ylim(low - 0.5 * missing, high + 0.5 * missing)
+
+
+def _draw_lane(axes: Axes, runs: Mapping[str, pd.DataFrame], longest: pd.DataFrame, reference: Reference,
+               against: str) -> None:  # fmt: skip
+    """The lane's bounds if the runs come near them; else a note, and a scale that shows the error."""
+    low, high = reference.lane(longest["s"].to_numpy(dtype=float))
+    size = max(MIN_LATERAL_SPAN, *(1.15 * float(run["e"].abs().max()) for run in runs.values()))
+    if min(float(high.min()), float(-low.max())) > 2.0 * size:
+        axes.set_ylim(-size, size)
+        note = f"lane: {low.max():.3g} to {high.min():.3g} m"
+        axes.annotate(note, (1.0, 1.0), (-3, -3), "axes fraction", "offset points", ha="right", va="top", color=BOUND)
+        return
+    for bound in (low, high):
+        axes.plot(longest[against], bound, color=BOUND, linewidth=0.8)
+
+
+def _bounds(axes: Axes, low: float, high: float) -> None:
+    for bound in (low, high):
+        axes.axhline(bound, color=BOUND, linewidth=0.8)
+
+
+def _draw_transitions(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference,
+                      against: str) -> None:  # fmt: skip
+    """Grey bands where the reference is in a transition; over time, those of the first run."""
+    longest = max(runs.values(), key=lambda run: float(run["s"].iloc[-1]))
+    run = next(iter(runs.values())) if against == "t" else longest
+    inside = np.concatenate([[False], reference.transition(run["s"].to_numpy(dtype=float)), [False]])
+    position = run[against].to_numpy(dtype=float)
+    edges = np.flatnonzero(inside[1:] != inside[:-1])
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        for axes in grid:
+            axes.axvspan(position[begin], position[min(end, len(position) - 1)], color=TRANSITION, linewidth=0.0,
+                         zorder=0.5)  # fmt: skip

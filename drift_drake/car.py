@@ -44,7 +44,7 @@ class Car(Diagram):
         self.plant = builder.AddNamedSystem("plant", VehiclePlant(parameters, effects, path))
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
         actuation = self.plant.GetInputPort("actuation")
-        if effects.steering_delay > 0.0:
+        if effects.steering_delay != 0.0:
             split = builder.AddNamedSystem("command", Demultiplexer(2))
             delay = builder.AddNamedSystem("steering_delay", TransportDelay(1, effects.steering_delay, period))
             joined = builder.AddNamedSystem("actuation", Multiplexer(2))

@@ -148,7 +148,7 @@ class Sensors(Diagram):
         self.noise_source = builder.AddNamedSystem("noise", source)
         sampler = builder.AddNamedSystem("sampler", SampleAndHold(noise, effects, period))
         builder.Connect(self.noise_source.get_output_port(), sampler.GetInputPort("noise"))
-        if effects.sensor_latency > 0.0:
+        if effects.sensor_latency != 0.0:
             # Rows are taken where the sampler will look, so that nothing is interpolated.
             offset = -effects.sensor_latency % period
             latency = TransportDelay(len(SIGNALS), effects.sensor_latency, period, offset)

@@ -77,3 +77,9 @@ def test_measurements_do_not_feed_the_command_through_but_in_their_accelerations
     assert "acceleration" in through
     assert "state" not in through
     assert "pose" not in through
+
+
+@pytest.mark.parametrize("effect", ["steering_delay", "sensor_latency"])
+def test_a_delay_cannot_be_negative(effect):
+    with pytest.raises(ValueError, match=r"delay is -0\.1; give it in seconds, zero or more"):
+        Car(PARAMETERS, Effects(**{effect: -0.1}))

@@ -224,7 +224,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
 
 @jitable
 def settled_memory(
-    r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, nominal: Constants, q: Effects
+    r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, nominal: Constants, q: Effects, psi: Any = 0.0
 ) -> Memory:
     """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
@@ -232,7 +232,7 @@ def settled_memory(
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     zero = 0.0 * v_x
     memory = Memory(delta + zero, tau + zero, front_slip(v_x, v_y), sigma_rear + zero, zero, zero, zero, zero)
-    motion, _ = motion_with_effects(r, v, beta, omega_r, 0.0, memory, delta, tau, nominal, q)
+    motion, _ = motion_with_effects(r, v, beta, omega_r, psi, memory, delta, tau, nominal, q)
     return Memory(
         memory.steering, memory.torque, memory.front_slip, memory.rear_slip, zero, zero, motion.a_x, motion.a_y
     )

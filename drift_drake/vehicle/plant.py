@@ -209,7 +209,7 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             values = [r, v, beta, omega_r, e, dphi, s, *pose]
             if self.has_memory:
                 delta, tau = actuation
-                values += settled_memory(r, v, beta, omega_r, delta, tau, *self._car(context))
+                values += settled_memory(r, v, beta, omega_r, delta, tau, *self._car(context), psi=pose[2])
             context.SetContinuousState([T(value) for value in values])
 
         def _car(self, context: Any) -> tuple[Constants, Effects]:

@@ -177,7 +177,7 @@ def test_initial_memory_is_settled():
     plant = VehiclePlant(PARAMETERS, MANY_EFFECTS)
     context = prepared(plant)
     view = plant.state_view(plant.GetOutputPort("full_state").Eval(context))
-    memory = settled_memory(*STATE[:4], *ACTUATION, PARAMETERS.constants(), MANY_EFFECTS)
+    memory = settled_memory(*STATE[:4], *ACTUATION, PARAMETERS.constants(), MANY_EFFECTS, view.psi)
     np.testing.assert_allclose(view[10:], memory, rtol=1e-14)
     rates = plant.state_view(plant.EvalTimeDerivatives(context).CopyToVector())
     settled = (rates.steering, rates.torque, rates.front_slip, rates.rear_slip)

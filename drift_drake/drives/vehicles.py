@@ -75,14 +75,9 @@ def distributions(population: Population) -> dict[str, Distribution]:
     return WIDE if population == "wide" else TRAINING
 
 
-def vehicle_generator(population: Population, index: int, seed: int) -> np.random.Generator:
-    """The stream of random numbers of one vehicle: another for each population, vehicle and seed."""
-    return np.random.default_rng([seed, POPULATIONS.index(population), index])
-
-
 def draw_effects(population: Population, index: int, seed: int) -> Effects:
     """The effects of vehicle `index` of a population: the same for the same arguments, whatever else is drawn."""
-    generator = vehicle_generator(population, index, seed)
+    generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
     return make_effects({name: _draw(d, generator) for name, d in distributions(population).items()})
 
 

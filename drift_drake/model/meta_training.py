@@ -51,7 +51,8 @@ class TrainingConfig:
     output: Path  # checkpoint to write (.npz)
     validation: Path | None = None  # table of other vehicles; only watched, never trained on
     horizons: tuple[int, ...] = (10, 20, 50, 100)  # [samples] each epoch cuts its windows at one of these, drawn anew
-    shuffled_share: float = 0.0  # of epochs whose windows take a vehicle's samples in random order, across its drives
+    shuffled_share: float = 0.5  # of epochs whose windows take a vehicle's samples in random order, across its drives
+    epoch_samples: int | None = None  # an epoch's share of a larger table, drawn anew each time; None: all of it
     adaptive: bool = True  # False: Lambda_0 to infinity, a network of the same size that never adapts
     epochs: int = 1000
     learning_rate: float = 1e-3
@@ -211,6 +212,9 @@ def train(config: TrainingConfig) -> BayesianModel:
         order = generator.permutation(len(cut))
         per_batch = max(1, config.batch // horizon)
         total, count = 0.0, 0
+        if config.epoch_samples is not None:
+            lengths = np.cumsum([len(cut[i]) for i in order])
+            order = order[: int(np.searchsorted(lengths, config.epoch_samples)) + 1]
         for first in range(0, len(order), per_batch):
             batch = [cut[i] for i in order[first : first + per_batch]]
             loss, size = _batch_loss(parameters, windows, batch, scale, config.adaptive)

@@ -1,0 +1,155 @@
+"""How good a learnt model is on vehicles it has not seen: errors, rollouts, calibration, against adaptation points."""
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, residual
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import STATE_COUNT, features, network_inputs
+from drift_drake.model.posterior import Posterior, predict, update_all
+from drift_drake.model.samples import Samples, concatenate
+
+Array = NDArray[np.float64]
+
+GAUSSIAN_COVERAGE = (0.6827, 0.9545, 0.9973)  # of 1, 2 and 3 sigma
+
+
+class Stepper(Protocol):
+    """Anything that steps the six states over an array of points."""
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        """x_next [n, 6]."""
+        ...
+
+
+class Split(NamedTuple):
+    """One vehicle's samples: those it may adapt to, in the order driven, and the drives it is judged by."""
+
+    adaptation: Samples
+    judged: list[Samples]
+
+
+def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
+    """Whole drives for adaptation until `points` samples are there; the other drives judge.
+
+    Args:
+        samples: of one vehicle; rotation: which drive comes first.
+
+    Raises:
+        ValueError: the vehicle's drives are too few for both.
+    """
+    drives = samples.drives()
+    rotation %= len(drives)
+    drives = drives[rotation:] + drives[:rotation]
+    counts = np.cumsum([len(drive.x) for drive in drives])
+    used = int(np.searchsorted(counts, points)) + 1
+    if used >= len(drives):
+        raise ValueError(f"{counts[-1]} samples in {len(drives)} drives are too few to adapt to {points} and judge")
+    adaptation = concatenate(drives[:used])
+    return Split(adaptation.where(np.arange(points)), drives[used:])
+
+
+def adapted(model: BayesianModel, samples: Samples) -> Posterior:
+    """The model's posterior after samples."""
+    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
+    return update_all(model.prior(), phi, residual(samples.x, samples.u, samples.x_next, model.vehicle.constants()))
+
+
+def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Samples) -> tuple[Array, Array]:
+    """One-step (errors [n, 4], predicted standard deviations [n, 4]) of the learnt states."""
+    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
+    prediction = predict(posterior, model.sigma, phi)
+    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
+    return y - prediction.mean, np.sqrt(prediction.variance)
+
+
+def step_errors(model: Stepper, samples: Samples) -> Array:
+    """One-step errors [n, 6] of a model without uncertainty."""
+    return samples.x_next - model.step(samples.x, samples.u, samples.u_next, samples.curvature)
+
+
+def coverage(errors: Array, deviations: Array) -> Array:
+    """Share of errors within 1, 2 and 3 standard deviations, [3, 4] by state."""
+    ratio = np.abs(errors) / deviations
+    return np.stack([np.mean(ratio <= k, axis=0) for k in (1.0, 2.0, 3.0)])
+
+
+def mean_nll(errors: Array, deviations: Array) -> float:
+    """Mean of error^2 / Sigma + log Sigma over samples, summed over states: the training objective per sample."""
+    return float(np.mean(np.sum((errors / deviations) ** 2 + 2.0 * np.log(deviations), axis=1)))
+
+
+def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int = 5) -> Array:
+    """Errors [n, 6] after `steps` steps under the recorded commands, from a start at every `every`-th sample.
+
+    The model is fed its own predictions; only its first state is measured. Starts too near the end of their drive for
+    the whole rollout are left out.
+    """
+    starts = [(drive, k) for drive in drives for k in range(0, len(drive.x) - steps + 1, every)]
+    if not starts:
+        return np.empty((0, 6))
+    x = np.stack([drive.x[k] for drive, k in starts])
+    for step in range(steps):
+        rows = [(drive, k + step) for drive, k in starts]
+        u, u_next, curvature = (
+            np.stack([getattr(drive, name)[k] for drive, k in rows]) for name in ("u", "u_next", "curvature")
+        )
+        x = model.step(x, u, u_next, curvature)
+    return np.stack([drive.x_next[k + steps - 1] for drive, k in starts]) - x
+
+
+def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "euler") -> BayesianStepModel:
+    """The one-step model of a posterior's mean."""
+    return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step=path_step)
+
+
+def judge(model: BayesianModel, vehicles: list[Split], points: tuple[int, ...],
+          horizons: tuple[int, ...] = (5, 20)) -> dict[str, Any]:  # fmt: skip
+    """Quality against the number of adaptation points, pooled over vehicles.
+
+    Returns:
+        for each number of points: "rms" (one-step error by state), "nll", "coverage" (1, 2, 3 sigma by state), and for
+        each horizon "rollout_N" (RMS and median size of the error by state after N steps).
+    """
+    result: dict[str, Any] = {}
+    for count in points:
+        errors, deviations = [], []
+        rollouts: dict[int, list[Array]] = {steps: [] for steps in horizons}
+        for split in vehicles:
+            posterior = adapted(model, split.adaptation.where(np.arange(count)))
+            error, deviation = standardized_errors(model, posterior, concatenate(split.judged))
+            errors.append(error)
+            deviations.append(deviation)
+            for steps in horizons:
+                rollouts[steps].append(rollout_errors(step_model(model, posterior), split.judged, steps))
+        error, deviation = np.concatenate(errors), np.concatenate(deviations)
+        result[str(count)] = {
+            "rms": np.sqrt(np.mean(error**2, axis=0)).tolist(),
+            "nll": mean_nll(error, deviation),
+            "coverage": coverage(error, deviation).tolist(),
+            **{f"rollout_{steps}": rollout_summary(rollouts[steps]) for steps in horizons},
+        }
+    return result
+
+
+def judge_stepper(model: Stepper, vehicles: list[Split], horizons: tuple[int, ...] = (5, 20)) -> dict[str, Any]:
+    """The same errors of a model that neither adapts nor knows its uncertainty."""
+    error = np.concatenate([step_errors(model, concatenate(split.judged)) for split in vehicles])
+    return {
+        "rms": np.sqrt(np.mean(error[:, :STATE_COUNT] ** 2, axis=0)).tolist(),
+        **{
+            f"rollout_{steps}": rollout_summary([rollout_errors(model, split.judged, steps) for split in vehicles])
+            for steps in horizons
+        },
+    }
+
+
+def rollout_summary(parts: list[Array]) -> dict[str, list[float]]:
+    """RMS and median size of rollout errors by state; one rollout into a spin can carry an RMS alone."""
+    error = np.concatenate(parts)
+    return {
+        "rms": np.sqrt(np.mean(error**2, axis=0)).tolist(),
+        "median": np.median(np.abs(error), axis=0).tolist(),
+    }

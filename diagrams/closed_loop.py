@@ -5,24 +5,33 @@ python -m diagrams.closed_loop --graph    # draws the diagram
 """
 
 import dataclasses
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
+import tyro
+from drift_drake.pictures.graph import draw_graph
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from pydrake.systems.primitives import LogVectorOutput
 
+from diagrams.metrics import RunMetrics, run_metrics
 from drift_drake.actuation import LinearInterpolationActuator
 from drift_drake.car import Car
 from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
 from drift_drake.control.mpc import DT, MpcController, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
-from drift_drake.control.step_model import StepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
-from drift_drake.reference.trajectory import Reference
+from drift_drake.pictures.overhead import overhead
+from drift_drake.pictures.replay import replay
+from drift_drake.pictures.solver_work import solver_work
+from drift_drake.pictures.time_series import time_series
+from drift_drake.reference.trajectory import Reference, figure_8, loops
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
@@ -187,3 +196,81 @@ class Run:
     table: pd.DataFrame
     outcome: Outcome
     reference: Reference
+
+    def metrics(self) -> RunMetrics:
+        """The run in numbers."""
+        return run_metrics(self.table, self.outcome, self.reference)
+
+
+@dataclasses.dataclass(frozen=True)
+class ClosedLoopConfig:
+    """Drives a reference with the nominal model, from errors in lateral position and sideslip, with sensor noise."""
+
+    vehicle: Path | None = None
+    """Vehicle file; the default coupe without."""
+    reference: Literal["figure_8", "loops"] = "figure_8"
+    seed: int = 0
+    lateral_error: float = 0.5
+    """[m] at the start."""
+    sideslip_error: float = 0.1
+    """[rad] at the start."""
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    out: Path | None = None
+    """Folder for the results; runs/closed_loop-DATE-TIME without."""
+    graph: bool = False
+    """Only draw the diagram (closed_loop.svg and .png in the folder)."""
+
+
+def build(config: ClosedLoopConfig) -> ClosedLoop:
+    """The closed loop that a config describes."""
+    parameters = VehicleParameters.from_yaml(config.vehicle) if config.vehicle else VehicleParameters()
+    reference = {"figure_8": figure_8, "loops": loops}[config.reference](parameters)
+    return ClosedLoop(parameters, reference, NominalStepModel(parameters), control=config.control)
+
+
+def simulate(config: ClosedLoopConfig) -> Run:
+    """One run; the same config gives the same run to the bit (wall times aside)."""
+    # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
+    error = np.array([0.0, 0.0, config.sideslip_error, 0.0, config.lateral_error, 0.0])
+    loop = build(config)
+    return loop.run(loop.initial_context(config.seed, error))
+
+
+def write_results(run: Run, config: ClosedLoopConfig, parameters: VehicleParameters, folder: Path) -> None:
+    """Numbers, table, pictures and the 3D replay of a run."""
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", run.metrics())
+    write_versions(folder)
+    run.table.to_csv(folder / "run.csv", index=False)
+    runs = {"driven": run.table}
+    overhead(runs, run.reference, parameters).savefig(folder / "overhead.png")
+    time_series(runs, run.reference, parameters).savefig(folder / "time_series.png")
+    statistics = run.table[[c for c in run.table if c == "t" or c.startswith("solve_")]]
+    solver_work(statistics.rename(columns=lambda c: c.removeprefix("solve_")), config.control.period).savefig(
+        folder / "solver.png"
+    )
+    replay(runs, folder / "replay.html", run.reference, parameters)
+
+
+def main(config: ClosedLoopConfig) -> None:
+    """Runs a config, or draws its diagram, and says where the results are."""
+    folder = make_run_folder("closed_loop", config.out)
+    if config.graph:
+        for path in draw_graph(build(config).diagram, folder / "closed_loop"):
+            print(path)
+        return
+    run = simulate(config)
+    parameters = VehicleParameters.from_yaml(config.vehicle) if config.vehicle else VehicleParameters()
+    write_results(run, config, parameters, folder)
+    m = run.metrics()
+    print(
+        f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
+        f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"
+        f"{m.solves} solves, {m.solver_failures} failed; {m.solve_ms_median:.1f} ms in the median, "
+        f"{m.solve_ms_99:.1f} ms in 99 of 100\n"
+        f"results in {folder}"
+    )
+
+
+if __name__ == "__main__":
+    main(tyro.cli(ClosedLoopConfig))

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])
 INPUT_SCALE = np.array([0.3, 100.0])
+CURVATURE_STEP = 1e-5  # of the scaled variables, for second derivatives
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,6 +113,31 @@ class StackedDynamics:
         block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
         return ((x_next - x[1:]) / self.state_scale).ravel(), np.concatenate([block.ravel(), np.full(self.size, -1.0)])
 
+    def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
+        """Second derivatives of multipliers' residuals by each stage's (x_k, u_k, u_{k+1}) [N, n+4, n+4].
+
+        Central differences of the models' exact Jacobians, all stages and directions in one batch.
+        """
+        n, count = self.state_size, self.state_size + 4
+        x, u = self.split(z)
+        point = np.concatenate([x[:-1], u[:-1], u[1:]], axis=1)
+        scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE])
+        shifts = np.concatenate([np.eye(count), -np.eye(count)]) * CURVATURE_STEP * scale
+        points = (point[None] + shifts[:, None]).reshape(-1, count)
+        curvature = np.tile(self.curvature, 2 * count)
+        _, a, b, b_next = self.model.linearize(points[:, :n], points[:, n : n + 2], points[:, n + 2 :], curvature)
+        jacobian = (np.concatenate([a, b, b_next], axis=2) * self._block_scale).reshape(2 * count, -1, n, count)
+        gradient = np.einsum("ki,jkil->jkl", multipliers.reshape(-1, n), jacobian)
+        blocks = np.moveaxis((gradient[:count] - gradient[count:]) / (2.0 * CURVATURE_STEP), 0, 1)
+        symmetric: Array = 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
+        return symmetric
+
+    def block_columns(self) -> NDArray[np.intp]:
+        """Where the variables of each stage's block lie in the decision vector [N, n+4]."""
+        n, stage = self.state_size, np.arange(self.horizon)[:, None]
+        inputs = n * (self.horizon + 1) + 2 * stage + np.arange(4)
+        return np.concatenate([n * stage + np.arange(n), inputs], axis=1)
+
     def split(self, z: Array) -> tuple[Array, Array]:
         """(x [N+1, n], u [N+1, 2]) in SI units of the stacked variables."""
         states = self.state_size * (self.horizon + 1)
@@ -177,21 +203,24 @@ class OptimalControlProblem:
         )
 
     def _hessian(self) -> Array:
-        """2 Q on each state but the last, and 2 R on the differences of successive inputs."""
-        n, states = self.horizon, self.dynamics.state_size * (self.horizon + 1)
+        """Second derivatives of the cost: the stages' blocks, summed."""
         hessian = np.zeros((self._z.size, self._z.size))
-        running = np.arange(self.dynamics.state_size * n).reshape(n, -1)[:, :6].ravel()
-        hessian[running, running] = np.tile(2.0 * self.weights.state() * STATE_SCALE**2, n)
-        difference = np.eye(n, n + 1, 1) - np.eye(n, n + 1)
-        hessian[states : states + 2 * (n + 1), states : states + 2 * (n + 1)] = np.kron(
-            difference.T @ difference, np.diag(2.0 * self.weights.input() * INPUT_SCALE**2)
-        )
+        for columns in self.dynamics.block_columns():
+            hessian[np.ix_(columns, columns)] += self.stage_hessian()
         return hessian
 
     @property
     def size(self) -> int:
         """Number of decision variables."""
         return int(self._z.size)
+
+    def stage_hessian(self) -> Array:
+        """Second derivatives of l_k by the scaled (x_k, u_k, u_{k+1}) [n+4, n+4]; their sum is the cost's."""
+        n = self.dynamics.state_size
+        block = np.zeros((n + 4, n + 4))
+        block[range(6), range(6)] = 2.0 * self.weights.state() * STATE_SCALE**2
+        block[n:, n:] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag(2.0 * self.weights.input() * INPUT_SCALE**2))
+        return block
 
     def set(self, data: OcpData) -> None:
         """Puts the data of one problem into the program.

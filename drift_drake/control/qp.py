@@ -93,13 +93,44 @@ class QpSolution(NamedTuple):
         return self.status.startswith(("solved", "maximum iterations")) and bool(np.isfinite(self.z).all())
 
 
+class BlockHessian:
+    """The upper triangle of a sum of overlapping blocks, as OSQP wants it, with a fixed pattern."""
+
+    def __init__(self, columns: NDArray[np.intp], size: int) -> None:
+        self._block_columns = columns
+        row = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
+        column = np.swapaxes(row, 1, 2)
+        self._upper = row <= column
+        key = column[self._upper] * size + row[self._upper]  # in the order of compressed columns
+        places, self._entry = np.unique(key, return_inverse=True)
+        self._rows, self._columns, self._size = places % size, places // size, size
+
+    def values(self, blocks: Array) -> Array:
+        """The entries of the sum, in the order of `matrix`."""
+        return np.bincount(self._entry, blocks[self._upper], self._rows.size).astype(float)
+
+    def times(self, blocks: Array, z: Array) -> Array:
+        """The sum times a vector."""
+        columns = self._block_columns
+        products = (blocks @ z[columns][:, :, None])[:, :, 0]
+        return np.bincount(columns.ravel(), products.ravel(), self._size).astype(float)
+
+    def matrix(self, blocks: Array) -> sparse.csc_matrix:
+        """The sum's upper triangle, its zeros stored."""
+        return sparse.csc_matrix((self.values(blocks), (self._rows, self._columns)), (self._size, self._size))
+
+
 class QpWorkspace:
-    """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the Jacobian's numbers change from call to call."""
+    """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the numbers of both change from call to call.
+
+    Starts with the Hessian P of the given stage blocks [N, n+4, n+4].
+    """
 
     def __init__(
         self,
         linear_quadratic: LinearQuadraticPart,
         dynamics: StackedDynamics,
+        blocks: Array,
         tolerance: float,
         max_iterations: int,
         polish: bool,
@@ -122,11 +153,12 @@ class QpWorkspace:
         self._count = count
         entries.data = np.where(self._order < count, 1.0, self._values[self._order])
         self._matrix = entries
+        self.hessian = BlockHessian(dynamics.block_columns(), linear_quadratic.size)
         _, _, low, high = linear_quadratic.data()
         zeros = np.zeros(dynamics.size)
         self._solver = osqp.OSQP()
         self._solver.setup(
-            sparse.triu(linear_quadratic.hessian, format="csc"),
+            self.hessian.matrix(blocks),
             np.zeros(linear_quadratic.size),
             entries,
             np.concatenate([zeros, low]),
@@ -147,6 +179,10 @@ class QpWorkspace:
         self._values[: self._count] = jacobian
         self._matrix.data = self._values[self._order]
         return self._matrix
+
+    def set_hessian(self, blocks: Array) -> None:
+        """Takes the Hessian as the sum of positive semidefinite stage blocks [N, n+4, n+4]."""
+        self._solver.update(Px=self.hessian.values(blocks))
 
     def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
         """Solves with the Jacobian last set, the given gradient at zero and row bounds, starting from (z, y)."""

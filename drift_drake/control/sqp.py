@@ -1,6 +1,7 @@
 """Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by OSQP.
 
-Gauss-Newton: the Hessian of the quadratic cost, without the constraints' curvature, so that every QP is convex. Steps
+Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
+Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
 are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36).
 """
 
@@ -27,6 +28,7 @@ class SqpOptions:
     qp_max_iterations: int = 20000
     qp_polish: bool = True
     qp_rho: float = 0.1
+    gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
     sufficient_decrease: float = 1e-4
     shrink: float = 0.5
     min_step: float = 1e-4
@@ -34,7 +36,8 @@ class SqpOptions:
     @classmethod
     def real_time(cls, iterations: int = 1) -> "SqpOptions":
         """A fixed number of iterations with QPs solved to a controller's accuracy."""
-        return cls(max_iterations=iterations, qp_tolerance=1e-4, qp_max_iterations=400, qp_polish=False)
+        return cls(max_iterations=iterations, qp_tolerance=1e-4, qp_max_iterations=400, qp_polish=False,
+                   gauss_newton=True)  # fmt: skip
 
 
 class SqpIteration(NamedTuple):
@@ -74,9 +77,13 @@ class LineSearchSqp:
         self.problem = problem
         self._dynamics = problem.dynamics
         self._part = LinearQuadraticPart(problem.program)
+        self._stage_hessian = np.broadcast_to(
+            problem.stage_hessian(), (problem.horizon, *problem.stage_hessian().shape)
+        )
         self._workspace = QpWorkspace(
             self._part,
             problem.dynamics,
+            self._stage_hessian,
             self.options.qp_tolerance,
             self.options.qp_max_iterations,
             self.options.qp_polish,
@@ -109,17 +116,21 @@ class LineSearchSqp:
             if max(primal_residual, dual_residual) < options.tolerance:
                 status = "converged"
                 break
+            blocks, offset = self._stage_hessian, gradient_at_zero
+            if not options.gauss_newton:
+                blocks = self._lagrangian_blocks(z, y)
+                offset = gradient - self._workspace.hessian.times(blocks, z)
+                self._workspace.set_hessian(blocks)
             target = (stacked @ z)[: residual.size] - residual
-            qp = self._workspace.solve(
-                gradient_at_zero, np.concatenate([target, low]), np.concatenate([target, high]), z, y
-            )
+            qp = self._workspace.solve(offset, np.concatenate([target, low]), np.concatenate([target, high]), z, y)
             step = 0.0
             if qp.usable:
                 direction = qp.z - z
                 slope, bend = float(gradient @ direction), float(direction @ (part.hessian @ direction))
+                model_bend = float(direction @ self._workspace.hessian.times(blocks, direction))
                 violation = _violation(residual, linear, low, high)
                 if violation > 1e-12:
-                    penalty = max(penalty, (slope + 0.5 * bend) / (0.5 * violation))
+                    penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * violation))
                 merit, decrease = cost + penalty * violation, slope - penalty * violation
                 # Near the solution the decrease drowns in the merit's rounding error.
                 rounding = 1e-12 * (1.0 + abs(merit))
@@ -143,6 +154,13 @@ class LineSearchSqp:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
+
+    def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
+        """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""
+        blocks = self._stage_hessian + self._dynamics.curvature_blocks(z, y[: self._dynamics.size])
+        values, vectors = np.linalg.eigh(blocks)
+        projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        return projected
 
 
 def _outside(values: Array, low: Array, high: Array) -> Array:

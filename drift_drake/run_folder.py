@@ -1,0 +1,63 @@
+"""One folder a run: config, numbers and versions as JSON, tables as CSV, figures as PNG."""
+
+import dataclasses
+import json
+import platform
+from collections.abc import Mapping
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
+
+
+def make_run_folder(name: str, out: Path | None = None) -> Path:
+    """`out`, or a new folder runs/NAME-DATE-TIME below the working directory."""
+    folder = out or Path("runs") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Plain data, dataclasses, paths and NumPy's numbers and arrays as JSON; what is not finite becomes null."""
+    path.write_text(json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def write_versions(folder: Path) -> None:
+    """What the run ran on."""
+    versions: dict[str, Any] = {package: version(package) for package in PACKAGES}
+    write_json(folder / "versions.json", versions | {"python": platform.python_version(), "machine": machine()})
+
+
+def machine() -> str:
+    """The processor and the number of cores, for figures that depend on them."""
+    model = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0]}, {len(names)} cores" if names else model
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _plain(dataclasses.asdict(value))
+    if hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value

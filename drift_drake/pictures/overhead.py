@@ -37,7 +37,7 @@ COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
 LINE_SPACING = 0.5  # [m] between points of the reference's lines
 
 
-@styled()
+@styled
 def overhead(
     runs: Mapping[str, pd.DataFrame],
     reference: Reference | None = None,

@@ -8,7 +8,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from drift_drake.pictures.style import BOUND, INK, RUNS, check_columns, legend_above, new_figure, styled
 
 
-@styled()
+@styled
 def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Figure:
     """Draws the solver's time and iterations over a run, and how solve times are spread.
 

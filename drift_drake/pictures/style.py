@@ -1,14 +1,18 @@
 """The look that all pictures share: quiet, readable in print and by the colour-blind, units on every axis."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+Arguments = ParamSpec("Arguments")
+
+RESOLUTION = 200  # [dots per inch] of pixel pictures
 DEGREES = 57.29577951308232  # [deg / rad]
 KMH = 3.6  # [(km/h) / (m/s)]
 
@@ -60,14 +64,23 @@ RC: dict[str, Any] = {
 }
 
 
-def styled() -> Any:
-    """Context (or decorator) in which figures are made; leaves matplotlib's own settings alone."""
-    return matplotlib.rc_context(RC)
+def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
+    """Decorates a function that makes a figure: the look holds within it, matplotlib's own settings stay alone."""
+
+    @wraps(draw)
+    def wrapped(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
+        with matplotlib.rc_context(RC):
+            figure = draw(*args, **kwargs)
+            # Ticks are made at the first drawing and take their look from the settings of that moment.
+            figure.draw_without_rendering()
+        return figure
+
+    return wrapped
 
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of the given size [in], laid out without overlaps, with no display behind it."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), dpi=RESOLUTION, layout="constrained")
 
 
 def save(figure: Figure, path: str | Path) -> Path:
@@ -75,8 +88,8 @@ def save(figure: Figure, path: str | Path) -> Path:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {"Date": None} if path.suffix == ".svg" else None
-    with styled():
-        figure.savefig(path, dpi=200, metadata=metadata)
+    with matplotlib.rc_context(RC):
+        figure.savefig(path, metadata=metadata)
     return path
 
 

@@ -35,7 +35,7 @@ MIN_LATERAL_SPAN = 0.5  # [m] that the axis of the lateral error shows at least,
 COLUMNS = ("t", "s", "r", "v", "beta", "omega_r", "e", "delta", "tau")
 
 
-@styled()
+@styled
 def time_series(
     runs: Mapping[str, pd.DataFrame],
     reference: Reference,

@@ -1,0 +1,31 @@
+"""The replay is one HTML file that needs nothing else, with all cars in it."""
+
+import re
+
+import pytest
+
+from drift_drake.pictures.replay import replay
+
+
+def test_the_replay_is_one_file_that_loads_nothing_else(eight, perfect_run, tmp_path):
+    path = replay({"driven": perfect_run, "ghost": perfect_run.iloc[:200]}, tmp_path / "folder" / "replay.html", eight)
+    page = path.read_text()
+    assert len(page) > 500_000
+    assert not re.search(r"<script[^>]*\ssrc=", page)
+    assert not re.search(r"<link[^>]*\shref=[\"']?https?:", page)
+    assert not re.search(r"(@import|url\()\s*[\"']?https?:", page)
+
+
+def test_more_cars_and_longer_runs_make_more_of_it(perfect_run, tmp_path):
+    sizes = [
+        replay(runs, tmp_path / f"{k}.html").stat().st_size
+        for k, runs in enumerate(
+            ({"a": perfect_run.iloc[:50]}, {"a": perfect_run}, {"a": perfect_run, "b": perfect_run})
+        )
+    ]
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+def test_a_run_without_a_column_is_named(perfect_run, tmp_path):
+    with pytest.raises(ValueError, match=r"run 'a' lacks the column\(s\) psi"):
+        replay({"a": perfect_run.drop(columns="psi")}, tmp_path / "replay.html")

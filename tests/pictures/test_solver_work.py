@@ -1,0 +1,32 @@
+"""The solver's work: times against the period, failures marked."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drift_drake.pictures.solver_work import solver_work
+from drift_drake.pictures.style import save
+
+STATISTICS = pd.DataFrame({
+    "t": [0.0, 0.01, 0.02, 0.03], "seconds": [0.002, 0.004, 0.012, 0.003], "qp_iterations": [25.0, 50.0, 100.0, 25.0],
+    "failed": [0.0, 0.0, 1.0, 0.0]})  # fmt: skip
+
+
+def test_times_are_in_milliseconds_and_failures_marked(tmp_path):
+    figure = solver_work(STATISTICS, 0.01, title="Solver")
+    assert save(figure, tmp_path / "work.png").stat().st_size > 10_000
+    time = figure.axes[0]
+    solve, period, failed = time.get_lines()
+    np.testing.assert_allclose(solve.get_ydata(), [2.0, 4.0, 12.0, 3.0])
+    assert period.get_ydata()[0] == 10.0
+    np.testing.assert_allclose(failed.get_ydata(), [12.0])
+
+
+def test_a_table_without_failures_has_no_marks():
+    figure = solver_work(STATISTICS.assign(failed=0.0), 0.01)
+    assert len(figure.axes[0].get_lines()) == 2
+
+
+def test_missing_statistics_are_named():
+    with pytest.raises(ValueError, match="lacks the column"):
+        solver_work(STATISTICS.drop(columns="seconds"), 0.01)

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Colour = Literal["sideslip", "speed", "run"]
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
+CLEARANCE = 1.6  # lengths of the car between the centres of two of a run
 LINE_SPACING = 0.5  # [m] between points of the reference's lines
 
 
@@ -53,7 +54,7 @@ def overhead(
         reference: its path and lane are drawn beneath.
         parameters: the car whose outline is drawn; the default car without.
         colour: what the driven path's colour means; sideslip for one run and the run itself for several by default.
-        car_every: [s] between the cars drawn, leaving out those that would cover another of their run; 0 draws none.
+        car_every: [s] between the cars drawn, leaving out those too near another of their run; 0 draws none.
         title: of the picture.
 
     Raises:
@@ -154,7 +155,7 @@ def _draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, col
     bodies, cabins, wheels = [], [], []
     for row in rows[rows < len(t)]:
         x, y, psi, delta = (float(run[name].iloc[row]) for name in ("x", "y", "psi", "delta"))
-        if any(np.hypot(x - other_x, y - other_y) < shape.length for other_x, other_y in centres):
+        if any(np.hypot(x - other_x, y - other_y) < CLEARANCE * shape.length for other_x, other_y in centres):
             continue
         centres.append((x, y))
         bodies.append(placed(shape.body(), x, y, psi))

@@ -13,7 +13,8 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
     """Draws the solver's time and iterations over a run, and how solve times are spread.
 
     Args:
-        statistics: a table with t [s], seconds, qp_iterations and failed (0 or 1), a row each solve.
+        statistics: a table with t [s], seconds, qp_iterations and failed (0 or 1), a row each solve; rows of no
+            seconds (before the first solve) are left out.
         period: [s] between solves: the time that a solve must stay below.
         title: of the picture.
 
@@ -21,6 +22,8 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
         ValueError: the table lacks a column or has no row.
     """
     check_columns(statistics, ("t", "seconds", "qp_iterations", "failed"), "solver statistics")
+    statistics = statistics[statistics["seconds"] > 0.0]
+    check_columns(statistics, (), "solver statistics")
     t, milliseconds = statistics["t"].to_numpy(dtype=float), 1e3 * statistics["seconds"].to_numpy(dtype=float)
     figure = new_figure(7.5, 3.6)
     grid = figure.add_gridspec(2, 2, width_ratios=(2.4, 1.0))
@@ -41,11 +44,11 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
     ordered = np.sort(milliseconds)
     spread.plot(100.0 * np.arange(1, len(ordered) + 1) / len(ordered), ordered, color=RUNS[0])
     spread.axhline(1e3 * period, color=BOUND, linewidth=0.8)
-    for share in (50.0, 99.0):
+    for share, below in ((50.0, 5.0), (99.0, -9.0)):
         value = float(np.percentile(milliseconds, share))
         spread.plot(share, value, "o", markersize=3.0, color=INK)
         spread.annotate(
-            f"{share:.0f} %: {value:.2g} ms", (share, value), (-4, 5), textcoords="offset points", ha="right"
+            f"{share:.0f} %: {value:.2g} ms", (share, value), (-5.0, below), textcoords="offset points", ha="right"
         )
     spread.set(xlabel="share of solves [%]", ylabel="solve time below [ms]", yscale="log", xlim=(0.0, 104.0))
     for axes in (time, spread):

@@ -30,3 +30,10 @@ def test_a_table_without_failures_has_no_marks():
 def test_missing_statistics_are_named():
     with pytest.raises(ValueError, match="lacks the column"):
         solver_work(STATISTICS.drop(columns="seconds"), 0.01)
+
+
+def test_rows_before_the_first_solve_are_left_out():
+    before = STATISTICS.assign(seconds=[0.0, 0.004, 0.012, 0.003])
+    assert len(solver_work(before, 0.01).axes[0].get_lines()[0].get_ydata()) == 3
+    with pytest.raises(ValueError, match="solver statistics' is empty"):
+        solver_work(STATISTICS.assign(seconds=0.0), 0.01)

@@ -35,9 +35,15 @@ class SqpOptions:
 
     @classmethod
     def real_time(cls, iterations: int = 1) -> "SqpOptions":
-        """A fixed number of iterations with QPs solved to a controller's accuracy."""
-        return cls(max_iterations=iterations, qp_tolerance=1e-4, qp_max_iterations=400, qp_polish=False,
-                   gauss_newton=True)  # fmt: skip
+        """Always the same number of Gauss-Newton iterations, with QPs solved to a controller's accuracy."""
+        return cls(
+            max_iterations=iterations,
+            tolerance=0.0,
+            qp_tolerance=1e-4,
+            qp_max_iterations=400,
+            qp_polish=False,
+            gauss_newton=True,
+        )
 
 
 class SqpIteration(NamedTuple):
@@ -54,7 +60,11 @@ class SqpIteration(NamedTuple):
 
 
 class SqpResult(NamedTuple):
-    """A solve's outcome; `status` is "converged", "iterations", "line search failed" or "qp failed: ..."."""
+    """A solve's outcome.
+
+    `status` is "converged", "iterations" (all were used), "line search failed", "qp failed: (OSQP's words)", or "not
+    finite" where the model has no finite value at the start.
+    """
 
     z: Array
     y: Array
@@ -65,8 +75,8 @@ class SqpResult(NamedTuple):
 
     @property
     def failed(self) -> bool:
-        """Whether the point must not be used: the QP gave nothing, or nothing that lowers the merit."""
-        return self.status.startswith("qp failed") or not bool(np.isfinite(self.z).all())
+        """Whether the point must not be used."""
+        return self.status.startswith(("qp failed", "not finite"))
 
 
 class LineSearchSqp:
@@ -110,6 +120,9 @@ class LineSearchSqp:
             if len(iterations) == options.max_iterations:
                 break
             residual, jacobian = self._dynamics.linearize(z)
+            if not np.isfinite(jacobian).all():
+                status = "not finite"
+                break
             stacked = self._workspace.set_jacobian(jacobian)
             # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
             dual_residual = float(np.abs(gradient + stacked.T @ y).max() / max(1.0, np.abs(y).max()))

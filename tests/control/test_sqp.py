@@ -1,0 +1,154 @@
+"""The line-search SQP against Drake's SNOPT and IPOPT on the same programs."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from conftest import ocp_data
+from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
+
+from drift_drake.control.ocp import OcpData, OptimalControlProblem
+from drift_drake.control.qp import LinearQuadraticPart
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PARAMETERS = VehicleParameters()
+SPREAD = np.array([0.1, 0.5, 0.06, 0.5, 0.4, 0.05])
+
+
+@cache
+def solver(horizon: int) -> LineSearchSqp:
+    return LineSearchSqp(OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, horizon))
+
+
+def referee_costs(problem: OptimalControlProblem, guess: np.ndarray) -> list[float]:
+    options = SolverOptions()
+    ipopt = IpoptSolver()
+    for name, value in (("tol", 1e-8), ("bound_relax_factor", 0.0)):
+        options.SetOption(ipopt.id(), name, value)
+    for name, count in (("max_iter", 1500), ("limited_memory_max_history", 60)):
+        options.SetOption(ipopt.id(), name, count)
+    results = [referee.Solve(problem.program, guess, options) for referee in (SnoptSolver(), ipopt)]
+    assert all(result.is_success() for result in results)
+    return [result.get_optimal_cost() for result in results]
+
+
+def problems(references: dict[str, Reference], name: str, horizon: int, count: int) -> list[OcpData]:
+    """Places drawn along a reference, with errors; the first straight-line problem is the paper's own."""
+    rng = np.random.default_rng([horizon, count])
+    reference = references[name]
+    if name == "straight":
+        places, errors = np.linspace(0.0, 12.0, count), [np.zeros(6)] + [rng.normal(size=6) * SPREAD] * (count - 1)
+    else:
+        places = rng.uniform(0.0, reference.path.length, count)
+        errors = [rng.normal(size=6) * SPREAD for _ in range(count)]
+    return [ocp_data(reference, s, horizon, error) for s, error in zip(places, errors, strict=True)]
+
+
+def check_against_referees(references: dict[str, Reference], name: str, horizon: int, count: int) -> None:
+    for data in problems(references, name, horizon, count):
+        sqp = solver(horizon)
+        sqp.problem.set(data)
+        guess = sqp.problem.initial_guess(data)
+        result = sqp.solve(guess)
+        assert result.status == "converged"
+        for cost in referee_costs(sqp.problem, guess):
+            assert result.cost == pytest.approx(cost, rel=1e-5)
+
+
+@pytest.mark.parametrize(("name", "horizon", "count"), [("straight", 15, 2), ("figure_8", 15, 3), ("loops", 10, 2)])
+def test_agrees_with_snopt_and_ipopt(references: dict[str, Reference], name: str, horizon: int, count: int) -> None:
+    check_against_referees(references, name, horizon, count)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "horizon", "count"), [("straight", 45, 4), ("figure_8", 25, 14), ("loops", 20, 6)])
+def test_agrees_with_snopt_and_ipopt_at_full_length(
+    references: dict[str, Reference], name: str, horizon: int, count: int
+) -> None:
+    check_against_referees(references, name, horizon, count)
+
+
+def test_gauss_newton_reaches_the_same_solution(references: dict[str, Reference]) -> None:
+    exact = solver(15)
+    gauss_newton = LineSearchSqp(exact.problem, SqpOptions(gauss_newton=True))
+    data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.initial_guess(data)
+    first, second = exact.solve(guess), gauss_newton.solve(guess)
+    assert first.status == second.status == "converged"
+    assert second.cost == pytest.approx(first.cost, rel=1e-8)
+
+
+def test_merit_falls_and_statistics_are_complete(references: dict[str, Reference]) -> None:
+    sqp = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    sqp.problem.set(data)
+    result = sqp.solve(sqp.problem.initial_guess(data))
+    assert result.primal_residual < 1e-6
+    for iteration in result.iterations:
+        assert 0.0 < iteration.step <= 1.0
+        assert iteration.qp_status == "solved"
+        assert iteration.qp_iterations > 0
+        assert iteration.seconds > 0.0
+    assert result.iterations[-1].dual_residual < result.iterations[0].dual_residual
+
+
+def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, Reference]) -> None:
+    """One iteration at a time from its own result, as in the loop, ends where the converged mode ends."""
+    exact = solver(15)
+    real_time = LineSearchSqp(exact.problem, SqpOptions.real_time())
+    data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
+    exact.problem.set(data)
+    z, y = exact.problem.initial_guess(data), None
+    for _ in range(15):
+        result = real_time.solve(z, y)
+        assert len(result.iterations) == 1
+        z, y = result.z, result.y
+    assert result.cost == pytest.approx(exact.solve(exact.problem.initial_guess(data)).cost, rel=1e-3)
+
+
+def test_a_solve_depends_on_its_arguments_alone(references: dict[str, Reference]) -> None:
+    """The workspace's history leaves no trace: the same call gives the same bits after other problems."""
+    problem = OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, 10)
+    sqp = LineSearchSqp(problem, SqpOptions.real_time(2))
+    one, other = (ocp_data(references["figure_8"], s, 10, 0.5 * SPREAD) for s in (20.0, 70.0))
+    problem.set(one)
+    first = sqp.solve(problem.initial_guess(one))
+    problem.set(other)
+    sqp.solve(problem.initial_guess(other))
+    problem.set(one)
+    again = sqp.solve(problem.initial_guess(one))
+    np.testing.assert_array_equal(first.z, again.z)
+    np.testing.assert_array_equal(first.y, again.y)
+
+
+def test_a_start_far_outside_the_lane_has_a_solution(references: dict[str, Reference]) -> None:
+    sqp = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, np.array([0.0, 0.0, 0.0, 0.0, 3.6, 0.0]))
+    sqp.problem.set(data)
+    result = sqp.solve(sqp.problem.initial_guess(data))
+    assert result.status == "converged"
+    slack = sqp.problem.unstack(result.z).slack
+    assert slack[0] > 0.4
+    assert slack[-1] < 1e-6
+
+
+def test_a_model_that_is_not_finite_is_reported(references: dict[str, Reference]) -> None:
+    sqp = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15)
+    sqp.problem.set(data)
+    guess = sqp.problem.initial_guess(data)
+    guess[3] = np.nan
+    result = sqp.solve(guess)
+    assert result.failed
+    assert result.status == "not finite"
+
+
+def test_a_cost_that_is_not_quadratic_is_refused() -> None:
+    problem = OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, 2)
+    problem.program.AddCost(lambda z: z[0] ** 4, vars=problem.program.decision_variables()[:1])
+    with pytest.raises(ValueError, match="a cost that is not quadratic"):
+        LinearQuadraticPart(problem.program)

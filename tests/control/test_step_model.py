@@ -1,0 +1,86 @@
+"""One-step models against independent integration and finite differences."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from drift_drake.control.effects_step import STATE_SIZE, EffectsStepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.vehicle.bicycle import derivatives
+from drift_drake.vehicle.effects import Effects, make_effects, settled_memory
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+PARAMETERS = VehicleParameters()
+X = np.array([[0.7, 12.7, -0.6, 17.5, 0.2, 0.05], [0.1, 15.0, 0.02, 15.3, -0.5, 0.1], [-0.5, 9.0, 0.3, 11.0, 0.0, 0.0]])
+U = np.array([[-0.46, 168.0], [0.03, 60.0], [0.2, 120.0]])
+U_NEXT = np.array([[-0.40, 190.0], [0.05, 20.0], [0.1, 150.0]])
+CURVATURE = np.array([1.0 / 18.0, 0.0, -0.03])
+
+
+def check_jacobians(model: StepModel, x: Array) -> None:
+    """Central differences of `step` are the Jacobians of `linearize`, and both give the same value."""
+    value, *jacobians = model.linearize(x, U, U_NEXT, CURVATURE)
+    np.testing.assert_allclose(value, model.step(x, U, U_NEXT, CURVATURE), rtol=0, atol=1e-12)
+    arguments = [x, U, U_NEXT]
+    for which, jacobian in enumerate(jacobians):
+        for j in range(arguments[which].shape[1]):
+            step = 1e-6 * max(1.0, np.abs(arguments[which][:, j]).max())
+            shifted = [a.copy() for a in arguments]
+            shifted[which][:, j] += step
+            high = model.step(*shifted, CURVATURE)
+            shifted[which][:, j] -= 2.0 * step
+            low = model.step(*shifted, CURVATURE)
+            np.testing.assert_allclose(jacobian[:, :, j], (high - low) / (2.0 * step), rtol=1e-6, atol=1e-6)
+
+
+def test_nominal_step_agrees_with_an_adaptive_integrator() -> None:
+    model = NominalStepModel(PARAMETERS)
+    constants = PARAMETERS.constants()
+    x_next = model.step(X, U, U_NEXT, CURVATURE)
+    for i in range(len(X)):
+
+        def rates(t: float, x: Array, i: int = i) -> Array:
+            return derivatives(x, U[i] + t / 0.1 * (U_NEXT[i] - U[i]), CURVATURE[i], constants)
+
+        exact = solve_ivp(rates, (0.0, 0.1), X[i], rtol=1e-10, atol=1e-12).y[:, -1]
+        np.testing.assert_allclose(x_next[i], exact, rtol=0, atol=2e-4)
+
+
+def test_nominal_jacobians() -> None:
+    check_jacobians(NominalStepModel(PARAMETERS), X)
+
+
+def with_memory(effects: Effects) -> Array:
+    constants = PARAMETERS.constants()
+    memory = [settled_memory(*x[:4], *u, constants, effects) for x, u in zip(X, U, strict=True)]
+    return np.concatenate([X, np.array(memory, dtype=float)], axis=1)
+
+
+def test_effects_jacobians_and_carry_of_the_memory() -> None:
+    effects = make_effects({
+        "friction_level": -0.1, "steering_lag": 0.06, "torque_lag": 0.15, "tyre_relaxation": 0.4, "aero_drag": 1.0,
+        "longitudinal_load_transfer": 0.45, "tyre_thermal_fade": 0.2})  # fmt: skip
+    model = EffectsStepModel(PARAMETERS, effects)
+    x = with_memory(effects)
+    assert x.shape[1] == STATE_SIZE
+    check_jacobians(model, x)
+    # A ramp of 0.1 s seen through a lag of T: the road wheel ends T (1 - exp(-0.1 / T)) of the slope behind.
+    lag = 0.06
+    behind = (U_NEXT[:, 0] - U[:, 0]) / 0.1 * lag * (1.0 - np.exp(-0.1 / lag))
+    np.testing.assert_allclose(model.step(x, U, U_NEXT, CURVATURE)[:, 6], U_NEXT[:, 0] - behind, rtol=0, atol=1e-5)
+
+
+def test_effects_that_are_off_leave_the_nominal_step() -> None:
+    effects = Effects()
+    with_effects = EffectsStepModel(PARAMETERS, effects).step(with_memory(effects), U, U_NEXT, CURVATURE)
+    nominal = NominalStepModel(PARAMETERS).step(X, U, U_NEXT, CURVATURE)
+    np.testing.assert_allclose(with_effects[:, :6], nominal, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["steering_delay", "road_grade", "gyro_bias", "sensor_latency"])
+def test_effects_beyond_a_one_step_model_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} cannot be part of a one-step model"):
+        EffectsStepModel(PARAMETERS, make_effects({name: 0.03}))

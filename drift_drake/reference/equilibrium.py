@@ -1,6 +1,7 @@
 """Drift equilibria: steady cornering at a given radius and sideslip (Goh and Gerdes 2016, section II)."""
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -56,29 +57,53 @@ def drift_equilibrium(parameters: VehicleParameters, radius: float, sideslip: fl
     grip_speed = math.sqrt(constants.friction * constants.gravity / curvature)
 
     program = MathematicalProgram()
-    # The torque in hundreds of newton metres, so that all unknowns are of like size.
-    unknowns = np.array([program.NewContinuousVariables(1, name)[0] for name in ("v", "omega_r", "delta", "tau")])
+    # All unknowns are of like size: speed over the grip limit's, rim speed over speed, steering, torque in 100 N m.
+    unknowns = np.array([program.NewContinuousVariables(1, name)[0] for name in ("v", "spin", "delta", "tau")])
 
     def residual(q: NDArray[Any]) -> NDArray[Any]:
-        rates = motion(q[0] * curvature, q[0], beta + 0.0 * q[0], q[1], q[2], 100.0 * q[3], constants)
+        speed = grip_speed * q[0]
+        rates = motion(speed * curvature, speed, beta + 0.0 * speed, speed * q[1], q[2], 100.0 * q[3], constants)
         return np.array([rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot])
 
     lock = parameters.steering_limit
-    lower = np.array([0.2 * grip_speed, 0.2 * grip_speed, -lock, parameters.torque_min / 100.0])
-    upper = np.array([1.5 * grip_speed, 10.0 * grip_speed, lock, parameters.torque_max / 100.0])
+    lower = np.array([0.2, 0.5, -lock, parameters.torque_min / 100.0])
+    upper = np.array([1.5, 6.0, lock, parameters.torque_max / 100.0])
     zero: NDArray[Any] = np.zeros(4)
     program.AddConstraint(residual, lb=zero, ub=zero, vars=unknowns)
     program.AddBoundingBoxConstraint(lower, upper, unknowns)
-    guess = np.array([0.95 * grip_speed, 1.3 * grip_speed, np.clip(beta, -0.9 * lock, 0.9 * lock), 1.5])
-    result = IpoptSolver().Solve(program, guess)
-    solution = result.GetSolution(unknowns)
-    if not result.is_success() or np.abs(residual(solution)).max() > RESIDUAL_TOLERANCE:
+    solver = IpoptSolver()
+    # The residuals bend sharply where the tyres begin to slide, and IPOPT can be caught there: several starts.
+    for guess in _guesses(beta, constants.front_axle_distance * curvature, lower, upper):
+        result = solver.Solve(program, guess)
+        solution = result.GetSolution(unknowns)
+        if result.is_success() and np.abs(residual(solution)).max() < RESIDUAL_TOLERANCE:
+            break
+    else:
         raise NoEquilibriumError(
             f"no steady drift at a radius of {radius:g} m and a sideslip of {sideslip:g} rad within "
             f"|delta| <= {parameters.steering_limit:g} rad and tau in [{parameters.torque_min:g}, "
             f"{parameters.torque_max:g}] N m; a left turn (positive radius) drifts with negative sideslip"
         )
-    speed, rim, steering, torque = (float(value) for value in solution)
+    speed, spin, steering, torque = (float(value) for value in solution)
+    speed *= grip_speed
     return DriftEquilibrium(
-        v=speed, beta=sideslip, r=side * speed * curvature, omega_r=rim, delta=side * steering, tau=100.0 * torque,
-        curvature=side * curvature)  # fmt: skip
+        v=speed, beta=sideslip, r=side * speed * curvature, omega_r=speed * spin, delta=side * steering,
+        tau=100.0 * torque, curvature=side * curvature)  # fmt: skip
+
+
+def _guesses(beta: float, front_turn: float, lower: NDArray[Any], upper: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Starts (v, spin, delta, tau) for a left turn: a front axle slipping a little and spinning rear wheels, varied."""
+    size = abs(beta)
+    likely = np.array([0.96, 1.02 + 0.25 * size + 0.6 * size**2, beta + front_turn + 0.1, 0.6 + 1.8 * size])
+    for spin, steering in (
+        (1.0, 0.0),
+        (1.1, 0.0),
+        (0.95, 0.0),
+        (1.0, 0.1),
+        (1.0, -0.1),
+        (1.1, 0.1),
+        (1.1, -0.1),
+        (1.25, 0.0),
+    ):
+        guess = likely * [1.0, spin, 1.0, 1.0] + [0.0, 0.0, steering, 0.0]
+        yield np.clip(guess, lower + 1e-3, upper - 1e-3)

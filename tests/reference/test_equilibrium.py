@@ -50,3 +50,13 @@ def test_the_wrong_sign_is_explained():
 def test_degrees_are_refused():
     with pytest.raises(ValueError, match="in radians"):
         drift_equilibrium(NOMINAL, 18.0, -35.0)
+
+
+def test_equilibria_are_found_all_over_the_range_of_radii_and_sideslips():
+    constants = NOMINAL.constants()
+    for radius in (8.0, 10.0, 15.0, 25.0, 60.0):
+        for sideslip in (-0.1, -0.3, -0.5, -0.7):
+            q = drift_equilibrium(NOMINAL, radius, sideslip)
+            x_dot = derivatives(np.array([q.r, q.v, q.beta, q.omega_r, 0.0, 0.0]), np.array([q.delta, q.tau]),
+                                q.curvature, constants)  # fmt: skip
+            np.testing.assert_allclose(x_dot, 0.0, atol=1e-5)

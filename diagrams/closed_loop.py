@@ -5,19 +5,20 @@ python -m diagrams.closed_loop --graph    # draws the diagram
 """
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 import tyro
-from drift_drake.pictures.graph import draw_graph
 from numpy.typing import NDArray
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from pydrake.systems.primitives import LogVectorOutput
 
 from diagrams.metrics import RunMetrics, run_metrics
+from diagrams.results import write_results
 from drift_drake.actuation import LinearInterpolationActuator
 from drift_drake.car import Car
 from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
@@ -26,16 +27,13 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
-from drift_drake.pictures.overhead import overhead
-from drift_drake.pictures.replay import replay
-from drift_drake.pictures.solver_work import solver_work
-from drift_drake.pictures.time_series import time_series
+from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import make_run_folder
 from drift_drake.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.plant import POSE
 
 Array = NDArray[np.float64]
@@ -220,11 +218,15 @@ class ClosedLoopConfig:
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
+    def parameters(self) -> VehicleParameters:
+        """The vehicle that the config names."""
+        return VehicleParameters.from_yaml(self.vehicle) if self.vehicle else VehicleParameters()
+
 
 def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
-    parameters = VehicleParameters.from_yaml(config.vehicle) if config.vehicle else VehicleParameters()
-    reference = {"figure_8": figure_8, "loops": loops}[config.reference](parameters)
+    parameters = config.parameters()
+    reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
     return ClosedLoop(parameters, reference, NominalStepModel(parameters), control=config.control)
 
 
@@ -236,22 +238,6 @@ def simulate(config: ClosedLoopConfig) -> Run:
     return loop.run(loop.initial_context(config.seed, error))
 
 
-def write_results(run: Run, config: ClosedLoopConfig, parameters: VehicleParameters, folder: Path) -> None:
-    """Numbers, table, pictures and the 3D replay of a run."""
-    write_json(folder / "config.json", config)
-    write_json(folder / "numbers.json", run.metrics())
-    write_versions(folder)
-    run.table.to_csv(folder / "run.csv", index=False)
-    runs = {"driven": run.table}
-    overhead(runs, run.reference, parameters).savefig(folder / "overhead.png")
-    time_series(runs, run.reference, parameters).savefig(folder / "time_series.png")
-    statistics = run.table[[c for c in run.table if c == "t" or c.startswith("solve_")]]
-    solver_work(statistics.rename(columns=lambda c: c.removeprefix("solve_")), config.control.period).savefig(
-        folder / "solver.png"
-    )
-    replay(runs, folder / "replay.html", run.reference, parameters)
-
-
 def main(config: ClosedLoopConfig) -> None:
     """Runs a config, or draws its diagram, and says where the results are."""
     folder = make_run_folder("closed_loop", config.out)
@@ -260,9 +246,8 @@ def main(config: ClosedLoopConfig) -> None:
             print(path)
         return
     run = simulate(config)
-    parameters = VehicleParameters.from_yaml(config.vehicle) if config.vehicle else VehicleParameters()
-    write_results(run, config, parameters, folder)
     m = run.metrics()
+    write_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
     print(
         f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
         f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"
@@ -273,4 +258,7 @@ def main(config: ClosedLoopConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ClosedLoopConfig))
+    try:
+        main(tyro.cli(ClosedLoopConfig))
+    except InvalidVehicleError as error:
+        sys.exit(f"error: {error}")

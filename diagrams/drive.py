@@ -1,8 +1,9 @@
 """One drive of a simulated vehicle: any driver in closed loop with actuator, dither and car, logged at 100 Hz.
 
-python -m diagrams.drive --graph FILE.svg    # draws the diagram
+python -m diagrams.drive    # draws the diagram
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,10 @@ from pydrake.systems.primitives import LogVectorOutput
 from drift_drake.actuation import LinearInterpolationActuator
 from drift_drake.car import Car
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, interpolate_knots
+from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference
+from drift_drake.run_folder import make_run_folder
 from drift_drake.sensors import LOG_ROW, MEASURED_STATE
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
@@ -137,15 +140,14 @@ class Drive:
         return table, ending
 
 
-def main(graph: str = "drive.svg") -> None:
-    """Draws the diagram of a drive (an LQR hold) to a file."""
-    import pydot
-
+def main(out: Path | None = None) -> None:
+    """Draws the diagram of a drive (an LQR hold)."""
     parameters = VehicleParameters()
     drift = drift_equilibrium(parameters, 18.0, -0.6)
     driver = HoldDriver(parameters, drift, np.zeros((2, 2)))
     drive = Drive(parameters, driver, 1, HOLD_PERIOD, np.zeros((2, 2)), driver.initial_command())
-    pydot.graph_from_dot_data(drive.diagram.GetGraphvizString(max_depth=1))[0].write_svg(graph)
+    for path in draw_graph(drive.diagram, make_run_folder("drive", out) / "drive"):
+        print(path)
 
 
 if __name__ == "__main__":

@@ -134,7 +134,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         table = table.iloc[: (wanted - count + 1) * DECIMATION]
         path = None if reference is None else reference.path
         found = [samples_from_log(table, path, index, len(drives), phase) for phase in range(DECIMATION)]
-        if len(found[0].x) < MIN_SAMPLES:
+        if len(found[0].x) < min(MIN_SAMPLES, wanted - count):
             continue
         count += len(found[0].x)
         for phase, samples in enumerate(found):

@@ -10,7 +10,6 @@ figures (PNG).
 """
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +40,9 @@ from drift_drake.model.quality import (
     step_model,
 )
 from drift_drake.model.samples import concatenate, load_samples
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants
-from experiments.run_folder import make_run_folder
 
 Array = NDArray[np.float64]
 
@@ -65,7 +64,7 @@ class QualityConfig:
     fixed: Path | None = Path("drift_drake/data/fixed_model.npz")  # the network that never adapts
     example: int = 0  # which vehicle of each population the figure "uncertainties" shows
     drives_seed: int = 0  # that the drives were made with
-    output: Path = Path("runs")
+    out: Path | None = None  # folder for the results; runs/model_quality-DATE-TIME without
 
 
 def run(config: QualityConfig) -> dict[str, Any]:
@@ -267,9 +266,11 @@ def draw_rollouts(result: dict[str, Any], file: Path) -> None:
 
 def main(config: QualityConfig) -> None:
     """Writes the run folder."""
-    folder = make_run_folder(config.output, "model_quality", config)
+    folder = make_run_folder("model_quality", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
     result = run(config)
-    (folder / "numbers.json").write_text(json.dumps(result, indent=1))
+    write_json(folder / "numbers.json", result)
     draw_errors(result, folder / "one_step_errors.png")
     draw_coverage(result, folder / "coverage.png")
     draw_rollouts(result, folder / "rollouts.png")

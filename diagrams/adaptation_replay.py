@@ -1,0 +1,181 @@
+"""Replays a log through the BayesianAdapter: what the car would have learnt on the way.
+
+python -m diagrams.adaptation_replay RUN.csv              # one run of a log (log format, 100 Hz)
+python -m diagrams.adaptation_replay RUN.csv --graph      # draws the diagram
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import tyro
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
+from drift_drake.model.bayesian_step import TIME_STEP, residual
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.model.posterior import covariance_norms
+from drift_drake.pictures.graph import draw_graph
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+
+Array = NDArray[np.float64]
+
+STATES = ("r", "v", "beta", "omega_r")
+COMMANDS = ("delta_cmd", "tau_cmd")
+
+
+class InvalidLogError(ValueError):
+    """A log that cannot be replayed; the message names the file and the mend."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayConfig:
+    """What to replay."""
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """One run in the log format."""
+    model: Path | None = None
+    """Checkpoint; the shipped one without."""
+    threshold: float = DEFAULT_THRESHOLD
+    """Mahalanobis distance beyond which samples are refused."""
+    out: Path | None = None
+    """Folder for the results; runs/adaptation_replay-DATE-TIME without."""
+    graph: bool = False
+    """Only draw the diagram."""
+
+
+class AdaptationReplay:
+    """The diagram: a log's columns as sources, the adapter, and loggers of its outputs at its ticks."""
+
+    def __init__(self, log: pd.DataFrame, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD) -> None:
+        """Args: log: rows of t, r, v, beta, omega_r, delta_cmd, tau_cmd, finite, t ascending."""
+        t = log["t"].to_numpy()
+        self._duration = float(t[-1] - t[0])
+        states = np.zeros((MEASURED_COUNT, len(t)))  # a log has no path: e, dphi and s stay zero
+        states[:STATE_COUNT] = log[list(STATES)].to_numpy().T
+        builder = DiagramBuilder()
+        self.adapter = builder.AddNamedSystem("adapter", BayesianAdapter(model, threshold))
+        for name, rows in (("measured_state", states), ("command", log[list(COMMANDS)].to_numpy().T)):
+            source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(t - t[0], rows))
+            builder.AddNamedSystem(f"log_of_{name}", source)
+            builder.Connect(source.get_output_port(), self.adapter.GetInputPort(name))
+        self._sinks = {
+            name: LogVectorOutput(self.adapter.GetOutputPort(name), builder, TIME_STEP)
+            for name in ("posterior_mean", "posterior_covariance", "counters")
+        }
+        for name, sink in self._sinks.items():
+            sink.set_name(f"log_of_{name}_over_time")
+        self.diagram = builder.Build()
+        self.diagram.set_name("adaptation_replay")
+
+    def run(self) -> dict[str, Array]:
+        """Over the ticks: "t" [K], "mean" [K, 4, 16], "covariance" [K, 4, 16, 16], "counters" [K, 2] (taken, refused).
+
+        Entry k is what is known before the tick's own update, from the samples that ended earlier.
+        """
+        simulator = Simulator(self.diagram)
+        simulator.AdvanceTo(self._duration)
+        logs = {name: sink.FindLog(simulator.get_context()) for name, sink in self._sinks.items()}
+        shape = (-1, STATE_COUNT, FEATURE_COUNT)
+        return {
+            "t": logs["counters"].sample_times(),
+            "mean": logs["posterior_mean"].data().T.reshape(shape),
+            "covariance": logs["posterior_covariance"].data().T.reshape(*shape, FEATURE_COUNT),
+            "counters": logs["counters"].data().T,
+        }
+
+
+def read_log(path: Path) -> pd.DataFrame:
+    """One run in the log format.
+
+    Raises:
+        InvalidLogError: names the file, the column or row, and the mend.
+    """
+    try:
+        table = pd.read_csv(path)
+    except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise InvalidLogError(f"{path}: cannot be read ({error}); give a CSV file in the log format") from None
+    needed = ["t", *STATES, *COMMANDS]
+    missing = [name for name in needed if name not in table]
+    if missing:
+        raise InvalidLogError(f"{path}: no column {', '.join(missing)}; the replay needs {', '.join(needed)}")
+    table = table[needed]
+    bad = np.flatnonzero(~np.isfinite(table.to_numpy(dtype=float)).all(axis=1))
+    if len(bad):
+        raise InvalidLogError(f"{path}: row {bad[0] + 2} is not finite; drop or mend it")
+    if len(table) < 2 or not (np.diff(table["t"]) > 0.0).all():
+        raise InvalidLogError(f"{path}: needs two rows or more, with t ascending")
+    return table
+
+
+def one_step_errors(log: pd.DataFrame, model: BayesianModel, mean: Array) -> Array:
+    """Error [K - 1, 4] of each 0.1 s step under the mean [K, 4, 16] that was known when it began."""
+    t = log["t"].to_numpy()
+    ticks = t[0] + TIME_STEP * np.arange(len(mean))
+    x, u = (np.stack([np.interp(ticks, t, log[name]) for name in names], axis=1) for names in (STATES, COMMANDS))
+    phi = features(model.network, network_inputs(x[:-1], u[:-1], u[1:]))
+    y = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())
+    return y - np.sum(mean[:-1] * phi, axis=-1)
+
+
+def draw(ticks: dict[str, Array], prior_errors: Array, errors: Array, file: Path) -> None:
+    """Covariance norms, and one-step errors of the prior and of the adapted model, over time."""
+    norms = np.linalg.norm(ticks["covariance"], ord=2, axis=(-2, -1))
+    figure, axes = plt.subplots(2, 4, figsize=(15, 6), constrained_layout=True, sharex=True)
+    for i, state in enumerate(STATES):
+        axes[0, i].plot(ticks["t"], norms[:, i])
+        axes[0, i].set_yscale("log")
+        axes[0, i].set_title(state)
+        axes[1, i].plot(ticks["t"][:-1], prior_errors[:, i], color="tab:gray", label="prior")
+        axes[1, i].plot(ticks["t"][:-1], errors[:, i], color="tab:blue", label="adapted so far")
+        axes[1, i].set_xlabel("t [s]")
+        for axis in axes[:, i]:
+            axis.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("norm of the covariance")
+    axes[1, 0].set_ylabel("one-step error")
+    axes[1, 0].legend(fontsize=8)
+    figure.savefig(file, dpi=130)
+    plt.close(figure)
+
+
+def main(config: ReplayConfig) -> None:
+    """Replays, and leaves numbers, pictures and the posterior in the run folder."""
+    log, model = read_log(config.log), load(config.model)
+    replay = AdaptationReplay(log, model, config.threshold)
+    folder = make_run_folder("adaptation_replay", config.out)
+    if config.graph:
+        for path in draw_graph(replay.diagram, folder / "adaptation_replay"):
+            print(path)
+        return
+    ticks = replay.run()
+    errors = one_step_errors(log, model, ticks["mean"])
+    prior_errors = one_step_errors(log, model, np.broadcast_to(model.prior_mean, ticks["mean"].shape))
+    draw(ticks, prior_errors, errors, folder / "adaptation.png")
+    numbers = {
+        "taken": int(ticks["counters"][-1, 0]),
+        "refused": int(ticks["counters"][-1, 1]),
+        "rms_prior": dict(zip(STATES, np.sqrt(np.mean(prior_errors**2, axis=0)), strict=True)),
+        "rms_adapted": dict(zip(STATES, np.sqrt(np.mean(errors**2, axis=0)), strict=True)),
+        "norms_before": covariance_norms(model.prior())[0],
+        "norms_after": np.linalg.norm(ticks["covariance"][-1], ord=2, axis=(-2, -1)),
+    }
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    write_json(folder / "numbers.json", numbers)
+    np.savez(folder / "posterior.npz", mean=ticks["mean"][-1], covariance=ticks["covariance"][-1])
+    print(f"{numbers['taken']} samples taken, {numbers['refused']} refused; results in {folder}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(ReplayConfig))

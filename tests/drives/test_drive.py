@@ -1,0 +1,62 @@
+"""A short drive by each kind of driver: it runs, replays, and is logged as the log format says."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagrams.drive import Drive, Limits
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.model.samples import load_samples
+from drift_drake.reference.equilibrium import drift_equilibrium
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drives import LOG_COLUMNS, drive_vehicle
+
+CAR = VehicleParameters()
+
+
+@pytest.fixture(scope="module")
+def hold() -> tuple[Drive, np.ndarray]:
+    drift = drift_equilibrium(CAR, 18.0, -0.6)
+    driver = HoldDriver(CAR, drift, np.zeros((2, 2)))
+    knots = dither(2.0, np.random.default_rng(0))
+    drive = Drive(CAR, driver, 1, HOLD_PERIOD, knots, driver.initial_command(), draw_effects("train", 1, 0))
+    return drive, np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
+
+
+def test_a_held_drift_goes_on_and_replays(hold: tuple[Drive, np.ndarray]) -> None:
+    drive, state = hold
+    table, ending = drive.run(state, 0.0, 1.5, seed=3)
+    assert ending == "time"
+    np.testing.assert_allclose(table["t"], 0.01 * np.arange(151), atol=1e-9)
+    assert np.abs(table["beta"] + 0.6).max() < 0.3
+    again, _ = drive.run(state, 0.0, 1.5, seed=3)
+    pd.testing.assert_frame_equal(table, again, check_exact=True)
+    other, _ = drive.run(state, 0.0, 1.5, seed=4)
+    assert np.abs(other["r"] - table["r"]).max() > 1e-4
+    assert len(samples_from_log(table, None, 0, 0).x) == 15
+
+
+def test_a_drive_ends_at_its_limits(hold: tuple[Drive, np.ndarray]) -> None:
+    drive, state = hold
+    table, ending = drive.run(state, 0.0, 1.5, seed=3, limits=Limits(max_speed=1.0))
+    assert ending == "speed"
+    assert len(table) < 3
+
+
+@pytest.mark.slow
+def test_a_vehicle_is_driven_in_every_way_until_enough_samples_are_there(tmp_path: Path) -> None:
+    drive_vehicle(tmp_path, "train", 0, seed=5, wanted=250)
+    folder = tmp_path / "train" / "vehicle_00"
+    samples, phases = load_samples(folder / "samples.npz"), load_samples(folder / "phases.npz")
+    assert len(samples.x) == 250
+    np.testing.assert_array_equal(phases.x[:250], samples.x)
+    about = json.loads((folder / "drives.json").read_text())
+    assert {drive["kind"] for drive in about["drives"]} >= {"mpc_figure_8", "hold", "manual", "mpc_loops"}
+    log = pd.read_csv(folder / "run_0.csv")
+    assert list(log.columns) == LOG_COLUMNS
+    np.testing.assert_allclose(np.diff(log["t"]), 0.01, atol=1e-8)

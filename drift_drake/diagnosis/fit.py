@@ -1,0 +1,225 @@
+"""Joint Gauss-Newton over a hypothesis' magnitudes and the vehicle's tolerances, and its Laplace evidence."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from drift_drake.diagnosis.prior import bounds, log_density, scale
+from drift_drake.diagnosis.problem import (
+    NUISANCES,
+    START_MATTERS,
+    TOLERANCES,
+    Gains,
+    Problem,
+    filter_case,
+    flat,
+    observe,
+    observe_case,
+)
+
+NUISANCE_STEP = 0.05  # of a tolerance, for differences
+MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
+CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
+LIMITER = NUISANCES.index("limiter_settling")
+STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis."""
+
+    names: tuple[str, ...]
+    theta: np.ndarray  # nuisances, then magnitudes
+    cost: float  # half the squared innovations, half the log determinant, half the squared nuisances
+    covariance: np.ndarray  # of theta
+    log_evidence: float
+    mean_square: float  # of the innovations that count
+    iterations: int
+    exactness: float = 1.0  # of the vehicle's deviations, believed in this fit
+
+    @property
+    def nuisances(self) -> int:
+        return len(self.theta) - len(self.names)
+
+    @property
+    def magnitudes(self) -> dict[str, float]:
+        return dict(zip(self.names, (float(q) for q in self.theta[self.nuisances :]), strict=True))
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the fitted magnitudes."""
+        sigma = np.sqrt(np.diag(self.covariance)[self.nuisances :])
+        return dict(zip(self.names, (float(q) for q in sigma), strict=True))
+
+
+def limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of all parameters; nuisances have none that matter."""
+    pairs = [bounds(name) for name in names]
+    return (
+        np.concatenate([np.full(problem.nuisances, -30.0), [low for low, _ in pairs]]),
+        np.concatenate([np.full(problem.nuisances, 30.0), [high for _, high in pairs]]),
+    )
+
+
+def cost_of(problem: Problem, gains: Gains, theta: np.ndarray) -> float:
+    """Negative log posterior, up to constants, of parameters whose filter gave these innovations."""
+    e = flat(problem, gains.innovations)
+    prior = prior_precision(problem, len(theta))
+    return 0.5 * float(e @ e) + 0.5 * gains.logdet + 0.5 * float(prior @ theta**2)
+
+
+def sensitivity(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], only: Sequence[int] | None = None
+) -> np.ndarray:
+    """Derivatives of the innovations [count, parameters] under frozen gains, by one-sided differences.
+
+    Columns that are not in `only`, if given, are left zero, and so are those of the commands before the first row
+    where no effect lets them matter.
+    """
+    base = observe_case(problem, gains, theta, names)
+    out = np.zeros((len(base), len(theta)))
+    _, high = limits(problem, names)
+    first = problem.nuisances
+    for column in [*range(len(NUISANCES)), *range(first, len(theta))]:
+        if only is not None and column not in only:
+            continue
+        if column == LIMITER and "steering_rate_limit" not in names:
+            continue
+        step = NUISANCE_STEP if column < first else MAGNITUDE_STEP * scale(names[column - first])
+        step = step if theta[column] + step <= high[column] else -step
+        moved = theta.copy()
+        moved[column] += step
+        out[:, column] = (observe_case(problem, gains, moved, names) - base) / step
+    if only is None:
+        _start_columns(problem, gains, theta, names, base, out)
+    return out
+
+
+def _start_columns(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], base: np.ndarray, out: np.ndarray
+) -> None:
+    """Fills the columns of the commands before the first row; those of one run only move that run."""
+    for kind, matters in enumerate(START_MATTERS):
+        if not matters.intersection(names):
+            continue
+        row = 0
+        for i, run in enumerate(problem.runs):
+            column = len(NUISANCES) + 2 * i + kind
+            moved = theta.copy()
+            moved[column] += NUISANCE_STEP
+            e = observe(problem, gains, moved, names, i)[run.counted][:, run.used].ravel()
+            out[row : row + len(e), column] = (e - base[row : row + len(e)]) / NUISANCE_STEP
+            row += len(e)
+
+
+def prior_precision(problem: Problem, count: int) -> np.ndarray:
+    """Normal priors of the nuisances, flat ones of the magnitudes: precisions [count]."""
+    out = np.zeros(count)
+    out[: problem.nuisances] = 1.0
+    out[:TOLERANCES] = 1.0 / problem.exactness**2
+    return out
+
+
+def normal_step(
+    problem: Problem, jacobian: np.ndarray, e: np.ndarray, theta: np.ndarray, names: Sequence[str], damping: float
+) -> tuple[np.ndarray, float]:
+    """Damped Gauss-Newton step within the bounds, and the gain [nats] that it promises."""
+    prior = prior_precision(problem, len(theta))
+    hessian = jacobian.T @ jacobian + np.diag(prior)
+    gradient = jacobian.T @ e + prior * theta
+    low, high = limits(problem, names)
+    free = np.ones(len(theta), dtype=bool)
+    step = np.zeros(len(theta))
+    for _ in range(len(names) + 1):
+        step[:] = 0.0
+        h = hessian[np.ix_(free, free)]
+        step[free] = -np.linalg.solve(h + damping * np.diag(np.diag(h)), gradient[free])
+        outside = free & ((theta + step < low) | (theta + step > high))
+        at_bound = outside & ((theta <= low) | (theta >= high))
+        if not np.any(at_bound):
+            break
+        free &= ~at_bound
+    step = np.clip(theta + step, low, high) - theta
+    return step, -float(gradient @ step + 0.5 * step @ hessian @ step)
+
+
+def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 12) -> Fit:
+    """Levenberg-Marquardt from a start, re-linearised (gains and derivatives) as it moves."""
+    theta = np.clip(theta, *limits(problem, names))
+    gains = filter_case(problem, theta, names)
+    cost = cost_of(problem, gains, theta)
+    jacobian = sensitivity(problem, gains, theta, names)
+    damping, done = 1e-4, 0
+    for _ in range(iterations):
+        done += 1
+        e, drop, gain = flat(problem, gains.innovations), 0.0, 0.0
+        for _ in range(6):
+            step, gain = normal_step(problem, jacobian, e, theta, names, damping)
+            if gain < CONVERGED:
+                break
+            trial = theta + step
+            trial_gains = filter_case(problem, trial, names)
+            trial_cost = cost_of(problem, trial_gains, trial)
+            if np.isfinite(trial_cost) and trial_cost < cost:
+                drop = cost - trial_cost
+                theta, gains, cost = trial, trial_gains, trial_cost
+                break
+            damping = max(10.0 * damping, 1e-3)
+        if drop < CONVERGED:
+            break
+        if drop > 0.5 * gain:
+            damping *= 0.1
+        if drop > STALE:
+            jacobian = sensitivity(problem, gains, theta, names)
+    return conclude(problem, names, theta, cost, jacobian, flat(problem, gains.innovations), done)
+
+
+def conclude(
+    problem: Problem,
+    names: Sequence[str],
+    theta: np.ndarray,
+    cost: float,
+    jacobian: np.ndarray,
+    e: np.ndarray,
+    iterations: int,
+) -> Fit:
+    """The fit's covariance and its Laplace evidence, magnitudes truncated to their bounds."""
+    prior = prior_precision(problem, len(theta))
+    hessian = jacobian.T @ jacobian + np.diag(prior)
+    unit = np.concatenate([np.ones(problem.nuisances), [scale(name) for name in names]])
+    unit[:TOLERANCES] = problem.exactness
+    covariance = np.linalg.inv(hessian * np.outer(unit, unit)) * np.outer(unit, unit)
+    mode = theta - covariance @ (jacobian.T @ e + prior * theta)
+    log_evidence = -cost + laplace_terms(hessian, covariance, theta, mode, names)
+    log_evidence -= TOLERANCES * float(np.log(problem.exactness))
+    return Fit(tuple(names), theta, cost, covariance, log_evidence, float(np.mean(e**2)), iterations, problem.exactness)
+
+
+def laplace_terms(
+    hessian: np.ndarray, covariance: np.ndarray, theta: np.ndarray, mode: np.ndarray, names: Sequence[str]
+) -> float:
+    """What Laplace's approximation adds to the log posterior's peak.
+
+    Nuisances are integrated out; the magnitudes are Gaussians around `mode` (where the quadratic has its peak), cut
+    off at their bounds, one by one.
+    """
+    first = len(theta) - len(names)
+    out = -0.5 * float(np.linalg.slogdet(hessian[:first, :first])[1])
+    if not names:
+        return out
+    marginal = covariance[first:, first:]
+    out += 0.5 * len(names) * float(np.log(2.0 * np.pi)) + 0.5 * float(np.linalg.slogdet(marginal)[1])
+    for i, name in enumerate(names):
+        low, high = bounds(name)
+        sigma, peak = float(np.sqrt(marginal[i, i])), float(mode[first + i])
+        if theta[first + i] <= low or theta[first + i] >= high:
+            # The peak lies outside: the cost at the bound already holds the quadratic's rise from the peak.
+            distance = abs(peak - theta[first + i]) / sigma
+            out += 0.5 * distance**2 + float(log_ndtr(-distance))
+        else:
+            inside = np.exp(log_ndtr((high - peak) / sigma)) - np.exp(log_ndtr((low - peak) / sigma))
+            out += float(np.log(max(inside, 1e-300)))
+        out += log_density(name)
+    return out

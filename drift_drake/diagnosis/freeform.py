@@ -1,0 +1,197 @@
+"""What forces a hypothesis leaves unexplained: Bayesian linear regression in force space.
+
+Two sets of regressors push the car beside a fitted hypothesis: pulses in time (any force, at any moment) and functions
+of the state (what a correction could be learned from). Their weights have closed-form evidence, with one prior scale
+per force channel found by expectation maximisation. The evidence that they gain measures what the hypothesis misses;
+their forces say where, and the state functions are the ceiling of what a free-form model reaches.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.filter import SIZE
+from drift_drake.diagnosis.fit import Fit, prior_precision, sensitivity
+from drift_drake.diagnosis.problem import Gains, Problem, car, filter_case, flat, observe
+from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
+
+FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
+FORCE_UNIT = 100.0  # [N] or [N m] that weights are in
+PULSE = 0.5  # [s] width of a pulse
+EM_STEPS = 30
+
+
+@dataclasses.dataclass(frozen=True)
+class Regression:
+    """Posterior of the weights of one set of regressors."""
+
+    gain: float  # [nats] of evidence over the hypothesis alone
+    weights: np.ndarray  # [channels, regressors] in FORCE_UNIT
+    scales: np.ndarray  # [channels] prior standard deviation of the weights
+    removed: float  # share of the squared innovations that the regressors take away
+
+
+def filtered_states(problem: Problem, gains: Gains, fit: Fit) -> list[np.ndarray]:
+    """Corrected states [rows, 13] of each run under a fit."""
+    out = []
+    for i, run in enumerate(problem.runs):
+        states = np.empty((len(run.y), SIZE))
+        observe(problem, gains, fit.theta, fit.names, i, states=states)
+        out.append(states)
+    return out
+
+
+def state_functions(problem: Problem, fit: Fit, states: np.ndarray, index: int) -> np.ndarray:
+    """Functions of the state and the commands [rows, functions], each about one in size."""
+    run = problem.runs[index]
+    constants, _ = car(problem, fit.theta, fit.names)
+    r, v, beta, omega_r, psi = (states[:, i] for i in range(5))
+    u_x, u_y = v * np.cos(beta), v * np.sin(beta)
+    rear_x = (omega_r - u_x) / np.maximum(omega_r, MIN_SLIP_SPEED)
+    rear_y = (u_y - constants.rear_axle_distance * r) / np.maximum(omega_r, MIN_SLIP_SPEED)
+    front_y = (u_y + constants.front_axle_distance * r) / np.maximum(u_x, MIN_SLIP_SPEED) - run.delta
+    front_grip = 3.0 * constants.friction * constants.mass * constants.gravity / 2.0 / constants.front_stiffness
+    rear_grip = 3.0 * constants.friction * constants.mass * constants.gravity / 2.0 / constants.rear_stiffness
+    slip = np.hypot(rear_x, rear_y)
+    rear_force = np.minimum(slip / rear_grip, 1.0) / np.maximum(slip, 1e-6)
+    a_y = r * v / constants.gravity
+    delta_rate = np.gradient(run.delta, run.period)
+    columns = [
+        np.ones(len(r)),
+        v / 10.0,
+        (v / 10.0) ** 2,
+        r,
+        a_y,
+        a_y * np.abs(a_y),
+        a_y**2,
+        beta * 3.0,
+        np.tanh(front_y / front_grip),
+        front_y / front_grip * np.maximum(1.0 - np.abs(front_y) / front_grip, 0.0),
+        rear_force * rear_y,
+        rear_force * rear_x,
+        rear_y / rear_grip,
+        rear_x / rear_grip,
+        run.delta * 5.0,
+        delta_rate,
+        run.tau / 100.0,
+        np.tanh((run.tau - 20.0) / 10.0),
+        np.cos(psi),
+        np.sin(psi),
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def pulses(rows: int, period: float) -> np.ndarray:
+    """Triangles of `PULSE` width in time, next to each other [rows, pulses]."""
+    t = np.arange(rows) * period
+    centres = np.arange(0.0, t[-1] + PULSE, PULSE)
+    return np.maximum(1.0 - np.abs(t[:, None] - centres) / PULSE, 0.0)
+
+
+def pushed(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+    """Derivatives [rows, 9, channels, shapes] of innovations by the weights of shapes in time [rows, shapes]."""
+    out = np.empty((*base.shape, len(FORCE_CHANNELS), shapes.shape[1]))
+    for channel in range(len(FORCE_CHANNELS)):
+        for k in range(shapes.shape[1]):
+            push = np.zeros((len(base), 3))
+            torque = None
+            if channel < 3:
+                push[:, channel] = FORCE_UNIT * shapes[:, k]
+            else:
+                torque = FORCE_UNIT / problem.nominal.gear_ratio * shapes[:, k]
+            e = observe(problem, gains, fit.theta, fit.names, index, push=push, extra_torque=torque)
+            out[:, :, channel, k] = e - base
+    return out
+
+
+def regress(problem: Problem, fit: Fit, gains: Gains, states: Sequence[np.ndarray], kind: str) -> Regression:
+    """Regression of a fit's innovations on pushes, jointly with the fit's own parameters.
+
+    Args:
+        kind: "pulses" (weights of their own in each run) or "functions" (of the state, shared by the runs).
+    """
+    jacobian = sensitivity(problem, gains, fit.theta, fit.names)
+    residual = flat(problem, gains.innovations)
+    own = len(fit.theta)
+    blocks, row = [], 0
+    for i, run in enumerate(problem.runs):
+        base = gains.innovations[i]
+        shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states[i], i)
+        d = pushed(problem, gains, fit, i, base, shapes)[run.counted][:, run.used]
+        d = d.reshape(-1, len(FORCE_CHANNELS) * shapes.shape[1])
+        blocks.append((d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
+        row += len(d)
+    hessian, gradient, channel_of = _normal_equations(blocks, own, shared=kind == "functions")
+    return _evidence(problem, fit, hessian, gradient, channel_of, own, float(residual @ residual))
+
+
+def _normal_equations(
+    blocks: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], own: int, shared: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normal matrix and gradient of [own parameters, weights], and the force channel of each weight."""
+    widths = [d.shape[1] for d, _, _ in blocks]
+    total = widths[0] if shared else sum(widths)
+    hessian, gradient = np.zeros((own + total, own + total)), np.zeros(own + total)
+    channel_of = []
+    at = own
+    for d, j, e in blocks:
+        to = slice(own, own + total) if shared else slice(at, at + d.shape[1])
+        hessian[:own, :own] += j.T @ j
+        cross = j.T @ d
+        hessian[:own, to] += cross
+        hessian[to, :own] += cross.T
+        hessian[to, to] += d.T @ d
+        gradient[:own] += j.T @ e
+        gradient[to] += d.T @ e
+        at += d.shape[1]
+        channel_of.append(np.repeat(np.arange(len(FORCE_CHANNELS)), d.shape[1] // len(FORCE_CHANNELS)))
+    return hessian, gradient, channel_of[0] if shared else np.concatenate(channel_of)
+
+
+def _evidence(
+    problem: Problem,
+    fit: Fit,
+    hessian: np.ndarray,
+    gradient: np.ndarray,
+    channel_of: np.ndarray,
+    own: int,
+    squares: float,
+) -> Regression:
+    """Evidence of the weights with one prior scale a channel, found by expectation maximisation."""
+    prior = prior_precision(problem, len(fit.theta))
+    gradient = gradient.copy()
+    gradient[:own] += prior * fit.theta
+    without = _log_evidence(hessian[:own, :own] + np.diag(prior), gradient[:own], np.zeros(0))
+    scales = np.full(len(FORCE_CHANNELS), 1.0)
+    best = Regression(-np.inf, np.zeros(0), scales, 0.0)
+    for _ in range(EM_STEPS):
+        precision = np.concatenate([prior, 1.0 / scales[channel_of] ** 2])
+        matrix = hessian + np.diag(precision)
+        covariance = np.linalg.inv(matrix)
+        mean = -covariance @ gradient
+        gain = _log_evidence(matrix, gradient, precision[own:]) - without
+        if gain > best.gain:
+            step = mean.copy()
+            left = squares + 2.0 * float((gradient[:own] - prior * fit.theta) @ step[:own])
+            left += 2.0 * float(gradient[own:] @ step[own:]) + float(step @ hessian @ step)
+            best = Regression(gain, mean[own:], scales.copy(), 1.0 - left / squares)
+        spread = mean[own:] ** 2 + np.diag(covariance)[own:]
+        new = np.array([np.sqrt(np.mean(spread[channel_of == c])) for c in range(len(FORCE_CHANNELS))])
+        # Expectation maximisation is slow towards zero; a step and a half is still stable.
+        scales = np.clip(scales * (new / scales) ** 1.5, 1e-4, 1e3)
+    return best
+
+
+def _log_evidence(matrix: np.ndarray, gradient: np.ndarray, precision: np.ndarray) -> float:
+    """Log evidence up to the constant that all sets of regressors share."""
+    factor = np.linalg.cholesky(matrix)
+    half = np.linalg.solve(factor, gradient)
+    return 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(factor)))) + 0.5 * float(np.sum(np.log(precision)))
+
+
+def misfit(problem: Problem, fit: Fit) -> tuple[Regression, Regression]:
+    """(pulses, functions): what a fit leaves unexplained."""
+    gains = filter_case(problem, fit.theta, fit.names)
+    states = filtered_states(problem, gains, fit)
+    return regress(problem, fit, gains, states, "pulses"), regress(problem, fit, gains, states, "functions")

@@ -1,0 +1,45 @@
+"""What is believed of magnitudes before the data: ranges, scales, starting points."""
+
+import numpy as np
+
+from drift_drake.vehicle.effects import CATALOGUE
+
+REACH = 1.5  # magnitudes are believed up to this many times the ends of the practical range
+LEAST = 0.5  # and unsigned ones down to this part of its low end
+LOG_SCALED = (
+    "steering_lag",
+    "steering_delay",
+    "torque_lag",
+    "sensor_latency",
+    "tyre_relaxation",
+    "steering_rate_limit",
+)
+
+
+def bounds(name: str) -> tuple[float, float]:
+    """Magnitudes that are believed possible at all."""
+    info = CATALOGUE[name]
+    low = REACH * info.low if info.signed else LEAST * info.low
+    return low, REACH * info.high
+
+
+def scale(name: str) -> float:
+    """Unit of a magnitude in the solver: the far end of its practical range."""
+    info = CATALOGUE[name]
+    return max(abs(info.low), abs(info.high))
+
+
+def starts(name: str) -> list[float]:
+    """Magnitudes from which fits are started: both signs, or spread over the range."""
+    info = CATALOGUE[name]
+    if info.signed:
+        return [0.4 * info.low, 0.4 * info.high]
+    if name in LOG_SCALED:
+        return [float(q) for q in np.geomspace(1.2 * info.low, 0.85 * info.high, 3)]
+    return [info.low + 0.3 * (info.high - info.low)]
+
+
+def log_density(name: str) -> float:
+    """Log of the uniform prior density of a magnitude over its bounds."""
+    low, high = bounds(name)
+    return -float(np.log(high - low))

@@ -1,0 +1,246 @@
+"""The runs of one case as measurements for the filter, and the innovations of a hypothesis' parameters.
+
+A parameter vector theta holds the nuisances first: the tolerances of the vehicle, in units of their standard
+deviation; then what the two commands were before each run's first row, relative to that row, in units of
+`START_SCALES`, where an effect with memory of the commands makes them matter. Then come the magnitudes of a
+hypothesis' effects, in the units of the catalogue.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.commands import STAGES, actuated, without_actuators
+from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, MEASURED, SIZE, filter_run, observe_run
+from drift_drake.diagnosis.noise import white_noise_level
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+
+NUISANCES = (
+    "mass",
+    "yaw_inertia",
+    "front_axle_distance",
+    "wheel_radius",
+    "rear_axle_inertia",
+    "torque",
+    "friction",
+    "front_stiffness",
+    "rear_stiffness",
+    "steering_offset",
+    "wheel_speed_scale",  # the rim speed is logged with the radius that the vehicle file states
+    "limiter_settling",  # how sharply a rate limiter lets go: no two actuators or simulators agree on it
+)
+TOLERANCES = len(NUISANCES) - 1  # nuisances that are deviations of the vehicle
+LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow, times or by e^0.7
+
+START_SCALES = (0.03, 30.0)  # steering [rad] and torque [N m] that a command may jump by at a run's first row
+START_MATTERS = (  # effects under which the commands before the first row act on the car
+    frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
+    frozenset({"torque_lag", "sensor_latency"}),
+)
+SETTLING_TIME = 0.25  # [s] at a run's start whose innovations do not count: commands before it are unknown
+
+
+@dataclasses.dataclass(frozen=True)
+class RunData:
+    """One run, ready for the filter."""
+
+    name: str
+    period: float
+    y: np.ndarray  # [rows, 9] in the order of CHANNELS, zeros where a channel is missing
+    used: np.ndarray  # [9] bool
+    delta: np.ndarray
+    tau: np.ndarray
+    counted: np.ndarray  # [rows] bool: rows whose innovations count
+
+
+@dataclasses.dataclass(frozen=True)
+class Gains:
+    """Frozen gains and whitening matrices of all runs, and the log determinant that goes with them."""
+
+    gain: list[np.ndarray]
+    whitening: list[np.ndarray]
+    innovations: list[np.ndarray]
+    logdet: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """What a case gives the estimator."""
+
+    runs: list[RunData]
+    vehicle: VehicleParameters
+    nominal: Constants
+    tolerance: np.ndarray  # standard deviations of NUISANCES
+    noise: np.ndarray  # [9] standard deviations of the channels
+    process: np.ndarray  # [9] variances a second of the first nine filter states
+    exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
+
+    def replace(self, **changes: object) -> "Problem":
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    @property
+    def nuisances(self) -> int:
+        """Parameters ahead of the magnitudes."""
+        return len(NUISANCES) + 2 * len(self.runs)
+
+    @property
+    def count(self) -> int:
+        """Measurements that count."""
+        return int(sum(np.sum(run.counted) * np.sum(run.used) for run in self.runs))
+
+
+# Process noise of a car that is modelled well: standard deviation per root second of each filter state.
+PROCESS_NOISE = np.array([0.003, 0.01, 0.0015, 0.03, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3])
+
+
+def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
+    """Runs and vehicle as the estimator wants them; noise levels are estimated here."""
+    t = vehicle.tolerance
+    tolerance = np.array(
+        [
+            t.mass,
+            t.yaw_inertia,
+            t.front_axle_distance,
+            t.wheel_radius,
+            t.rear_axle_inertia,
+            t.torque,
+            t.friction,
+            t.front_stiffness,
+            t.rear_stiffness,
+            t.steering_offset,
+            t.wheel_radius,
+            0.7,
+        ]
+    )
+    data = [prepare_run(run) for run in runs]
+    return Problem(
+        data, vehicle, vehicle.constants(), tolerance, noise_levels(data), (PROCESS_NOISE * process_scale) ** 2
+    )
+
+
+def prepare_run(run: Run) -> RunData:
+    """Channels as an array, the heading unwrapped, the rows that count."""
+    y = np.zeros((len(run), MEASURED))
+    used = np.zeros(MEASURED, dtype=np.bool_)
+    for i, name in enumerate(CHANNELS):
+        values = run.column(name)
+        if values is not None:
+            y[:, i] = np.unwrap(values) if name == "psi" else values
+            used[i] = True
+    tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
+    counted = run.t - run.t[0] >= SETTLING_TIME
+    return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)
+
+
+def noise_levels(runs: Sequence[RunData]) -> np.ndarray:
+    """Noise of each channel [9], the median over runs; a noiseless channel gets a millionth of its range."""
+    levels = np.ones(MEASURED)
+    for i in range(MEASURED):
+        found = [white_noise_level(run.y[:, i]) for run in runs if run.used[i]]
+        if found:
+            reach = max(float(np.ptp(run.y[:, i])) for run in runs if run.used[i])
+            levels[i] = max(float(np.median(found)), 1e-6 * reach, 1e-9)
+    return levels
+
+
+def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Constants, Effects]:
+    """Constants and effects of a parameter vector under a hypothesis' effects."""
+    n = dict(zip(NUISANCES, (float(d) for d in theta[: len(NUISANCES)] * problem.tolerance), strict=True))
+    p = problem.nominal
+    constants = Constants(
+        p.mass * (1.0 + n["mass"]),
+        p.yaw_inertia * (1.0 + n["yaw_inertia"]),
+        p.front_axle_distance + n["front_axle_distance"],
+        p.rear_axle_distance - n["front_axle_distance"],
+        p.wheel_radius * (1.0 + n["wheel_radius"]),
+        p.rear_axle_inertia * (1.0 + n["rear_axle_inertia"]),
+        p.gear_ratio * (1.0 + n["torque"]),
+        p.friction * (1.0 + n["friction"]),
+        p.front_stiffness * (1.0 + n["front_stiffness"]),
+        p.rear_stiffness * (1.0 + n["rear_stiffness"]),
+        p.gravity,
+    )
+    magnitudes = dict(zip(names, (float(q) for q in theta[problem.nuisances :]), strict=True))
+    magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + n["steering_offset"]
+    wheel = magnitudes.get("wheel_radius_error", 0.0)
+    magnitudes["wheel_radius_error"] = (1.0 + wheel) * (1.0 + n["wheel_speed_scale"]) - 1.0
+    if "steering_rate_limit" in magnitudes and "steering_lag" not in magnitudes:
+        magnitudes["steering_lag"] = LIMITER_SETTLING * float(np.exp(n["limiter_settling"]))
+    return constants, Effects(**magnitudes)
+
+
+def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
+    """What a run's commands become before they reach the car (`commands.actuated`)."""
+    run = problem.runs[index]
+    at = len(NUISANCES) + 2 * index
+    before = (
+        float(run.delta[0] + START_SCALES[0] * theta[at]),
+        float(run.tau[0] + START_SCALES[1] * theta[at + 1]),
+    )
+    return actuated(run.delta, run.tau, before, run.period, effects)
+
+
+def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Gains:
+    """The full filter over all runs: innovations with gains that fit these parameters."""
+    constants, effects = car(problem, theta, names)
+    dynamic = without_actuators(effects)
+    gains, whitenings, innovations, logdet = [], [], [], 0.0
+    for i, run in enumerate(problem.runs):
+        rows = len(run.y)
+        e, k, w = (
+            np.empty((rows, MEASURED)),
+            np.empty((rows, CORRECTED, MEASURED)),
+            np.empty((rows, MEASURED, MEASURED)),
+        )
+        delta, torque = run_commands(problem, i, theta, effects)
+        logdet += filter_run(
+            run.y, run.used, delta, torque, run.period, constants, dynamic,
+            problem.noise**2, problem.process, e, k, w,
+        )  # fmt: skip
+        gains.append(k)
+        whitenings.append(w)
+        innovations.append(e)
+    return Gains(gains, whitenings, innovations, logdet)
+
+
+NO_ROWS = np.empty((0, SIZE))
+NO_PUSH = np.empty((0, 3))
+
+
+def observe(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
+    push: np.ndarray = NO_PUSH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
+) -> np.ndarray:  # fmt: skip
+    """Whitened innovations [rows, 9] of one run under frozen gains.
+
+    Args:
+        push: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
+        states: filled with the corrected states, if it has a row for each of the run's.
+    """
+    run = problem.runs[index]
+    constants, effects = car(problem, theta, names)
+    delta, torque = run_commands(problem, index, theta, effects)
+    if extra_torque is not None:
+        grid = np.arange(len(torque)) / STAGES
+        torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
+    e = np.empty((len(run.y), MEASURED))
+    observe_run(
+        run.y, run.used, delta, torque, run.period, constants, without_actuators(effects), push,
+        gains.gain[index], gains.whitening[index], e, states,
+    )  # fmt: skip
+    return e
+
+
+def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
+    """Innovations that count, of all runs in a row [count]."""
+    return np.concatenate(
+        [e[run.counted][:, run.used].ravel() for run, e in zip(problem.runs, innovations, strict=True)]
+    )
+
+
+def observe_case(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Whitened innovations that count, of all runs [count], under frozen gains."""
+    return flat(problem, [observe(problem, gains, theta, names, i) for i in range(len(problem.runs))])

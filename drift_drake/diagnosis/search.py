@@ -1,0 +1,240 @@
+"""Which hypotheses are worth a full fit, and their fits: singles, then pairs grown from the best singles.
+
+Screening is cheap and under much process noise: innovations then depend less on the past, and fits are less nonlinear.
+From each start of each added effect one linearised joint solution predicts the cost; the most promising get a few
+re-linearised steps, and the best of those full fits.
+
+How far the vehicle is off its file, in tolerances, is unknown too: every hypothesis is held with deviations of one
+tolerance and with deviations of a twentieth (the file is right), and its evidence is the mean of both.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from drift_drake.diagnosis.fit import (
+    MAGNITUDE_STEP,
+    Fit,
+    cost_of,
+    fit,
+    limits,
+    normal_step,
+    prior_precision,
+    sensitivity,
+)
+from drift_drake.diagnosis.prior import scale, starts
+from drift_drake.diagnosis.problem import Gains, Problem, filter_case, flat, observe_case
+
+COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and fits are started
+EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
+DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
+ADEQUATE = 1.02  # mean square of the innovations up to which a single may be the whole story
+STEPPED_SINGLES, FULL_SINGLES = 10, 5  # additions that get re-linearised steps, and full fits; for each exactness
+SEEDS, STEPPED_PAIRS, FULL_PAIRS = 3, 4, 4  # singles that pairs are grown from; steps for each seed; full fits
+FEW_SEEDS, FEW_PAIRS = 1, 3  # where the best single may be the whole story
+
+Progress = Callable[[str, float], None]
+Names = tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """A hypothesis on its way to a full fit."""
+
+    names: Names
+    theta: np.ndarray
+    cost: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """Hypotheses that were fitted fully; `none` has the empty tuple."""
+
+    fits: dict[tuple[Names, float], Fit]  # by effects and exactness
+
+    def hypotheses(self) -> list[tuple[Fit, float]]:
+        """Of each hypothesis, its best fit and its log evidence over all exactnesses; best first."""
+        out = []
+        for names in {names for names, _ in self.fits}:
+            both = [f for (key, _), f in self.fits.items() if key == names]
+            evidence = float(np.logaddexp.reduce([f.log_evidence for f in both])) - float(np.log(len(EXACTNESSES)))
+            out.append((max(both, key=lambda f: f.log_evidence), evidence))
+        return sorted(out, key=lambda pair: (-pair[1], pair[0].names))
+
+
+@dataclasses.dataclass(frozen=True)
+class Base:
+    """A hypothesis that effects are added to: its filter and derivatives."""
+
+    names: Names
+    theta: np.ndarray
+    gains: Gains
+    jacobian: np.ndarray
+
+
+def coarse(problem: Problem) -> Problem:
+    """The same problem with more process noise."""
+    return problem.replace(process=problem.process * COARSE**2)
+
+
+def believed(problem: Problem, exactness: float) -> Problem:
+    """The same problem with the vehicle file believed exact to so many tolerances."""
+    return problem.replace(exactness=exactness)
+
+
+def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
+    """The filter and derivatives of a hypothesis that effects will be added to."""
+    gains = filter_case(problem, theta, names)
+    return Base(names, theta, gains, sensitivity(problem, gains, theta, names))
+
+
+def predict(problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]) -> list[Candidate]:
+    """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
+    names, theta = (*base.names, name), np.append(base.theta, start)
+    step = MAGNITUDE_STEP * scale(name)
+    step = step if start + step <= limits(problem, names)[1][-1] else -step
+    e = observe_case(problem, base.gains, theta, names)
+    moved = theta.copy()
+    moved[-1] += step
+    jacobian = np.column_stack([base.jacobian, (observe_case(problem, base.gains, moved, names) - e) / step])
+    out = []
+    for exactness in exactnesses:
+        held = believed(problem, exactness)
+        delta, gain = normal_step(held, jacobian, e, theta, names, 1e-3)
+        cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(theta)) @ theta**2) - gain
+        out.append(Candidate(names, theta + delta, cost if np.isfinite(cost) else np.inf))
+    return out
+
+
+def relinearise(problem: Problem, base: Base, candidate: Candidate, steps: int = 2) -> Candidate:
+    """A few Gauss-Newton steps that renew the gains and the added effect's derivative, not the base's."""
+    names, theta = candidate.names, candidate.theta
+    gains = filter_case(problem, theta, names)
+    cost = cost_of(problem, gains, theta)
+    last = len(theta) - 1
+    for _ in range(steps):
+        jacobian = sensitivity(problem, gains, theta, names, (last,))
+        jacobian[:, :last] = base.jacobian
+        improved = False
+        for damping in (1e-3, 1.0):
+            step, gain = normal_step(problem, jacobian, flat(problem, gains.innovations), theta, names, damping)
+            if gain < 0.5:
+                break
+            trial = theta + step
+            trial_gains = filter_case(problem, trial, names)
+            trial_cost = cost_of(problem, trial_gains, trial)
+            if np.isfinite(trial_cost) and trial_cost < cost:
+                theta, gains, cost, improved = trial, trial_gains, trial_cost, True
+                break
+        if not improved:
+            break
+    return Candidate(names, theta, cost if np.isfinite(cost) else np.inf)
+
+
+def best_of(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The best candidate of each hypothesis, whatever the order of its effects; best first."""
+    best: dict[frozenset[str], Candidate] = {}
+    for candidate in candidates:
+        key = frozenset(candidate.names)
+        if key not in best or candidate.cost < best[key].cost:
+            best[key] = candidate
+    return sorted(best.values(), key=lambda c: c.cost)
+
+
+def additions(
+    problem: Problem,
+    base: Base,
+    names: Sequence[str],
+    exactnesses: Sequence[float],
+    keep: int,
+    pool: ThreadPoolExecutor,
+) -> dict[float, list[Candidate]]:
+    """The most promising additions of one effect to a base after a few steps, for each exactness, best first."""
+    jobs = [
+        pool.submit(predict, problem, base, name, start, exactnesses)
+        for name in names
+        if name not in base.names
+        for start in starts(name)
+    ]
+    results = [job.result() for job in jobs]
+    out = {}
+    for i, exactness in enumerate(exactnesses):
+        held = believed(problem, exactness)
+        promising = best_of([result[i] for result in results])[:keep]
+        out[exactness] = best_of(list(pool.map(lambda c, h=held: relinearise(h, base, c), promising)))
+    return out
+
+
+def canonical(names: Names, theta: np.ndarray) -> tuple[Names, np.ndarray]:
+    """Effects in alphabetical order, their magnitudes with them."""
+    order = sorted(range(len(names)), key=lambda i: names[i])
+    first = len(theta) - len(names)
+    return tuple(names[i] for i in order), np.concatenate([theta[:first], theta[first:][order]])
+
+
+def full(problem: Problem, names: Names, theta: np.ndarray) -> Fit:
+    """A full fit, first under coarse process noise."""
+    names, theta = canonical(names, theta)
+    first = fit(coarse(problem), names, theta, iterations=6)
+    return fit(problem, names, first.theta)
+
+
+def full_all(
+    problem: Problem, candidates: dict[float, list[Candidate]], keep: int, pool: ThreadPoolExecutor
+) -> dict[tuple[Names, float], Fit]:
+    """Full fits of the best candidates of each exactness; a hypothesis that one of them has, all get."""
+    wanted: dict[tuple[Names, float], Candidate] = {}
+    chosen = {frozenset(c.names) for some in candidates.values() for c in some[:keep]}
+    for exactness, some in candidates.items():
+        for c in some:
+            if frozenset(c.names) in chosen:
+                wanted[canonical(c.names, c.theta)[0], exactness] = c
+    jobs = {key: pool.submit(full, believed(problem, key[1]), c.names, c.theta) for key, c in wanted.items()}
+    return {key: job.result() for key, job in jobs.items()}
+
+
+def leading(fits: dict[tuple[Names, float], Fit]) -> Fit:
+    """The fit with the most evidence."""
+    return max(fits.values(), key=lambda f: f.log_evidence)
+
+
+def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None) -> Found:
+    """Fits `none`, the most promising singles of `names` and the most promising pairs."""
+    tell = progress or (lambda _stage, _share: None)
+    rough = coarse(problem)
+    start = np.zeros(problem.nuisances)
+    with ThreadPoolExecutor(workers) as pool:
+        tell("single effects", 0.0)
+        nothing = {x: [Candidate((), start, 0.0)] for x in EXACTNESSES}
+        base = make_base(rough, (), start)
+        singles = additions(rough, base, names, EXACTNESSES, STEPPED_SINGLES, pool)
+        fits = full_all(problem, nothing, 1, pool) | full_all(problem, singles, FULL_SINGLES, pool)
+        tell("pairs of effects", 0.5)
+        fits |= search_pairs(problem, names, fits, pool)
+        tell("pairs of effects", 1.0)
+    return Found(fits)
+
+
+def search_pairs(
+    problem: Problem, names: Sequence[str], fits: dict[tuple[Names, float], Fit], pool: ThreadPoolExecutor
+) -> dict[tuple[Names, float], Fit]:
+    """Full fits of the most promising pairs that contain one of the best singles."""
+    rough = coarse(problem)
+    best = leading(fits)
+    adequate = best.mean_square < ADEQUATE
+    exactnesses: tuple[float, ...] = EXACTNESSES
+    if adequate:
+        evidence = {x: max(f.log_evidence for (_, held), f in fits.items() if held == x) for x in EXACTNESSES}
+        exactnesses = tuple(x for x in EXACTNESSES if evidence[x] > max(evidence.values()) - DECIDED)
+    seeds: list[Fit] = []
+    for f in sorted((f for f in fits.values() if f.names), key=lambda f: -f.log_evidence):
+        if f.names not in [s.names for s in seeds]:
+            seeds.append(f)
+    pairs: dict[float, list[Candidate]] = {x: [] for x in exactnesses}
+    for seed in seeds[: FEW_SEEDS if adequate else SEEDS]:
+        grown = additions(rough, make_base(rough, seed.names, seed.theta), names, exactnesses, STEPPED_PAIRS, pool)
+        for x in exactnesses:
+            pairs[x] = best_of([*pairs[x], *grown[x]])
+    return full_all(problem, pairs, FEW_PAIRS if adequate else FULL_PAIRS, pool)

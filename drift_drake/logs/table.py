@@ -1,0 +1,219 @@
+"""One run as a table of columns (SI, ISO 8855): read, checked, written."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+REQUIRED = ("t", "r", "v", "delta_cmd")
+OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
+COLUMNS = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
+
+SHORTEST_RUN = 50  # rows; less holds nothing to learn from
+PERIOD_TOLERANCE = 0.02  # of the period that a row may be early or late
+LARGEST = {  # beyond these a number is in another unit or broken
+    "r": (7.0, "rad/s"),
+    "v": (150.0, "m/s"),
+    "beta": (np.pi, "rad"),
+    "omega_r": (200.0, "m/s"),
+    "ax": (100.0, "m/s^2"),
+    "ay": (100.0, "m/s^2"),
+    "delta_cmd": (1.2, "rad"),
+    "tau_cmd": (1e5, "N m"),
+}
+ANGLES = ("r", "beta", "delta_cmd")
+
+
+class InvalidLogError(ValueError):
+    """A log that cannot be used; the message names the file, the place and the mend."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One run: a row each period. Columns that the log lacks are None.
+
+    `t` [s]; `x`, `y` [m] and `psi` [rad] of the centre of gravity in a fixed frame; `r` [rad/s]; `v` [m/s]; `beta`
+    [rad] course minus heading; `omega_r` [m/s] rear rim speed; `ax`, `ay` [m/s^2] in the body frame; `delta_cmd`
+    [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows.
+    """
+
+    name: str
+    t: np.ndarray
+    r: np.ndarray
+    v: np.ndarray
+    delta_cmd: np.ndarray
+    tau_cmd: np.ndarray | None = None
+    beta: np.ndarray | None = None
+    omega_r: np.ndarray | None = None
+    ax: np.ndarray | None = None
+    ay: np.ndarray | None = None
+    x: np.ndarray | None = None
+    y: np.ndarray | None = None
+    psi: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def period(self) -> float:
+        """Time between rows [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def column(self, name: str) -> np.ndarray | None:
+        """The column of that name, None where the log lacks it."""
+        values: np.ndarray | None = getattr(self, name)
+        return values
+
+    def without(self, *names: str) -> "Run":
+        """The same run with some optional columns taken out."""
+        changes: dict[str, Any] = dict.fromkeys(names)
+        return dataclasses.replace(self, **changes)
+
+    def rows(self, start: int, stop: int) -> "Run":
+        """Rows start:stop of the run."""
+        columns = {name: self.column(name) for name in COLUMNS}
+        cut: dict[str, Any] = {name: None if a is None else a[start:stop] for name, a in columns.items()}
+        return dataclasses.replace(self, **cut)
+
+
+def read_run(path: str | Path) -> Run:
+    """Reads one run from a CSV or Parquet file.
+
+    Raises:
+        InvalidLogError: unreadable or empty file, missing column, NaN, a clock that is not regular, wrong units.
+    """
+    path = Path(path)
+    try:
+        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    except FileNotFoundError:
+        raise InvalidLogError(f"{path}: no such file; give the path of a run (CSV or Parquet)") from None
+    except pd.errors.EmptyDataError:
+        raise InvalidLogError(f"{path}: the file is empty; a run needs a header and {SHORTEST_RUN} rows") from None
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InvalidLogError(f"{path}: cannot be read as a table ({reason}); write a CSV with a header") from None
+    table.columns = [str(name).strip() for name in table.columns]
+    missing = [name for name in REQUIRED if name not in table.columns]
+    if missing:
+        raise InvalidLogError(
+            f"{path}: missing column {', '.join(missing)}; a run needs {', '.join(REQUIRED)} "
+            f"and may have {', '.join(OPTIONAL)}"
+        )
+    columns = {}
+    for name in COLUMNS:
+        if name in table.columns:
+            columns[name] = _numbers(path, name, table[name])
+    try:
+        return Run(name=path.stem, **columns)
+    except InvalidLogError as error:
+        raise InvalidLogError(f"{path}: {str(error).removeprefix(path.stem + ': ')}") from None
+
+
+def write_run(run: Run, path: str | Path) -> None:
+    """Writes one run as CSV (nine digits); absent columns are left out."""
+    columns = {name: run.column(name) for name in COLUMNS}
+    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
+    table.to_csv(path, index=False, float_format="%.9g")
+
+
+def read_case(folder: str | Path) -> list[Run]:
+    """Reads all runs (`run_*.csv` or `run_*.parquet`, in the order of their numbers) of one case.
+
+    Raises:
+        InvalidLogError: no such folder, no runs in it, or one of them cannot be used.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InvalidLogError(f"{folder}: no such folder; a case is a folder of run_0.csv, run_1.csv, ...")
+    paths = run_paths(folder)
+    if not paths:
+        raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
+    return [read_run(path) for path in paths]
+
+
+def run_paths(folder: Path) -> list[Path]:
+    """Files of a case folder that hold runs, in the order of their numbers."""
+    paths = [path for path in folder.glob("run_*") if path.suffix in (".csv", ".parquet")]
+
+    def order(path: Path) -> tuple[int, str]:
+        number = path.stem.removeprefix("run_")
+        return (int(number) if number.isdigit() else 10**9, path.stem)
+
+    return sorted(paths, key=order)
+
+
+def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:
+    numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float)
+    bad = np.flatnonzero(~np.isfinite(numbers))
+    if len(bad):
+        row = int(bad[0])
+        raise InvalidLogError(
+            f"{path}: column {name} holds {values.iloc[row]!r} in row {row + 2} ({len(bad)} such rows); "
+            "fill or cut them, or leave the column out"
+        )
+    return numbers
+
+
+def _check(run: Run) -> None:
+    count = len(run.t)
+    if count < SHORTEST_RUN:
+        raise InvalidLogError(f"{run.name}: {count} rows; a run needs at least {SHORTEST_RUN}")
+    for name in COLUMNS:
+        values = run.column(name)
+        if values is None:
+            continue
+        if values.shape != (count,):
+            raise InvalidLogError(
+                f"{run.name}: column {name} has shape {values.shape}; give one number a row ({count})"
+            )
+        if not np.all(np.isfinite(values)):
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise InvalidLogError(f"{run.name}: column {name} is not a number in row {row}; fill or cut it")
+    _check_clock(run)
+    _check_units(run)
+
+
+def _check_clock(run: Run) -> None:
+    steps = np.diff(run.t)
+    if np.any(steps <= 0.0):
+        row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
+        raise InvalidLogError(
+            f"{run.name}: the clock does not advance at row {row} (t = {run.t[row]:g} s after {run.t[row - 1]:g} s); "
+            "sort the rows or split the run there"
+        )
+    period = float(np.median(steps))
+    late = np.abs(steps - period) > PERIOD_TOLERANCE * period
+    if np.any(late):
+        row = int(np.flatnonzero(late)[0]) + 1
+        raise InvalidLogError(
+            f"{run.name}: the clock is irregular at row {row} (a step of {steps[row - 1]:g} s among steps of "
+            f"{period:g} s); resample the run to a fixed period"
+        )
+    if period > 0.05:
+        raise InvalidLogError(f"{run.name}: a row each {period:g} s is too coarse; log at 20 Hz or faster (0.01 s)")
+
+
+def _check_units(run: Run) -> None:
+    for name, (largest, unit) in LARGEST.items():
+        values = run.column(name)
+        if values is None:
+            continue
+        peak = float(np.max(np.abs(values)))
+        if peak > largest:
+            guess = "; it looks like degrees, convert it" if name in ANGLES and peak < 60.0 * largest else ""
+            raise InvalidLogError(
+                f"{run.name}: column {name} reaches {peak:g}, expected {unit} below {largest:g}{guess}"
+            )
+    if run.psi is not None:
+        # An unwrapped heading may be any number, but it cannot turn faster than the car.
+        turned = np.abs(np.diff(np.unwrap(run.psi)))
+        rate, measured = float(np.sum(turned)), float(np.sum(np.abs(run.r)) * run.period)
+        if rate > 20.0 * measured + 10.0 and float(np.max(np.abs(run.psi))) > 60.0:
+            raise InvalidLogError(f"{run.name}: column psi does not agree with r; it looks like degrees, convert it")
+    if float(np.min(run.v)) < -0.5:
+        raise InvalidLogError(f"{run.name}: column v is negative ({np.min(run.v):g}); v is the speed, not a velocity")

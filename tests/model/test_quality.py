@@ -1,0 +1,105 @@
+"""Measures of quality, on cases whose answer is known."""
+
+import numpy as np
+import pytest
+
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.quality import (
+    adapted,
+    coverage,
+    judge,
+    judge_stepper,
+    mean_nll,
+    rollout_errors,
+    split_vehicle,
+    standardized_errors,
+    step_model,
+)
+from drift_drake.model.samples import Samples, concatenate
+
+
+class Drifting:
+    """Adds 1 to every state at every step."""
+
+    def step(self, x: np.ndarray, u: np.ndarray, u_next: np.ndarray, curvature: np.ndarray) -> np.ndarray:  # noqa: ARG002
+        return x + 1.0
+
+
+def drive(count: int, number: int, generator: np.random.Generator) -> Samples:
+    centre, spread = np.array([0.4, 11.0, -0.5, 17.0, 0.0, 0.0]), np.array([0.2, 1.0, 0.1, 1.0, 0.3, 0.1])
+    x = centre + spread * generator.normal(size=(count + 1, 6))
+    u = np.array([-0.2, 150.0]) + np.array([0.1, 30.0]) * generator.normal(size=(count + 1, 2))
+    return Samples(x[:-1], u[:-1], u[1:], x[1:], np.zeros(count), np.zeros(count, dtype=int), np.full(count, number))
+
+
+@pytest.fixture(scope="module")
+def believed(random_model: BayesianModel) -> Samples:
+    """Drives of a car that is exactly one draw from the model's prior, noise included."""
+    generator = np.random.default_rng(0)
+    prior = random_model.prior()
+    factor = np.linalg.cholesky(prior.covariance)
+    theta = prior.mean + random_model.sigma[:, None] * np.einsum(
+        "ifg,ig->if", factor, generator.standard_normal((4, 16))
+    )
+    parts = []
+    for number in range(6):
+        samples = drive(60, number, generator)
+        x_next = step_model(random_model, prior._replace(mean=theta)).step(
+            samples.x, samples.u, samples.u_next, samples.curvature
+        )
+        x_next[:, :4] += random_model.sigma * generator.standard_normal((60, 4))
+        parts.append(samples._replace(x_next=x_next))
+    return concatenate(parts)
+
+
+def test_whole_drives_are_split(believed: Samples) -> None:
+    split = split_vehicle(believed, 100)
+    np.testing.assert_array_equal(split.adaptation.x, believed.x[:100])
+    assert [int(part.drive[0]) for part in split.judged] == [2, 3, 4, 5]
+    rotated = split_vehicle(believed, 60, rotation=4)
+    assert set(rotated.adaptation.drive) == {4}
+    assert [int(part.drive[0]) for part in rotated.judged] == [5, 0, 1, 2, 3]
+    with pytest.raises(ValueError, match="360 samples in 6 drives are too few"):
+        split_vehicle(believed, 320)
+
+
+def test_a_right_model_is_calibrated_and_adaptation_takes_its_error_to_the_noise(
+    random_model: BayesianModel, believed: Samples
+) -> None:
+    split = split_vehicle(believed, 100)
+    judged = concatenate(split.judged)
+    result = judge(random_model, [split], (0, 100), horizons=(1,))
+    np.testing.assert_allclose(result["100"]["rms"], random_model.sigma, rtol=0.35)
+    assert (np.array(result["0"]["rms"]) > 1.5 * np.array(result["100"]["rms"])).all()
+    assert result["100"]["nll"] < result["0"]["nll"]
+    np.testing.assert_allclose(result["100"]["coverage"], np.tile([[0.683], [0.954], [0.997]], 4), atol=0.07)
+    error, deviation = standardized_errors(random_model, adapted(random_model, split.adaptation), judged)
+    np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=0)), result["100"]["rms"])
+    # One step of a rollout is a one-step prediction.
+    rollout = rollout_errors(step_model(random_model, adapted(random_model, split.adaptation)), split.judged, 1, 1)
+    np.testing.assert_allclose(rollout[:, :4], error, rtol=0, atol=1e-10)
+    assert result["100"]["nll"] == pytest.approx(mean_nll(error, deviation))
+
+
+def test_coverage_counts() -> None:
+    errors = np.array([[0.5], [1.5], [-2.5], [3.5]])
+    np.testing.assert_array_equal(coverage(errors, np.ones((4, 1))), [[0.25], [0.5], [0.75]])
+
+
+def test_rollouts_feed_on_themselves() -> None:
+    samples = drive(12, 0, np.random.default_rng(1))
+    errors = rollout_errors(Drifting(), [samples], steps=5, every=3)
+    expected = [samples.x_next[k + 4] - samples.x[k] - 5.0 for k in (0, 3, 6)]
+    np.testing.assert_allclose(errors, expected)
+    assert rollout_errors(Drifting(), [samples], steps=13).shape == (0, 6)
+    summary = judge_stepper(Drifting(), [split_vehicle(concatenate([samples, samples._replace(drive=samples.drive + 1)]),
+                                                       5)], horizons=(5,))  # fmt: skip
+    np.testing.assert_allclose(summary["rms"], np.sqrt(np.mean((samples.x_next - samples.x - 1.0)[:, :4] ** 2, axis=0)))
+
+
+def test_judging_uses_the_features_of_the_network(random_model: BayesianModel, believed: Samples) -> None:
+    phi = features(random_model.network, network_inputs(believed.x, believed.u, believed.u_next))
+    _, deviation = standardized_errors(random_model, random_model.prior(), believed)
+    spread = np.einsum("nif,ifg,nig->ni", phi, random_model.prior().covariance, phi)
+    np.testing.assert_allclose(deviation, random_model.sigma * np.sqrt(1.0 + spread))

@@ -13,21 +13,17 @@ need numbers of order one. `stack` and `unstack` convert.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import MathematicalProgram
 
+from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE, StackedCost, StackedDynamics, StageCost, StageLayout
 from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
-
-STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])
-INPUT_SCALE = np.array([0.3, 100.0])
-CURVATURE_STEP = 1e-5  # of the scaled variables, for second derivatives
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,96 +68,13 @@ class OcpSolution(NamedTuple):
     slack: Array  # [N], how far each stage leaves the lane [m]
 
 
-class StackedDynamics:
-    """All dynamics constraints as one, f(x_k, u_k, u_{k+1}) - x_{k+1} = 0, residuals and variables scaled.
-
-    Called by Drake's solvers with the variables (x_0..x_N, u_0..u_N) as float or AutoDiffXd; the SQP calls `linearize`.
-    """
-
-    def __init__(self, model: StepModel, horizon: int) -> None:
-        self.model = model
-        self.horizon = horizon
-        self.curvature = np.zeros(horizon)
-        self.state_scale = np.concatenate([STATE_SCALE, model.memory_scale])
-        self.state_size = n = self.state_scale.size
-        inputs_at = n * (horizon + 1)
-        stage, row, column = np.meshgrid(np.arange(horizon), np.arange(n), np.arange(n + 4), indexing="ij")
-        x_column, u_column = n * stage + column, inputs_at + 2 * stage + column - n
-        self._rows = np.concatenate([(n * stage + row).ravel(), np.arange(n * horizon)])
-        self._columns = np.concatenate([np.where(column < n, x_column, u_column).ravel(), n + np.arange(n * horizon)])
-        self._block_scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE]) / self.state_scale[:, None]
-
-    @property
-    def size(self) -> int:
-        """Number of rows."""
-        return self.state_size * self.horizon
-
-    def sparsity(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(row, column) of each entry of `linearize`'s Jacobian, within this constraint's own variables."""
-        return self._rows, self._columns
-
-    def value(self, z: Array) -> Array:
-        """The residuals [n N]."""
-        x, u = self.split(z)
-        residual: Array = (self.model.step(x[:-1], u[:-1], u[1:], self.curvature) - x[1:]) / self.state_scale
-        return residual.ravel()
-
-    def linearize(self, z: Array) -> tuple[Array, Array]:
-        """(residuals [n N], the Jacobian's entries in the order of `sparsity`)."""
-        x, u = self.split(z)
-        x_next, a, b, b_next = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
-        block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
-        return ((x_next - x[1:]) / self.state_scale).ravel(), np.concatenate([block.ravel(), np.full(self.size, -1.0)])
-
-    def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
-        """Second derivatives of multipliers' residuals by each stage's (x_k, u_k, u_{k+1}) [N, n+4, n+4].
-
-        Central differences of the models' exact Jacobians, all stages and directions in one batch.
-        """
-        n, count = self.state_size, self.state_size + 4
-        x, u = self.split(z)
-        point = np.concatenate([x[:-1], u[:-1], u[1:]], axis=1)
-        scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE])
-        shifts = np.concatenate([np.eye(count), -np.eye(count)]) * CURVATURE_STEP * scale
-        points = (point[None] + shifts[:, None]).reshape(-1, count)
-        curvature = np.tile(self.curvature, 2 * count)
-        _, a, b, b_next = self.model.linearize(points[:, :n], points[:, n : n + 2], points[:, n + 2 :], curvature)
-        jacobian = (np.concatenate([a, b, b_next], axis=2) * self._block_scale).reshape(2 * count, -1, n, count)
-        gradient = np.einsum("ki,jkil->jkl", multipliers.reshape(-1, n), jacobian)
-        blocks = np.moveaxis((gradient[:count] - gradient[count:]) / (2.0 * CURVATURE_STEP), 0, 1)
-        symmetric: Array = 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
-        return symmetric
-
-    def block_columns(self) -> NDArray[np.intp]:
-        """Where the variables of each stage's block lie in the decision vector [N, n+4]."""
-        n, stage = self.state_size, np.arange(self.horizon)[:, None]
-        inputs = n * (self.horizon + 1) + 2 * stage + np.arange(4)
-        return np.concatenate([n * stage + np.arange(n), inputs], axis=1)
-
-    def split(self, z: Array) -> tuple[Array, Array]:
-        """(x [N+1, n], u [N+1, 2]) in SI units of the stacked variables."""
-        states = self.state_size * (self.horizon + 1)
-        inputs = z[states : states + 2 * (self.horizon + 1)]
-        return z[:states].reshape(-1, self.state_size) * self.state_scale, inputs.reshape(-1, 2) * INPUT_SCALE
-
-    def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
-        if z.dtype != object:
-            return self.value(z)
-        value, entries = self.linearize(ExtractValue(z).ravel())
-        jacobian = np.zeros((self.size, z.size))
-        jacobian[self._rows, self._columns] = entries
-        gradient = ExtractGradient(z)
-        if gradient.size == 0:
-            return np.array([AutoDiffXd(v) for v in value])
-        return InitializeAutoDiff(value[:, None], jacobian @ gradient).ravel()
-
-
 class OptimalControlProblem:
     """The OCP, built once for a horizon; `set` then changes its data in place.
 
     Attributes:
         program: the MathematicalProgram that Drake's solvers take (scaled variables).
         dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the program.
+        extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
     """
 
     def __init__(
@@ -170,14 +83,17 @@ class OptimalControlProblem:
         parameters: VehicleParameters,
         horizon: int,
         weights: OcpWeights | None = None,
+        extra_cost: StageCost | None = None,
     ) -> None:
         self.horizon = horizon
         self.weights = weights or OcpWeights()
         self.parameters = parameters
-        self.dynamics = StackedDynamics(model, horizon)
+        self.layout = StageLayout(model.memory_scale, horizon)
+        self.dynamics = StackedDynamics(model, self.layout)
+        self.extra_cost = StackedCost(extra_cost, self.layout) if extra_cost else None
         self.program = program = MathematicalProgram()
         # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
-        n = self.dynamics.state_size
+        n = self.layout.state_size
         x = program.NewContinuousVariables(n * (horizon + 1), "x").reshape(-1, n)
         u = program.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
         slack = program.NewContinuousVariables(horizon, "slack")
@@ -202,10 +118,13 @@ class OptimalControlProblem:
             [(int(i), int(j)) for i, j in zip(*self.dynamics.sparsity(), strict=True)]
         )
 
+        if self.extra_cost:
+            program.AddCost(self.extra_cost, vars=self._z[: -horizon or None], description="extra cost")
+
     def _hessian(self) -> Array:
         """Second derivatives of the cost: the stages' blocks, summed."""
         hessian = np.zeros((self._z.size, self._z.size))
-        for columns in self.dynamics.block_columns():
+        for columns in self.layout.block_columns:
             hessian[np.ix_(columns, columns)] += self.stage_hessian()
         return hessian
 
@@ -216,7 +135,7 @@ class OptimalControlProblem:
 
     def stage_hessian(self) -> Array:
         """Second derivatives of l_k by the scaled (x_k, u_k, u_{k+1}) [n+4, n+4]; their sum is the cost's."""
-        n = self.dynamics.state_size
+        n = self.layout.state_size
         block = np.zeros((n + 4, n + 4))
         block[range(6), range(6)] = 2.0 * self.weights.state() * STATE_SCALE**2
         block[n:, n:] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag(2.0 * self.weights.input() * INPUT_SCALE**2))
@@ -230,7 +149,7 @@ class OptimalControlProblem:
         """
         n = self.horizon
         shapes = {
-            "x_init": (self.dynamics.state_size,),
+            "x_init": (self.layout.state_size,),
             "u_init": (2,),
             "x_ref": (n + 1, 6),
             "curvature": (n,),
@@ -246,11 +165,11 @@ class OptimalControlProblem:
         q = self.weights.state()
         reference = data.x_ref[:-1]
         linear = np.zeros(self._z.size)
-        states = linear[: self.dynamics.state_size * n].reshape(n, -1)
+        states = linear[: self.layout.state_size * n].reshape(n, -1)
         states[:, :6] = -2.0 * q * STATE_SCALE * reference
         linear[-n:] = self.weights.lane_penalty
         self._linear_cost.evaluator().UpdateCoefficients(linear, float(np.sum(q * reference * reference)))
-        x_init, u_init = data.x_init / self.dynamics.state_scale, data.u_init / INPUT_SCALE
+        x_init, u_init = data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE
         self._x_init.evaluator().set_bounds(x_init, x_init)
         self._u_init.evaluator().set_bounds(u_init, u_init)
         unbounded = np.full(n, np.inf)
@@ -262,11 +181,11 @@ class OptimalControlProblem:
     def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:
         """The decision vector of a trajectory x [N+1, n], u [N+1, 2] (SI)."""
         slack = np.zeros(self.horizon) if slack is None else slack
-        return np.concatenate([np.ravel(x / self.dynamics.state_scale), np.ravel(u / INPUT_SCALE), slack])
+        return np.concatenate([np.ravel(x / self.layout.state_scale), np.ravel(u / INPUT_SCALE), slack])
 
     def unstack(self, z: Array) -> OcpSolution:
         """The trajectory (SI) of a decision vector."""
-        return OcpSolution(*self.dynamics.split(z), z[-self.horizon :].copy())
+        return OcpSolution(*self.layout.split(z), z[-self.horizon :].copy())
 
     def initial_guess(self, data: OcpData) -> Array:
         """A decision vector to start from: the reference with the initial state's errors fading out, inputs held."""

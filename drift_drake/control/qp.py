@@ -14,7 +14,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
-from drift_drake.control.ocp import StackedDynamics
+from drift_drake.control.stacked import StackedDynamics
 
 Array = NDArray[np.float64]
 
@@ -24,15 +24,11 @@ class LinearQuadraticPart:
 
     Rows: linear constraints (each scaled to a largest entry of one), then one row per bounded variable.
 
-    Raises:
-        ValueError: the program holds a cost or constraint that is neither linear nor quadratic.
     """
 
     def __init__(self, program: MathematicalProgram) -> None:
         self._program = program
         self.size = program.num_vars()
-        if program.generic_costs():
-            raise ValueError("the program has a cost that is not quadratic; hand it to the solver as a nonlinear cost")
         self._linear_costs = [(b.evaluator(), self._indices(b)) for b in program.linear_costs()]
         self._linear_constraints = [b.evaluator() for b in program.linear_constraints()]
         self._boxes = [(b.evaluator(), self._indices(b)) for b in program.bounding_box_constraints()]
@@ -153,7 +149,7 @@ class QpWorkspace:
         self._count = count
         entries.data = np.where(self._order < count, 1.0, self._values[self._order])
         self._matrix = entries
-        self.hessian = BlockHessian(dynamics.block_columns(), linear_quadratic.size)
+        self.hessian = BlockHessian(dynamics.layout.block_columns, linear_quadratic.size)
         _, _, low, high = linear_quadratic.data()
         zeros = np.zeros(dynamics.size)
         self._solver = osqp.OSQP()

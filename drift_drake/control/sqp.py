@@ -103,7 +103,7 @@ class LineSearchSqp:
 
     def solve(self, z_guess: Array, y_guess: Array | None = None) -> SqpResult:
         """Solves the program as its data now stand, from a decision vector (and multipliers, if known)."""
-        part, options = self._part, self.options
+        part, options, extra = self._part, self.options, self.problem.extra_cost
         gradient_at_zero, constant, low, high = part.data()
         z = np.asarray(z_guess, dtype=float)
         y = np.zeros(self.multiplier_count) if y_guess is None else y_guess
@@ -114,7 +114,10 @@ class LineSearchSqp:
             start = time.perf_counter()
             bent = part.hessian @ z
             gradient = bent + gradient_at_zero
-            cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant)
+            extra_cost = extra.value(z) if extra else 0.0
+            if extra:
+                gradient += extra.gradient(z)
+            cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
             linear = part.matrix @ z
             primal_residual = float(max(np.abs(residual).max(), _outside(linear, low, high).max()))
             if len(iterations) == options.max_iterations:
@@ -129,17 +132,18 @@ class LineSearchSqp:
             if max(primal_residual, dual_residual) < options.tolerance:
                 status = "converged"
                 break
-            blocks, offset = self._stage_hessian, gradient_at_zero
+            blocks = self._stage_hessian
             if not options.gauss_newton:
                 blocks = self._lagrangian_blocks(z, y)
-                offset = gradient - self._workspace.hessian.times(blocks, z)
                 self._workspace.set_hessian(blocks)
+            offset = gradient - self._workspace.hessian.times(blocks, z)
             target = (stacked @ z)[: residual.size] - residual
             qp = self._workspace.solve(offset, np.concatenate([target, low]), np.concatenate([target, high]), z, y)
             step = 0.0
             if qp.usable:
                 direction = qp.z - z
                 slope, bend = float(gradient @ direction), float(direction @ (part.hessian @ direction))
+                smooth_slope = float((bent + gradient_at_zero) @ direction)
                 model_bend = float(direction @ self._workspace.hessian.times(blocks, direction))
                 violation = _violation(residual, linear, low, high)
                 if violation > 1e-12:
@@ -151,7 +155,9 @@ class LineSearchSqp:
                 while step >= options.min_step:
                     trial = z + step * direction
                     trial_residual = self._dynamics.value(trial)
-                    trial_cost = cost + step * slope + 0.5 * step * step * bend
+                    trial_cost = cost + step * smooth_slope + 0.5 * step * step * bend
+                    if extra:
+                        trial_cost += extra.value(trial) - extra_cost
                     trial_merit = trial_cost + penalty * _violation(trial_residual, part.matrix @ trial, low, high)
                     if trial_merit <= merit + options.sufficient_decrease * step * decrease + rounding:
                         z, residual, y = trial, trial_residual, y + step * (qp.y - y)
@@ -171,6 +177,8 @@ class LineSearchSqp:
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""
         blocks = self._stage_hessian + self._dynamics.curvature_blocks(z, y[: self._dynamics.size])
+        if self.problem.extra_cost:
+            blocks = blocks + self.problem.extra_cost.curvature_blocks(z)
         values, vectors = np.linalg.eigh(blocks)
         projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return projected

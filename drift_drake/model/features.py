@@ -71,7 +71,7 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     """Information that a sample at z would bring: the paper's eq. (8), one term of the sum over k.
 
     Args:
-        covariance: Lambda_i^{-1}, [4, 16, 16]; z: [..., 8].
+        covariance: Lambda_i^{-1}, [4, 16, 16], or one for each z [..., 4, 16, 16]; z: [..., 8].
 
     Returns:
         (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 8]). The gradient
@@ -79,7 +79,7 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     """
     h1, h2 = _hidden(network, z)
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
-    weighted = np.einsum("ifg,...ig->...if", covariance, phi, optimize=True)
+    weighted = np.einsum("...ifg,...ig->...if", covariance, phi, optimize=True)
     spread = 1.0 + np.sum(phi * weighted, axis=-1)
     gain = 0.5 * np.sum(np.log(spread), axis=-1)
     seed = np.einsum("ihf,...if->...h", network.w_out, weighted / spread[..., None], optimize=True)

@@ -1,24 +1,12 @@
-"""Problems that several tests solve."""
+"""References that several tests drive."""
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from drift_drake.control.ocp import OcpData
 from drift_drake.reference.trajectory import Reference, figure_8, loops, straight_line
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="session")
 def references() -> dict[str, Reference]:
     parameters = VehicleParameters()
     return {"straight": straight_line(7.5, 20.0, 4.5), "figure_8": figure_8(parameters), "loops": loops(parameters)}
-
-
-def ocp_data(reference: Reference, s: float, horizon: int, error: Array | None = None) -> OcpData:
-    """The problem of a car at s [m] of a reference, off it by `error` [6], its command the reference's."""
-    window = reference.horizon(s, 0.1, horizon)
-    x = reference.state(s) + (np.zeros(6) if error is None else error)
-    return OcpData(x, reference.input(s), window.x_ref, window.curvature, window.e_min, window.e_max)

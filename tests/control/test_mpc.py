@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context
 from drift_drake.actuation import interpolate_plan
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import MpcController, SolveStatistics
-from drift_drake.control.ocp import INPUT_SCALE
+from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from conftest import ocp_data
+from control_problems import ocp_data
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import SnoptSolver
 
-from drift_drake.control.ocp import INPUT_SCALE, STATE_SCALE, OptimalControlProblem
+from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -86,7 +87,7 @@ def test_curvature_blocks_are_second_differences(
     z = random_point(problem, references["figure_8"], 3)[: -HORIZON or None]
     y = np.random.default_rng(4).normal(size=problem.dynamics.size)
     hessian = np.zeros((z.size, z.size))
-    for block, columns in zip(problem.dynamics.curvature_blocks(z, y), problem.dynamics.block_columns(), strict=True):
+    for block, columns in zip(problem.dynamics.curvature_blocks(z, y), problem.layout.block_columns, strict=True):
         hessian[np.ix_(columns, columns)] += block
     direction = np.random.default_rng(5).normal(size=z.size)
     step = 1e-3

@@ -4,11 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from conftest import ocp_data
+from control_problems import ocp_data
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.control.qp import LinearQuadraticPart
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference
@@ -145,10 +144,3 @@ def test_a_model_that_is_not_finite_is_reported(references: dict[str, Reference]
     result = sqp.solve(guess)
     assert result.failed
     assert result.status == "not finite"
-
-
-def test_a_cost_that_is_not_quadratic_is_refused() -> None:
-    problem = OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, 2)
-    problem.program.AddCost(lambda z: z[0] ** 4, vars=problem.program.decision_variables()[:1])
-    with pytest.raises(ValueError, match="a cost that is not quadratic"):
-        LinearQuadraticPart(problem.program)

@@ -1,0 +1,75 @@
+"""The information gathering objective -alpha l_info of Info-OCP (eq. 8), as a cost over the horizon's stages.
+
+    l_info = 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik)
+
+with the covariance of before the drive, as in the paper, or with the covariance that has taken in the stages before k.
+That one needs no recursion: by the chain rule of information the sum is
+1/2 sum_i log det(I + Phi_i Lambda_i^{-1} Phi_i'), with Phi_i the features of all stages, whatever their order.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.model.features import INPUT_COUNT, STATE_COUNT, Network, features, information_gain, network_inputs
+
+Array = NDArray[np.float64]
+
+
+class InformationCost:
+    """-alpha l_info as a `StageCost`, with exact gradients through features and covariance.
+
+    Its second derivatives within a stage (which the SQP takes by differences of the gradient) are mostly negative: the
+    SQP adds them to the cost's and the dynamics' and projects the sum, so that its QPs stay convex. Between stages the
+    variant with updates has second derivatives too; the SQP leaves those out.
+
+    Args:
+        network: the features.
+        covariance: Lambda_i^{-1} before the drive [4, 16, 16].
+        alpha: weight of the information [1/nat].
+        updated: update the covariance along the horizon.
+    """
+
+    def __init__(self, network: Network, covariance: Array, alpha: float, updated: bool = False) -> None:
+        self._network = network
+        self._covariance = np.asarray(covariance, dtype=float)
+        self._precision = np.linalg.inv(self._covariance)
+        self._alpha = alpha
+        self._updated = updated
+
+    def value(self, x: Array, u: Array, u_next: Array) -> float:
+        """-alpha l_info."""
+        return -self._alpha * self.information(x, u, u_next)
+
+    def information(self, x: Array, u: Array, u_next: Array) -> float:
+        """l_info [nat] of a trajectory."""
+        z = network_inputs(x, u, u_next)
+        if not self._updated:
+            return float(information_gain(self._network, self._covariance, z)[0].sum())
+        phi = features(self._network, z)
+        inner = np.einsum("kif,ifg,lig->ikl", phi, self._covariance, phi, optimize=True) + np.eye(len(phi))
+        return float(0.5 * np.linalg.slogdet(inner)[1].sum())
+
+    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
+        """See `StageCost`."""
+        covariance = self._covariance
+        if self._updated:
+            # What is left of the uncertainty after all other stages.
+            phi = features(self._network, network_inputs(x, u, u_next))
+            outer = phi[..., :, None] * phi[..., None, :]
+            covariance = np.linalg.inv(self._precision + outer.sum(axis=0) - outer)
+
+        def gradient(x: Array, u: Array, u_next: Array) -> Array:
+            z = network_inputs(x, u, u_next)
+            if covariance.ndim == 3:
+                by_z = information_gain(self._network, covariance, z)[1]
+            else:
+                repeats = len(z) // len(covariance)
+                by_z = information_gain(self._network, np.tile(covariance, (repeats, 1, 1, 1)), z)[1]
+            result = np.zeros((len(z), x.shape[1] + 4))
+            result[:, :STATE_COUNT] = -self._alpha * by_z[:, :STATE_COUNT]
+            result[:, x.shape[1] :] = -self._alpha * by_z[:, STATE_COUNT:INPUT_COUNT]
+            return result
+
+        return gradient

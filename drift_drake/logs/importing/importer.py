@@ -1,0 +1,141 @@
+"""A recorder's files to runs of the log format, with a report of what was estimated and what looks wrong."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.logs.importing.checks import TITLES, check_columns
+from drift_drake.logs.importing.formula import evaluate
+from drift_drake.logs.importing.mapping import RecorderMapping
+from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
+from drift_drake.logs.importing.recording import InvalidRecordingError, Recording, read_recording
+from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
+from drift_drake.logs.importing.stretches import Stretch, moving_stretches, stretch_of
+from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
+
+Array = NDArray[np.float64]
+
+SLOW = 1.5  # periods of the log between two readings: more, and rows between readings are no measurements
+
+
+@dataclasses.dataclass(frozen=True)
+class RunReport:
+    """One run: the recording it is of, its start and end [s] after that one's first reading, and its rows.
+
+    noise: standard deviation of one reading (SI), by signal; std: of columns that were smoothed; time_scales [s]: over
+    which the errors of smoothed position and heading are correlated; remarks: on what looks wrong in it.
+    """
+
+    name: str
+    recording: str
+    start: float
+    end: float
+    rows: int
+    noise: dict[str, float]
+    std: dict[str, float]
+    time_scales: dict[str, float]
+    remarks: list[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class ImportReport:
+    """What was estimated on the way: offsets of clocks by recording, and each run's report.
+
+    remarks: all sentences on what looks wrong, each with the name of its run or recording.
+    """
+
+    recorder: str
+    clocks: dict[str, dict[str, ClockReport]]
+    runs: list[RunReport]
+    remarks: list[str]
+
+
+def import_recordings(paths: Sequence[str | Path], mapping: RecorderMapping) -> tuple[list[Run], ImportReport]:
+    """Turns recordings of one vehicle into runs at 100 Hz, in the order given.
+
+    Raises:
+        InvalidRecordingError: a file cannot be used; the message names it, the place and the mend.
+    """
+    if not paths:
+        raise InvalidRecordingError("no recordings; give CSV or Parquet files")
+    runs: list[Run] = []
+    reports: list[RunReport] = []
+    clocks: dict[str, dict[str, ClockReport]] = {}
+    remarks: list[str] = []
+    for path in paths:
+        recording = read_recording(path, mapping)
+        first = recording.clocks[mapping.first_clock]
+        stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
+        if not stretches:
+            asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
+            raise InvalidRecordingError(f"{path}: holds no stretch of motion{asked}; leave it out, or change 'moving'")
+        offsets, wrong = clock_offsets(recording, stretches, mapping)
+        clocks[recording.name] = offsets
+        remarks += [f"{recording.name}: {sentence}" for sentence in wrong + _slow_columns(recording)]
+        for number, stretch in enumerate(stretches):
+            name = recording.name if len(stretches) == 1 else f"{recording.name}_{number}"
+            try:
+                run, sentences = _run(name, recording, stretch, offsets, mapping)
+            except InvalidLogError as error:
+                raise InvalidRecordingError(f"{path}: {error}") from None
+            runs.append(run)
+            reports.append(_report(run, recording.name, stretch, sentences))
+            remarks += [f"{name}: {sentence}" for sentence in sentences]
+    return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
+
+
+def _run(
+    name: str, recording: Recording, stretch: Stretch, offsets: dict[str, ClockReport], mapping: RecorderMapping
+) -> tuple[Run, list[str]]:
+    """One run, and what looks wrong in it."""
+    origin = recording.clocks[mapping.first_clock].t[0]
+    start, end = stretch.t[0], stretch.t[-1]
+    for clock, report in offsets.items():
+        times = recording.clocks[clock].t + report.offset
+        start, end = max(start, times[0]), min(end, times[-1])
+    t = rows_between(start - origin, end - origin)
+    columns = {key: resample(t, stretch.t - origin, values) for key, values in stretch.columns.items()}
+    for key, signal in mapping.signals.items():
+        if signal.clock != mapping.first_clock:
+            times, values = recording.clocks[signal.clock].seen(key)
+            columns[key] = resample(t, times + offsets[signal.clock].offset - origin, values, signal.between)
+    for key, formula in mapping.formulas.items():
+        columns[key] = np.broadcast_to(evaluate(formula, columns | mapping.constants), t.shape).astype(float)
+    if "beta" in columns:
+        columns["beta"] = np.angle(np.exp(1j * columns["beta"]))
+    sentences = check_columns(columns, PERIOD, mapping.wheelbase) if len(t) > 1 else []
+    try:
+        run = Run(name=name, t=t, **{key: columns[key] for key in COLUMNS if key in columns})
+    except InvalidLogError as error:
+        raise InvalidLogError(" ".join([str(error), *sentences])) from None
+    return run, sentences
+
+
+def _report(run: Run, recording: str, stretch: Stretch, sentences: list[str]) -> RunReport:
+    return RunReport(
+        name=run.name,
+        recording=recording,
+        start=float(run.t[0]),
+        end=float(run.t[-1]),
+        rows=len(run),
+        noise=stretch.noise,
+        std=stretch.std,
+        time_scales=stretch.time_scales,
+        remarks=sentences,
+    )
+
+
+def _slow_columns(recording: Recording) -> list[str]:
+    """Sentences on measured columns that are read less often than the log has rows."""
+    sentences = []
+    for readings in recording.clocks.values():
+        names = sorted(set(readings.signals) & set(TITLES) & set(COLUMNS))
+        if names and readings.period > SLOW * PERIOD:
+            sentences.append(
+                f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} read each {readings.period:.2g} s: the rows "
+                "between are interpolated, and the noise is not white."
+            )
+    return sentences

@@ -1,0 +1,293 @@
+"""Mapping files: which column of a recorder's table is what, in which unit, sign, frame and clock. YAML, validated."""
+
+import dataclasses
+import math
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
+from drift_drake.logs.importing.frames import FRAMES
+from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
+
+DERIVABLE = ("r", "v", "beta", "ax", "ay")
+BETWEEN = ("linear", "hold")
+
+
+class InvalidMappingError(ValueError):
+    """A mapping file that cannot be used; the message names the file, the key and the mend."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Align:
+    """Which signal of this clock to correlate with which motion (a quantity of the first clock) to find its offset."""
+
+    signal: str
+    against: str
+    search: float = 0.5  # [s] about the offset that the rows suggest
+
+
+@dataclasses.dataclass(frozen=True)
+class Clock:
+    """A column of times. The first clock of a mapping is the log's.
+
+    A reading is taken wherever the clock ticks: a recorder that repeats slow columns in fast rows repeats their clock
+    too. Another clock's offset is `offset` where it is known; else reading and row are taken as simultaneous, and
+    `align` refines that from the data.
+    """
+
+    column: str
+    unit: str = "s"
+    regular: bool = False  # readings are taken at a fixed rate; the times are those of arrival, and jitter
+    blank: float | None = None  # a time that stands for "no reading yet"
+    offset: float | None = None  # [s] to add to read the first clock
+    align: Align | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Signal:
+    """One column: SI value = sign * scale * (column in SI units), turned into ISO 8855, plus `offset` [SI, ISO 8855].
+
+    `radius` [m] turns a wheel's angular rate (rpm, rad/s) into the rim's speed. `between` readings of a slow clock a
+    value runs on a line, or holds.
+    """
+
+    column: str
+    unit: str
+    sign: float = 1.0
+    scale: float = 1.0
+    offset: float = 0.0
+    frame: str | None = None
+    clock: str = ""
+    between: str = "linear"
+    radius: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Moving:
+    """Stretches to keep: above `speed` [m/s], for at least `shortest` [s]. The rest (standing, carried) is cut."""
+
+    speed: float
+    shortest: float = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class RecorderMapping:
+    """A mapping file. `measured_point` [m]: ahead and to the left of the centre of gravity, where x, y, vx, vy are
+    measured; `derive`: what to compute from x, y, psi (motion capture) where no column gives it; `formulas`: further
+    quantities, in order, from signals, derived quantities, `constants` and earlier formulas."""
+
+    clocks: dict[str, Clock]
+    signals: dict[str, Signal]
+    recorder: str = ""
+    frame: str = "iso8855"
+    measured_point: tuple[float, float] = (0.0, 0.0)
+    wheelbase: float | None = None
+    derive: tuple[str, ...] = ("r", "v", "beta")
+    constants: dict[str, float] = dataclasses.field(default_factory=dict)
+    formulas: dict[str, str] = dataclasses.field(default_factory=dict)
+    moving: Moving | None = None
+
+    @property
+    def first_clock(self) -> str:
+        """Name of the log's clock."""
+        return next(iter(self.clocks))
+
+
+def presets() -> list[str]:
+    """Names of the mappings that come with the package, one a recorder."""
+    folder = resources.files("drift_drake.logs.importing") / "presets"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+def read_mapping(name: str | Path) -> RecorderMapping:
+    """The preset of that name, or else the mapping file of that path.
+
+    Raises:
+        InvalidMappingError: names the file, the key and the mend.
+    """
+    if str(name) in presets():
+        file = resources.files("drift_drake.logs.importing") / "presets" / f"{name}.yaml"
+        text, source = file.read_text(encoding="utf-8"), f"preset {name}"
+    else:
+        source = str(name)
+        try:
+            text = Path(name).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise InvalidMappingError(f"{source}: not a text file; give a mapping file in YAML") from None
+        except OSError as error:
+            raise InvalidMappingError(
+                f"{source}: cannot be read ({error.strerror}); give a mapping file or a preset ({', '.join(presets())})"
+            ) from None
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        where = getattr(error, "problem_mark", None)
+        line = f" at line {where.line + 1}" if where else ""
+        raise InvalidMappingError(f"{source}: not valid YAML{line}; write 'name: value' lines") from None
+    return mapping_from_dict(data, source)
+
+
+def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
+    """A mapping from plain data.
+
+    Raises:
+        InvalidMappingError: names `source`, the key and the mend.
+    """
+    entries = _entries(data, RecorderMapping, source, "")
+    for key in ("clocks", "signals"):
+        if not isinstance(entries[key], dict) or not entries[key]:
+            raise InvalidMappingError(f"{source}: '{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
+    clocks = {name: _clock(item, source, f"clocks.{name}") for name, item in entries["clocks"].items()}
+    first = next(iter(clocks))
+    signals = {name: _signal(name, item, first, source) for name, item in entries["signals"].items()}
+    for key in ("constants", "formulas"):
+        if not isinstance(entries.get(key, {}), dict):
+            raise InvalidMappingError(f"{source}: '{key}' must hold 'name: value' lines")
+    constants = {k: _number(v, source, f"constants.{k}") for k, v in entries.get("constants", {}).items()}
+    point = entries.get("measured_point", (0.0, 0.0))
+    if not isinstance(point, (list, tuple)) or len(point) != 2:
+        raise InvalidMappingError(f"{source}: measured_point must be [ahead, left] of the centre of gravity, in metres")
+    derive = entries.get("derive", RecorderMapping.derive)
+    if not isinstance(derive, (list, tuple)) or not set(derive) <= set(DERIVABLE):
+        raise InvalidMappingError(f"{source}: derive must be a list of some of {', '.join(DERIVABLE)}")
+    moving = entries.get("moving")
+    wheelbase = entries.get("wheelbase")
+    mapping = RecorderMapping(
+        clocks=clocks,
+        signals=signals,
+        recorder=str(entries.get("recorder", "")),
+        frame=_choice(entries.get("frame", "iso8855"), FRAMES, source, "frame"),
+        measured_point=(
+            _number(point[0], source, "measured_point"),
+            _number(point[1], source, "measured_point"),
+        ),
+        wheelbase=None if wheelbase is None else _number(wheelbase, source, "wheelbase", positive=True),
+        derive=tuple(derive),
+        constants=constants,
+        formulas={key: str(value) for key, value in entries.get("formulas", {}).items()},
+        moving=None if moving is None else _moving(moving, source),
+    )
+    _check_names(mapping, source)
+    return mapping
+
+
+def _entries(data: Any, kind: Any, source: str, prefix: str) -> dict[str, Any]:
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    if not isinstance(data, dict):
+        where = f"'{prefix.rstrip('.')}'" if prefix else "the file"
+        raise InvalidMappingError(f"{source}: {where} must hold 'name: value' lines ({', '.join(fields)})")
+    for key in data:
+        if key not in fields:
+            raise InvalidMappingError(f"{source}: unknown key '{prefix}{key}'; known keys are {', '.join(fields)}")
+    for name, field in fields.items():
+        needed = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+        if needed and name not in data:
+            raise InvalidMappingError(f"{source}: missing '{prefix}{name}'; add a line for it")
+    return data
+
+
+def _number(value: Any, source: str, key: str, positive: bool = False) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number) or (positive and number <= 0.0):
+        kind = "a positive" if positive else "a finite"
+        raise InvalidMappingError(f"{source}: {key} is {value!r}; give {kind} number")
+    return number
+
+
+def _choice(value: Any, known: tuple[str, ...] | list[str], source: str, key: str) -> str:
+    if value not in known:
+        raise InvalidMappingError(f"{source}: {key} is {value!r}; known are {', '.join(known)}")
+    return str(value)
+
+
+def _clock(data: Any, source: str, key: str) -> Clock:
+    entries = dict(_entries(data, Clock, source, f"{key}."))
+    if dimension(str(entries.get("unit", "s"))) != "time":
+        raise InvalidMappingError(f"{source}: {key}.unit is {entries['unit']!r}; give a unit of time: s, ms, us, ns")
+    for name in ("blank", "offset"):
+        if entries.get(name) is not None:
+            entries[name] = _number(entries[name], source, f"{key}.{name}")
+    if not isinstance(entries.get("regular", False), bool):
+        raise InvalidMappingError(f"{source}: {key}.regular is {entries['regular']!r}; write true or false")
+    if entries.get("align") is not None:
+        align = dict(_entries(entries["align"], Align, source, f"{key}.align."))
+        align["search"] = _number(align.get("search", Align.search), source, f"{key}.align.search", positive=True)
+        entries["align"] = Align(**align)
+    return Clock(**entries)
+
+
+def _signal(name: str, data: Any, first_clock: str, source: str) -> Signal:
+    key = f"signals.{name}"
+    entries = {"clock": first_clock, **_entries(data, Signal, source, f"{key}.")}
+    _choice(entries["unit"], units_of(name), source, f"{key}.unit")
+    for number in ("sign", "scale", "offset"):
+        if number in entries:
+            entries[number] = _number(entries[number], source, f"{key}.{number}")
+    if entries.get("sign", 1.0) not in (1.0, -1.0):
+        raise InvalidMappingError(f"{source}: {key}.sign is {entries['sign']:g}; write 1 or -1 (scale is for factors)")
+    if entries.get("frame") is not None:
+        _choice(entries["frame"], FRAMES, source, f"{key}.frame")
+    _choice(entries.get("between", "linear"), BETWEEN, source, f"{key}.between")
+    turns = name == "omega_r" and dimension(entries["unit"]) == "angular rate"
+    if turns and entries.get("radius") is None:
+        raise InvalidMappingError(f"{source}: {key} is in {entries['unit']}; add the wheel's radius in metres")
+    if entries.get("radius") is not None:
+        entries["radius"] = _number(entries["radius"], source, f"{key}.radius", positive=True)
+        if not turns:
+            raise InvalidMappingError(f"{source}: {key}.radius is for an omega_r in rpm or rad/s; take it out")
+    return Signal(**entries)
+
+
+def _moving(data: Any, source: str) -> Moving:
+    entries = _entries(data, Moving, source, "moving.")
+    return Moving(**{name: _number(value, source, f"moving.{name}", positive=True) for name, value in entries.items()})
+
+
+def _check_names(mapping: RecorderMapping, source: str) -> None:
+    signals, first = mapping.signals, mapping.first_clock
+    for name, signal in signals.items():
+        if signal.clock not in mapping.clocks:
+            raise InvalidMappingError(
+                f"{source}: signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
+            )
+    captured = {"x", "y", "psi"} <= {name for name, signal in signals.items() if signal.clock == first}
+    derived = set(mapping.derive) if captured else set()
+    derived |= {"v", "beta"} if {"vx", "vy"} <= set(signals) else {"v"} if "vx" in signals else set()
+    known = set(signals) | derived | set(mapping.constants)
+    for name, formula in mapping.formulas.items():
+        try:
+            unknown = sorted(names_in(formula) - known)
+        except InvalidFormulaError as error:
+            raise InvalidMappingError(f"{source}: formulas.{name}: {error}") from None
+        if unknown:
+            raise InvalidMappingError(
+                f"{source}: formulas.{name} reads '{unknown[0]}'; known there are {', '.join(sorted(known))}"
+            )
+        known.add(name)
+    for name, clock in mapping.clocks.items():
+        if clock.align is None:
+            continue
+        if name == first:
+            raise InvalidMappingError(f"{source}: clocks.{name} is the log's own; align the other clocks with it")
+        if clock.align.signal not in signals or signals[clock.align.signal].clock != name:
+            raise InvalidMappingError(
+                f"{source}: clocks.{name}.align.signal is '{clock.align.signal}'; name a signal of that clock"
+            )
+        motion = derived | {key for key, signal in signals.items() if signal.clock == first}
+        if clock.align.against not in motion & set(QUANTITIES):
+            raise InvalidMappingError(
+                f"{source}: clocks.{name}.align.against is '{clock.align.against}'; "
+                f"give one of {', '.join(sorted(motion & set(QUANTITIES)))}"
+            )
+    missing = [name for name in ("r", "v", "delta_cmd") if name not in known]
+    if missing:
+        raise InvalidMappingError(
+            f"{source}: nothing gives {', '.join(missing)}; a log needs r, v and delta_cmd "
+            "(map columns, derive them from x, y, psi, or write formulas)"
+        )

@@ -1,0 +1,65 @@
+"""Speed, sideslip, yaw rate and accelerations of the centre of gravity from a body's measured position and heading."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.logs.importing.frames import Motion, at_centre_of_gravity, to_body
+from drift_drake.logs.importing.smoothing import smooth
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class CapturedMotion:
+    """The log's columns (x, y, psi, r, v, beta, ax, ay) at the times t [n] [s] of the frames.
+
+    `noise`: standard deviation of one reading of position [m] and heading [rad]; `std`: the columns' typical ones after
+    smoothing; `time_scales` [s]: over which the errors of smoothed position and heading are correlated.
+    """
+
+    t: Array
+    columns: dict[str, Array]
+    noise: dict[str, float]
+    std: dict[str, float]
+    time_scales: dict[str, float]
+
+
+def captured_motion(t: Array, x: Array, y: Array, psi: Array, measured_point: tuple[float, float]) -> CapturedMotion:
+    """Differentiates a stretch of motion capture (NaN where a frame is missing) and moves it to the centre of gravity.
+
+    Raises:
+        ValueError: too few readings.
+    """
+    position, heading = smooth(t, np.stack([x, y], axis=1)), smooth(t, psi)
+    psi, r, r_dot = heading.value[:, 0], heading.rate[:, 0], heading.acceleration[:, 0]
+    (x, y), (x_dot, y_dot), (x_ddot, y_ddot) = position.value.T, position.rate.T, position.acceleration.T
+    point = Motion(x, y, *to_body(psi, x_dot, y_dot), *to_body(psi, x_ddot, y_ddot))
+    centre = at_centre_of_gravity(point, measured_point, psi, r, r_dot)
+    v = np.hypot(centre.vx, centre.vy)
+    speed_std = float(np.median(position.std[:, 1]))
+    heading_std, r_std = (float(np.median(heading.std[:, i])) for i in (0, 1))
+    return CapturedMotion(
+        t=t,
+        columns={
+            "x": centre.x,
+            "y": centre.y,
+            "psi": psi,
+            "r": r,
+            "v": v,
+            "beta": np.unwrap(np.arctan2(centre.vy, centre.vx)),
+            "ax": centre.ax,
+            "ay": centre.ay,
+        },
+        noise={"position": position.noise, "heading": heading.noise},
+        std={
+            "x": float(np.median(position.std[:, 0])),
+            "y": float(np.median(position.std[:, 0])),
+            "psi": heading_std,
+            "r": r_std,
+            "v": speed_std,
+            "beta": float(np.hypot(speed_std / max(float(np.median(v)), 0.1), heading_std)),
+        },
+        time_scales={"position": position.time_scale, "heading": heading.time_scale},
+    )

@@ -1,0 +1,114 @@
+"""What is worth keeping of a recording: stretches in motion without gaps, each with the vehicle's motion."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.logs.importing.frames import Motion, at_centre_of_gravity
+from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
+from drift_drake.logs.importing.motion_capture import captured_motion
+from drift_drake.logs.importing.recording import Readings
+from drift_drake.logs.importing.smoothing import SHORTEST, smooth
+
+Array = NDArray[np.float64]
+
+LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
+SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
+STOP = 0.3  # [s]; a shorter time below the speed of `moving` is no stop
+MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise is worth an estimate
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """All signals of the log's clock, and what is derived from them, at times t [n] [s]; at the centre of gravity.
+
+    noise: of one reading (SI), by signal; std: of smoothed columns; time_scales [s]: over which their errors are
+    correlated.
+    """
+
+    t: Array
+    columns: dict[str, Array]
+    noise: dict[str, float]
+    std: dict[str, float]
+    time_scales: dict[str, float]
+
+
+def moving_stretches(readings: Readings, mapping: RecorderMapping) -> list[slice]:
+    """Ticks of the log's clock between stops and gaps; all of them where the mapping asks for no motion."""
+    t = readings.t
+    seen = np.flatnonzero(np.all([np.isfinite(values) for values in readings.signals.values()], axis=0))
+    if len(seen) < SHORTEST:
+        return []
+    keep = np.zeros(len(t), dtype=bool)
+    speed = _rough_speed(readings, seen)
+    moving = mapping.moving
+    if moving is None or speed is None:
+        keep[seen[0] : seen[-1] + 1] = True
+    else:
+        keep[seen[0] : seen[-1] + 1] = (speed > moving.speed)[seen[0] : seen[-1] + 1]
+        for start, stop in _spans(~keep):
+            if start > 0 and stop < len(t) and t[stop] - t[start] < STOP:
+                keep[start:stop] = True
+    for before, after in itertools.pairwise(seen):
+        if t[after] - t[before] > LARGEST_GAP:
+            keep[before + 1 : after] = False
+            keep[before] = False
+    shortest = 0.0 if moving is None else moving.shortest
+    return [slice(a, b) for a, b in _spans(keep) if b - a >= SHORTEST and t[b - 1] - t[a] >= shortest]
+
+
+def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Stretch:
+    """The motion over one stretch of the log's clock."""
+    t = readings.t[part]
+    signals = {name: values[part] for name, values in readings.signals.items()}
+    columns = {name: _filled(t, values) for name, values in signals.items()}
+    noise, std, time_scales = {}, {}, {}
+    for name in MEASURED:
+        if name in signals:
+            noise[name] = std[name] = smooth(t, signals[name]).noise
+    if {"x", "y", "psi"} <= set(signals):
+        captured = captured_motion(t, signals["x"], signals["y"], signals["psi"], mapping.measured_point)
+        wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in signals}
+        columns |= {name: captured.columns[name] for name in wanted}
+        noise |= captured.noise
+        std |= {name: captured.std[name] for name in wanted & set(captured.std)}
+        time_scales = captured.time_scales
+    if "vx" in columns:
+        columns = _from_velocity(columns, mapping.measured_point)
+    return Stretch(t, columns, noise, std, time_scales)
+
+
+def _from_velocity(columns: dict[str, Array], point: tuple[float, float]) -> dict[str, Array]:
+    """Adds speed and sideslip from a measured velocity, moved to the centre of gravity."""
+    vx, vy = columns["vx"], columns.get("vy")
+    zero = np.zeros_like(vx)
+    r = columns.get("r", zero)
+    centre = at_centre_of_gravity(Motion(zero, zero, vx, zero if vy is None else vy, zero, zero), point, zero, r, zero)
+    moved = {"vx": centre.vx, "v": np.abs(centre.vx)}
+    if vy is not None:
+        moved |= {"vy": centre.vy, "v": np.hypot(centre.vx, centre.vy), "beta": np.arctan2(centre.vy, centre.vx)}
+        moved["beta"] = np.unwrap(moved["beta"])
+    return columns | moved | {name: columns[name] for name in ("v", "beta") if name in columns}
+
+
+def _filled(t: Array, values: Array) -> Array:
+    seen = np.isfinite(values)
+    return values if seen.all() else np.interp(t, t[seen], values[seen])
+
+
+def _rough_speed(readings: Readings, seen: NDArray[np.int64]) -> Array | None:
+    t, signals = readings.t, readings.signals
+    if {"x", "y"} <= set(signals):
+        count = max(1, round(SPEED_WINDOW / readings.period / 2))
+        x, y = (np.interp(t, t[seen], signals[name][seen]) for name in ("x", "y"))
+        ahead, behind = np.minimum(np.arange(len(t)) + count, len(t) - 1), np.maximum(np.arange(len(t)) - count, 0)
+        return np.hypot(x[ahead] - x[behind], y[ahead] - y[behind]) / np.maximum(t[ahead] - t[behind], 1e-9)
+    name = next((name for name in ("v", "vx", "omega_r") if name in signals), None)
+    return None if name is None else np.abs(np.interp(t, t[seen], signals[name][seen]))
+
+
+def _spans(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

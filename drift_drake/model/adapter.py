@@ -37,7 +37,7 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
     y = residual(x, u, x_next, model.vehicle.constants())
     if mahalanobis(predict(posterior, model.sigma, phi), y) > threshold:
         return posterior, False
-    return update(posterior, phi, y), True
+    return update(posterior, phi, y, model.sample_weight), True
 
 
 class BayesianAdapter(LeafSystem):

@@ -43,7 +43,7 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = 
 class BayesianStepModel:
     """One step of the learnt car over the arrays of a horizon, for one theta."""
 
-    memory_scale: Array = np.empty(0)
+    memory_scale: Array = np.empty(0)  # it has no states beyond the six
 
     def __init__(
         self,

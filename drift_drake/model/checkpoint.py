@@ -32,6 +32,7 @@ class BayesianModel:
     prior_mean: Array  # [4, 16]
     precision_factor: Array  # L of Lambda_0 = L L^T + floor, [4, 16, 16], full
     sigma: Array  # noise scale of each learnt state, [4]
+    sample_weight: float  # of one sample in the posterior, see `posterior`; 1 is the paper's recursion
     vehicle: VehicleParameters  # the car inside h
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
 
@@ -59,6 +60,7 @@ class BayesianModel:
                 prior_mean=self.prior_mean,
                 precision_factor=self.precision_factor,
                 sigma=self.sigma,
+                sample_weight=self.sample_weight,
                 about=json.dumps({"format": FORMAT, "vehicle": self.vehicle.to_dict(), "record": self.record}),
             )
 
@@ -76,6 +78,7 @@ def load(path: str | Path | None = None) -> BayesianModel:
         about = json.loads(str(arrays.pop("about")))
         weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *_WEIGHTS)}
         prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
+        weight = float(arrays["sample_weight"])
     except FileNotFoundError:
         raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`") from None
     except (ValueError, KeyError, OSError, EOFError) as error:
@@ -85,4 +88,4 @@ def load(path: str | Path | None = None) -> BayesianModel:
             f"{source}: checkpoint format {about.get('format')!r}, this version reads {FORMAT}; train it anew"
         )
     vehicle = VehicleParameters.from_dict(about["vehicle"], f"{source} (vehicle)")
-    return BayesianModel(Network(**weights), **prior, vehicle=vehicle, record=about["record"])
+    return BayesianModel(Network(**weights), **prior, sample_weight=weight, vehicle=vehicle, record=about["record"])

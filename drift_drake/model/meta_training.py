@@ -35,11 +35,13 @@ from drift_drake.model.features import (
     Network,
     network_inputs,
 )
+from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples, mirrored
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 Parameters = dict[str, torch.Tensor]
+LONG = 40  # [samples] longest window that stays within one drive
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
 
 
@@ -49,16 +51,24 @@ class TrainingConfig:
 
     data: Path  # table of samples (.npz) of the training vehicles
     output: Path  # checkpoint to write (.npz)
-    validation: Path | None = None  # table of other vehicles; only watched, never trained on
-    horizons: tuple[int, ...] = (10, 20, 50, 100)  # [samples] each epoch cuts its windows at one of these, drawn anew
-    shuffled_share: float = 0.5  # of epochs whose windows take a vehicle's samples in random order, across its drives
+    validation: Path | None = None  # table of other vehicles; watched, and used to choose the weight of a sample
+    horizons: tuple[int, ...] = (
+        10,
+        20,
+        50,
+        100,
+        200,
+        325,
+    )  # [samples] each epoch cuts its windows at one of these, drawn anew
+    shuffled_share: float = 0.3  # of epochs whose windows take a vehicle's samples in random order, across its drives
     epoch_samples: int | None = None  # an epoch's share of a larger table, drawn anew each time; None: all of it
+    temper: bool = True  # choose the weight of a sample in the posterior on the validation vehicles; else it is 1
     adaptive: bool = True  # False: Lambda_0 to infinity, a network of the same size that never adapts
     epochs: int = 1000
     learning_rate: float = 1e-3
     decay: float = 0.9975  # of the learning rate, per epoch
     batch: int = 2048  # samples per gradient step
-    weight_decay: float = 0.0  # of the network's weights (decoupled, as in AdamW)
+    weight_decay: float = 0.1  # of the network's weights (decoupled, as in AdamW)
     time_limit: float = 1200.0  # [s] of training in all; the last checkpoint is kept
     threads: int = 2
     seed: int = 0
@@ -66,8 +76,10 @@ class TrainingConfig:
 
 
 def paper_recipe(config: TrainingConfig) -> TrainingConfig:
-    """The paper's plain recipe: windows of 10 samples in the order driven, no regularisation."""
-    return dataclasses.replace(config, horizons=(10,), shuffled_share=0.0, weight_decay=0.0)
+    """The paper's plain recipe: windows of 10 samples in the order driven, no regularisation, full weight."""
+    return dataclasses.replace(
+        config, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, decay=0.9975, temper=False
+    )
 
 
 class Windows:
@@ -76,17 +88,24 @@ class Windows:
     def __init__(self, samples: Samples, vehicle: VehicleParameters) -> None:
         self.z = torch.as_tensor(network_inputs(samples.x, samples.u, samples.u_next), dtype=torch.float32)
         self.y = torch.as_tensor(residual(samples.x, samples.u, samples.x_next, vehicle.constants()))
-        self._by_drive = [np.flatnonzero(samples.drive == drive) for drive in np.unique(samples.drive)]
-        self._by_vehicle = [np.flatnonzero(samples.vehicle == vehicle) for vehicle in np.unique(samples.vehicle)]
+        cuts = np.flatnonzero(np.diff(samples.drive)) + 1
+        drives = np.split(np.arange(len(samples.drive)), cuts)
+        of_vehicle = samples.vehicle[[drive[0] for drive in drives]]
+        self._vehicles = [[d for d, v in zip(drives, of_vehicle, strict=True) if v == k] for k in np.unique(of_vehicle)]
 
     def cut(self, horizon: int, shuffled: bool, generator: np.random.Generator) -> list[NDArray[np.int64]]:
-        """Index windows of at most `horizon` samples that cover the table once, at a random phase."""
+        """Index windows of at most `horizon` samples that cover the table once, at a random phase.
+
+        Windows longer than `LONG` run on through the drives of a vehicle, which come in random order.
+        """
         if shuffled:
-            groups = [generator.permutation(group) for group in self._by_vehicle]
-        elif horizon > 40:  # longer than many drives: run on through the vehicle's drives
-            groups = self._by_vehicle
+            groups = [generator.permutation(np.concatenate(drives)) for drives in self._vehicles]
+        elif horizon > LONG:
+            groups = [
+                np.concatenate([drives[i] for i in generator.permutation(len(drives))]) for drives in self._vehicles
+            ]
         else:
-            groups = self._by_drive
+            groups = [drive for drives in self._vehicles for drive in drives]
         windows = []
         for group in groups:
             phase = int(generator.integers(1, horizon + 1))
@@ -243,6 +262,9 @@ def train(config: TrainingConfig) -> BayesianModel:
         "torch": torch.__version__,
     }
     model = to_model(parameters, scale, vehicle, record, config.adaptive)
+    if config.validation is not None and config.temper and config.adaptive:
+        weight = choose_sample_weight(model, load_samples(config.validation))
+        model = dataclasses.replace(model, sample_weight=weight)
     model.save(config.output)
     resume.unlink(missing_ok=True)
     return model
@@ -271,6 +293,7 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
         prior_mean=numbers["prior_mean"] * output_scale[:, None],
         precision_factor=factor,
         sigma=np.exp(numbers["log_sigma"]) * output_scale,
+        sample_weight=1.0,
         vehicle=vehicle,
         record=record,
     )

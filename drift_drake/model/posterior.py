@@ -3,6 +3,10 @@
 For each learnt state i, theta_i ~ N(mean_i, sigma_i^2 Lambda_i^{-1}), and a sample adds
 y_i = theta_i^T phi_i + eps, eps ~ N(0, sigma_i^2), with y_i = x_{i,k+1} - h_i(x_k, u_k). All arrays may carry leading
 axes (a batch of posteriors), written [...].
+
+A sample may count with a weight w below one, as w of a sample: Lambda grows by w phi phi^T and Q by w y phi. On a car
+that the features do not fit exactly, what is left over is alike from one sample to the next, and n samples tell less
+than n independent ones would; with w = 1, the paper's, the posterior then grows over-confident.
 """
 
 from typing import NamedTuple
@@ -35,7 +39,7 @@ def from_precision(mean: Array, precision: Array) -> Posterior:
     return Posterior(np.array(mean, dtype=float), covariance, np.einsum("...fg,...g->...f", precision, mean))
 
 
-def update(posterior: Posterior, phi: Array, y: Array) -> Posterior:
+def update(posterior: Posterior, phi: Array, y: Array, weight: float = 1.0) -> Posterior:
     """One sample more: eq. (5).
 
     The covariance is updated in Joseph's form, (I - K phi^T) P (I - K phi^T)^T + K K^T with K = P phi / (1 + phi^T P
@@ -43,9 +47,11 @@ def update(posterior: Posterior, phi: Array, y: Array) -> Posterior:
     which equals Lambda^{-1} Q of eq. (5c) and does not lose digits as Q grows.
 
     Args:
-        phi: features [..., 4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [..., 4].
+        phi: features [..., 4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [..., 4]; weight: of the
+            sample.
     """
     mean, covariance, q = posterior
+    phi, y = np.sqrt(weight) * phi, np.sqrt(weight) * y
     p_phi = np.einsum("...fg,...g->...f", covariance, phi)
     spread = 1.0 + np.sum(phi * p_phi, axis=-1, keepdims=True)
     gain = p_phi / spread
@@ -58,10 +64,10 @@ def update(posterior: Posterior, phi: Array, y: Array) -> Posterior:
     return Posterior(mean + gain * innovation, joseph, q + y[..., None] * phi)
 
 
-def update_all(posterior: Posterior, phi: Array, y: Array) -> Posterior:
+def update_all(posterior: Posterior, phi: Array, y: Array, weight: float = 1.0) -> Posterior:
     """Many samples at once: the batch form, phi [n, 4, 16] and y [n, 4], equal to n calls of `update`."""
-    precision = np.linalg.inv(posterior.covariance) + np.einsum("nif,nig->ifg", phi, phi)
-    q = posterior.q + np.einsum("ni,nif->if", y, phi)
+    precision = np.linalg.inv(posterior.covariance) + weight * np.einsum("nif,nig->ifg", phi, phi)
+    q = posterior.q + weight * np.einsum("ni,nif->if", y, phi)
     mean = np.linalg.solve(precision, q[..., None])[..., 0]
     covariance = np.linalg.inv(precision)
     return Posterior(mean, 0.5 * (covariance + np.swapaxes(covariance, -1, -2)), q)

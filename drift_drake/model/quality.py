@@ -1,5 +1,6 @@
 """How good a learnt model is on vehicles it has not seen: errors, rollouts, calibration, against adaptation points."""
 
+import dataclasses
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from drift_drake.model.samples import Samples, concatenate
 
 Array = NDArray[np.float64]
 
+SAMPLE_WEIGHTS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
 GAUSSIAN_COVERAGE = (0.6827, 0.9545, 0.9973)  # of 1, 2 and 3 sigma
 
 
@@ -54,7 +56,8 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
 def adapted(model: BayesianModel, samples: Samples) -> Posterior:
     """The model's posterior after samples."""
     phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
-    return update_all(model.prior(), phi, residual(samples.x, samples.u, samples.x_next, model.vehicle.constants()))
+    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
+    return update_all(model.prior(), phi, y, model.sample_weight)
 
 
 def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Samples) -> tuple[Array, Array]:
@@ -103,6 +106,29 @@ def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "euler") -> BayesianStepModel:
     """The one-step model of a posterior's mean."""
     return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step=path_step)
+
+
+def choose_sample_weight(model: BayesianModel, samples: Samples, points: tuple[int, ...] = (10, 100)) -> float:
+    """The weight of a sample with which the model predicts other drives of the same vehicles best.
+
+    Each vehicle adapts to its first drives and is judged by the others (each of its drives coming first once); the
+    objective is the mean of error^2 / Sigma + log Sigma over `points` samples adapted to.
+    """
+    splits = []
+    for vehicle in np.unique(samples.vehicle):
+        own = samples.of_vehicle(vehicle)
+        splits += [split_vehicle(own, max(points), rotation) for rotation in range(len(own.drives()))]
+    losses = []
+    for weight in SAMPLE_WEIGHTS:
+        weighted = dataclasses.replace(model, sample_weight=weight)
+        total = 0.0
+        for split in splits:
+            judged = concatenate(split.judged)
+            for count in points:
+                posterior = adapted(weighted, split.adaptation.where(np.arange(count)))
+                total += mean_nll(*standardized_errors(weighted, posterior, judged))
+        losses.append(total)
+    return SAMPLE_WEIGHTS[int(np.argmin(losses))]
 
 
 def judge(model: BayesianModel, vehicles: list[Split], points: tuple[int, ...],

@@ -19,12 +19,12 @@ def model() -> BayesianModel:
     generator = np.random.default_rng(3)
 
     def normal(*shape: int) -> np.ndarray:
-        return generator.normal(size=shape) / np.sqrt(shape[-2] if len(shape) > 1 else 8)
+        return np.asarray(generator.normal(size=shape) / np.sqrt(shape[-2] if len(shape) > 1 else 8))
 
     network = Network(INPUT_OFFSET, INPUT_SCALE, normal(8, 128), normal(128), normal(128, 128), normal(128),
                       normal(4, 128, 16), normal(4, 16))  # fmt: skip
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
-    return BayesianModel(network, sigma[:, None] * normal(4, 16), np.tile(np.eye(16), (4, 1, 1)), sigma,
+    return BayesianModel(network, sigma[:, None] * normal(4, 16), np.tile(np.eye(16), (4, 1, 1)), sigma, 0.3,
                          VehicleParameters(), {})  # fmt: skip
 
 

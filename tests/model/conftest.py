@@ -27,4 +27,4 @@ def random_model(random_network: Network) -> BayesianModel:
     factor = np.eye(16) + 0.2 * generator.normal(size=(4, 16, 16))
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
     mean = sigma[:, None] * generator.normal(size=(4, 16))
-    return BayesianModel(random_network, mean, factor, sigma, VehicleParameters(), {"note": "untrained"})
+    return BayesianModel(random_network, mean, factor, sigma, 0.3, VehicleParameters(), {"note": "untrained"})

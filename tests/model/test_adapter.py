@@ -50,7 +50,8 @@ def test_outputs_equal_the_plain_functions(
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, u, u_next = now[:4], now[7:], then[7:]
         phi = features(random_model.network, network_inputs(x, u, u_next))
-        posterior = update(posterior, phi, residual(x, u, then[:4], random_model.vehicle.constants()))
+        posterior = update(posterior, phi, residual(x, u, then[:4], random_model.vehicle.constants()),
+                           random_model.sample_weight)  # fmt: skip
     for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
         np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])

@@ -17,7 +17,7 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
     single = random_model.network._replace(
         **{name: getattr(random_model.network, name).astype(np.float32).astype(float)
            for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")})  # fmt: skip
-    model = BayesianModel(single, random_model.prior_mean, random_model.precision_factor, random_model.sigma,
+    model = BayesianModel(single, random_model.prior_mean, random_model.precision_factor, random_model.sigma, 0.3,
                           random_model.vehicle.replace(mass=1700.0), {"epochs": 3})  # fmt: skip
     path = tmp_path / "folder" / "model.npz"
     model.save(path)
@@ -27,6 +27,7 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
     np.testing.assert_array_equal(model.prior_mean, again.prior_mean)
     np.testing.assert_array_equal(model.precision_factor, again.precision_factor)
     np.testing.assert_array_equal(model.sigma, again.sigma)
+    assert again.sample_weight == 0.3
     assert again.vehicle == model.vehicle
     assert again.record == {"epochs": 3}
     z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0])

@@ -48,7 +48,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def config(table: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainingConfig:
     output = tmp_path_factory.mktemp("model") / "model.npz"
     return TrainingConfig(
-        data=table, output=output, validation=table, epochs=30, batch=128, threads=1, horizons=(5, 20)
+        data=table, output=output, validation=table, epochs=30, batch=128, threads=1, horizons=(5, 20), temper=False
     )
 
 
@@ -129,6 +129,8 @@ def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
     plain = paper_recipe(config)
     assert plain.horizons == (10,)
     assert plain.shuffled_share == plain.weight_decay == 0.0
+    assert not plain.temper
+    assert (plain.epochs, plain.learning_rate, plain.decay) == (1000, 1e-3, 0.9975)
 
 
 def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> None:

@@ -64,6 +64,21 @@ def test_recursion_equals_batch_regression_after_ten_thousand_updates(prior: Pos
     np.testing.assert_allclose(batch.covariance, recursive.covariance, rtol=0, atol=1e-9 * scale.max())
 
 
+def test_a_weight_counts_as_so_much_of_a_sample(prior: Posterior) -> None:
+    generator = np.random.default_rng(7)
+    phi, y = correlated_features(20, generator), generator.normal(size=(20, 4))
+    recursive = prior
+    for k in range(20):
+        for _ in range(2):
+            recursive = update(recursive, phi[k], y[k], weight=0.5)
+    whole = update_all(prior, phi, y)
+    half = update_all(update_all(prior, phi, y, weight=0.5), phi, y, weight=0.5)
+    for part in (recursive, half):
+        np.testing.assert_allclose(part.mean, whole.mean, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(part.covariance, whole.covariance, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(part.q, whole.q, rtol=1e-9, atol=1e-9)
+
+
 def test_a_batch_of_posteriors_updates_as_each_alone(prior: Posterior) -> None:
     generator = np.random.default_rng(4)
     phi, y = correlated_features(3, generator), generator.normal(size=(3, 4))

@@ -1,5 +1,7 @@
 """Measures of quality, on cases whose answer is known."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.quality import (
     adapted,
+    choose_sample_weight,
     coverage,
     judge,
     judge_stepper,
@@ -31,6 +34,11 @@ def drive(count: int, number: int, generator: np.random.Generator) -> Samples:
     x = centre + spread * generator.normal(size=(count + 1, 6))
     u = np.array([-0.2, 150.0]) + np.array([0.1, 30.0]) * generator.normal(size=(count + 1, 2))
     return Samples(x[:-1], u[:-1], u[1:], x[1:], np.zeros(count), np.zeros(count, dtype=int), np.full(count, number))
+
+
+@pytest.fixture(scope="module")
+def full_weight(random_model: BayesianModel) -> BayesianModel:
+    return dataclasses.replace(random_model, sample_weight=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +73,9 @@ def test_whole_drives_are_split(believed: Samples) -> None:
 
 
 def test_a_right_model_is_calibrated_and_adaptation_takes_its_error_to_the_noise(
-    random_model: BayesianModel, believed: Samples
+    full_weight: BayesianModel, believed: Samples
 ) -> None:
+    random_model = full_weight
     split = split_vehicle(believed, 100)
     judged = concatenate(split.judged)
     result = judge(random_model, [split], (0, 100), horizons=(1,))
@@ -93,8 +102,8 @@ def test_rollouts_feed_on_themselves() -> None:
     expected = [samples.x_next[k + 4] - samples.x[k] - 5.0 for k in (0, 3, 6)]
     np.testing.assert_allclose(errors, expected)
     assert rollout_errors(Drifting(), [samples], steps=13).shape == (0, 6)
-    summary = judge_stepper(Drifting(), [split_vehicle(concatenate([samples, samples._replace(drive=samples.drive + 1)]),
-                                                       5)], horizons=(5,))  # fmt: skip
+    twice = concatenate([samples, samples._replace(drive=samples.drive + 1)])
+    summary = judge_stepper(Drifting(), [split_vehicle(twice, 5)], horizons=(5,))
     np.testing.assert_allclose(summary["rms"], np.sqrt(np.mean((samples.x_next - samples.x - 1.0)[:, :4] ** 2, axis=0)))
 
 
@@ -103,3 +112,14 @@ def test_judging_uses_the_features_of_the_network(random_model: BayesianModel, b
     _, deviation = standardized_errors(random_model, random_model.prior(), believed)
     spread = np.einsum("nif,ifg,nig->ni", phi, random_model.prior().covariance, phi)
     np.testing.assert_allclose(deviation, random_model.sigma * np.sqrt(1.0 + spread))
+
+
+def test_a_right_model_is_given_full_weight_and_a_wrong_one_less(full_weight: BayesianModel, believed: Samples) -> None:
+    twice = concatenate([believed, believed._replace(vehicle=believed.vehicle + 1, drive=believed.drive + 6)])
+    right = choose_sample_weight(full_weight, twice, points=(10, 100))
+    # Half of the drives shifted one way and half the other: an error that does not average out within a drive.
+    shift = np.zeros((len(twice.x), 6))
+    shift[:, :4] = np.where(twice.drive % 2 == 0, 3.0, -3.0)[:, None] * full_weight.sigma
+    wrong = choose_sample_weight(full_weight, twice._replace(x_next=twice.x_next + shift), points=(10, 100))
+    assert right >= 0.5
+    assert wrong <= 0.3

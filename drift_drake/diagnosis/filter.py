@@ -59,32 +59,32 @@ def state_rates(
 
 
 @compiled
-def _rates(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
+def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
     rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
     out[0], out[1], out[2], out[3], out[4], out[5], out[6] = rates[:7]
     out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = rates[7:]
 
 
 @compiled
-def _advance(
+def advance(
     z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
     """One row of Runge-Kutta steps, in place, under a further force and moment; k [15], w [2, 13] are scratch."""
     for substep in range(SUBSTEPS):
         at = STAGES * row + 2 * substep
-        _rates(z, delta[at], torque[at], constants, effects, push, k)
+        rates_of(z, delta[at], torque[at], constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] = k[i]
             w[0, i] = z[i] + 0.5 * step * k[i]
-        _rates(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
+        rates_of(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] += 2.0 * k[i]
             w[0, i] = z[i] + 0.5 * step * k[i]
-        _rates(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
+        rates_of(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] += 2.0 * k[i]
             w[0, i] = z[i] + step * k[i]
-        _rates(w[0], delta[at + 2], torque[at + 2], constants, effects, push, k)
+        rates_of(w[0], delta[at + 2], torque[at + 2], constants, effects, push, k)
         for i in range(SIZE):
             z[i] += step / 6.0 * (w[1, i] + k[i])
         z[1] = max(z[1], MIN_FILTER_SPEED)
@@ -105,7 +105,7 @@ def _start(y: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: 
 
 
 @compiled
-def _predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
+def predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
     out[0], out[2], out[3] = measured(z[0], z[2], z[3], effects)
     out[1] = z[1]
     out[4], out[5] = a_x, a_y
@@ -242,11 +242,11 @@ def filter_run(
                 p[i, j] = total
                 p[j, i] = total
             p[i, i] += process[i] * period
-        _advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         _linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, out, jacobian)
-        _rates(z, delta[at], torque[at], constants, effects, push, k)
-        _predict_measurement(z, k[13], k[14], effects, predicted)
+        rates_of(z, delta[at], torque[at], constants, effects, push, k)
+        predict_measurement(z, k[13], k[14], effects, predicted)
         for j in range(n):
             h[4, j] = jacobian[13, j]
             h[5, j] = jacobian[14, j]
@@ -363,12 +363,12 @@ def observe_run(
     for row in range(1, rows):
         if pushed:
             push[:] = pushes[row - 1]
-        _advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         if pushed:
             push[:] = pushes[row]
-        _rates(z, delta[at], torque[at], constants, effects, push, k)
-        _predict_measurement(z, k[13], k[14], effects, predicted)
+        rates_of(z, delta[at], torque[at], constants, effects, push, k)
+        predict_measurement(z, k[13], k[14], effects, predicted)
         _correct(y, row, used, predicted, gain, whitening, nu, z, innovations)
         if keep:
             states[row] = z

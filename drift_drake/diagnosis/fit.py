@@ -145,56 +145,78 @@ def normal_step(
     return step, -float(gradient @ step + 0.5 * step @ hessian @ step)
 
 
-def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 12) -> Fit:
-    """Levenberg-Marquardt from a start, re-linearised (gains and derivatives) as it moves."""
-    theta = np.clip(theta, *limits(problem, names))
-    gains = filter_case(problem, theta, names)
-    cost = cost_of(problem, gains, theta)
-    jacobian = sensitivity(problem, gains, theta, names)
-    damping, done = 1e-4, 0
-    for _ in range(iterations):
-        done += 1
-        e, drop, gain = flat(problem, gains.innovations), 0.0, 0.0
-        for _ in range(6):
-            step, gain = normal_step(problem, jacobian, e, theta, names, damping)
-            if gain < CONVERGED:
-                break
-            trial = theta + step
-            trial_gains = filter_case(problem, trial, names)
-            trial_cost = cost_of(problem, trial_gains, trial)
-            if np.isfinite(trial_cost) and trial_cost < cost:
-                drop = cost - trial_cost
-                theta, gains, cost = trial, trial_gains, trial_cost
-                break
-            damping = max(10.0 * damping, 1e-3)
-        if drop < CONVERGED:
-            break
-        if drop > 0.5 * gain:
-            damping *= 0.1
-        if drop > STALE:
-            jacobian = sensitivity(problem, gains, theta, names)
-    return conclude(problem, names, theta, cost, jacobian, flat(problem, gains.innovations), done)
+@dataclasses.dataclass
+class Linearised:
+    """A fit in progress: parameters, their filter, and derivatives that may lag behind by a small step."""
+
+    theta: np.ndarray
+    gains: Gains
+    cost: float
+    jacobian: np.ndarray
+    iterations: int = 0
 
 
-def conclude(
+def minimise(
     problem: Problem,
     names: Sequence[str],
     theta: np.ndarray,
-    cost: float,
-    jacobian: np.ndarray,
-    e: np.ndarray,
-    iterations: int,
-) -> Fit:
+    iterations: int = 12,
+    enough: float = CONVERGED,
+    jacobian: np.ndarray | None = None,
+) -> Linearised:
+    """Levenberg-Marquardt from a start, re-linearised (gains and derivatives) as it moves.
+
+    Args:
+        enough: gain [nats] below which it stops; jacobian: derivatives near the start, if they are known.
+    """
+    theta = np.clip(theta, *limits(problem, names))
+    gains = filter_case(problem, theta, names)
+    jacobian = sensitivity(problem, gains, theta, names) if jacobian is None else jacobian
+    at = Linearised(theta, gains, cost_of(problem, gains, theta), jacobian)
+    damping = 1e-4
+    for _ in range(iterations):
+        at.iterations += 1
+        e, drop, gain = flat(problem, at.gains.innovations), 0.0, 0.0
+        for _ in range(6):
+            step, gain = normal_step(problem, at.jacobian, e, at.theta, names, damping)
+            if gain < enough:
+                break
+            trial = at.theta + step
+            trial_gains = filter_case(problem, trial, names)
+            trial_cost = cost_of(problem, trial_gains, trial)
+            if np.isfinite(trial_cost) and trial_cost < at.cost:
+                drop = at.cost - trial_cost
+                at.theta, at.gains, at.cost = trial, trial_gains, trial_cost
+                break
+            damping = max(10.0 * damping, 1e-3)
+        if drop < enough:
+            break
+        if drop > 0.5 * gain:
+            damping *= 0.1
+        if drop > max(STALE, enough):
+            at.jacobian = sensitivity(problem, at.gains, at.theta, names)
+    return at
+
+
+def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 12) -> Fit:
+    """The fit of a hypothesis from a start."""
+    return conclude(problem, names, minimise(problem, names, theta, iterations))
+
+
+def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     """The fit's covariance and its Laplace evidence, magnitudes truncated to their bounds."""
+    theta, jacobian, e = at.theta, at.jacobian, flat(problem, at.gains.innovations)
     prior = prior_precision(problem, len(theta))
     hessian = jacobian.T @ jacobian + np.diag(prior)
     unit = np.concatenate([np.ones(problem.nuisances), [scale(name) for name in names]])
     unit[:TOLERANCES] = problem.exactness
     covariance = np.linalg.inv(hessian * np.outer(unit, unit)) * np.outer(unit, unit)
     mode = theta - covariance @ (jacobian.T @ e + prior * theta)
-    log_evidence = -cost + laplace_terms(hessian, covariance, theta, mode, names)
+    log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names)
     log_evidence -= TOLERANCES * float(np.log(problem.exactness))
-    return Fit(tuple(names), theta, cost, covariance, log_evidence, float(np.mean(e**2)), iterations, problem.exactness)
+    return Fit(
+        tuple(names), theta, at.cost, covariance, log_evidence, float(np.mean(e**2)), at.iterations, problem.exactness
+    )
 
 
 def laplace_terms(

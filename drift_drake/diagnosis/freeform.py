@@ -190,8 +190,8 @@ def _log_evidence(matrix: np.ndarray, gradient: np.ndarray, precision: np.ndarra
     return 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(factor)))) + 0.5 * float(np.sum(np.log(precision)))
 
 
-def misfit(problem: Problem, fit: Fit) -> tuple[Regression, Regression]:
-    """(pulses, functions): what a fit leaves unexplained."""
+def misfit(problem: Problem, fit: Fit, kind: str = "pulses") -> Regression:
+    """What a fit leaves unexplained, by regressors of that kind (`regress`)."""
     gains = filter_case(problem, fit.theta, fit.names)
     states = filtered_states(problem, gains, fit)
-    return regress(problem, fit, gains, states, "pulses"), regress(problem, fit, gains, states, "functions")
+    return regress(problem, fit, gains, states, kind)

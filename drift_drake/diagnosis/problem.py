@@ -93,7 +93,7 @@ class Problem:
 
 
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
-PROCESS_NOISE = np.array([0.003, 0.01, 0.0015, 0.03, 1e-4, 1e-3, 1e-3, 1e-3, 1e-3])
+PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
 
 
 def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:

@@ -17,22 +17,25 @@ import numpy as np
 from drift_drake.diagnosis.fit import (
     MAGNITUDE_STEP,
     Fit,
+    conclude,
     cost_of,
-    fit,
     limits,
+    minimise,
     normal_step,
     prior_precision,
     sensitivity,
 )
 from drift_drake.diagnosis.prior import scale, starts
-from drift_drake.diagnosis.problem import Gains, Problem, filter_case, flat, observe_case
+from drift_drake.diagnosis.problem import TOLERANCES, Gains, Problem, filter_case, flat, observe_case
 
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and fits are started
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
 ADEQUATE = 1.02  # mean square of the innovations up to which a single may be the whole story
-STEPPED_SINGLES, FULL_SINGLES = 10, 5  # additions that get re-linearised steps, and full fits; for each exactness
-SEEDS, STEPPED_PAIRS, FULL_PAIRS = 3, 4, 4  # singles that pairs are grown from; steps for each seed; full fits
+NEAR = 100.0  # [nats] behind the best, under coarse process noise, within which candidates get full fits
+HOPELESS = 40.0  # [nats] by which an exact vehicle file may be predicted to be worse and yet be tried
+STEPPED_SINGLES, LEAST_SINGLES, FULL_SINGLES = 10, 3, 6  # additions that get re-linearised steps, full fits
+SEEDS, STEPPED_PAIRS, LEAST_PAIRS, FULL_PAIRS = 3, 5, 2, 4  # singles that pairs are grown from; as above
 FEW_SEEDS, FEW_PAIRS = 1, 3  # where the best single may be the whole story
 
 Progress = Callable[[str, float], None]
@@ -150,7 +153,7 @@ def additions(
     exactnesses: Sequence[float],
     keep: int,
     pool: ThreadPoolExecutor,
-) -> dict[float, list[Candidate]]:
+) -> list[list[Candidate]]:
     """The most promising additions of one effect to a base after a few steps, for each exactness, best first."""
     jobs = [
         pool.submit(predict, problem, base, name, start, exactnesses)
@@ -159,11 +162,11 @@ def additions(
         for start in starts(name)
     ]
     results = [job.result() for job in jobs]
-    out = {}
+    out = []
     for i, exactness in enumerate(exactnesses):
         held = believed(problem, exactness)
         promising = best_of([result[i] for result in results])[:keep]
-        out[exactness] = best_of(list(pool.map(lambda c, h=held: relinearise(h, base, c), promising)))
+        out.append(best_of(list(pool.map(lambda c, h=held: relinearise(h, base, c), promising))))
     return out
 
 
@@ -174,25 +177,41 @@ def canonical(names: Names, theta: np.ndarray) -> tuple[Names, np.ndarray]:
     return tuple(names[i] for i in order), np.concatenate([theta[:first], theta[first:][order]])
 
 
-def full(problem: Problem, names: Names, theta: np.ndarray) -> Fit:
-    """A full fit, first under coarse process noise."""
+def full(problem: Problem, names: Names, theta: np.ndarray) -> dict[tuple[Names, float], Fit]:
+    """Full fits under all exactnesses, started under coarse process noise and the widest tolerances.
+
+    A vehicle file that is believed exact is given up where the quadratic around the first fit puts it far behind.
+    """
     names, theta = canonical(names, theta)
-    first = fit(coarse(problem), names, theta, iterations=6)
-    return fit(problem, names, first.theta)
+    held = believed(problem, EXACTNESSES[0])
+    start = minimise(coarse(held), names, theta, iterations=5, enough=1.0)
+    at = minimise(held, names, start.theta)
+    out = {(names, EXACTNESSES[0]): conclude(held, names, at)}
+    for exactness in EXACTNESSES[1:]:
+        tight = believed(problem, exactness)
+        e = flat(problem, at.gains.innovations)
+        step, gain = normal_step(tight, at.jacobian, e, at.theta, names, 0.0)
+        loss = cost_of(tight, at.gains, at.theta) - gain - at.cost
+        if loss - TOLERANCES * float(np.log(EXACTNESSES[0] / exactness)) < HOPELESS:
+            again = minimise(tight, names, at.theta + step, jacobian=at.jacobian)
+            out[names, exactness] = conclude(tight, names, again)
+    return out
 
 
 def full_all(
-    problem: Problem, candidates: dict[float, list[Candidate]], keep: int, pool: ThreadPoolExecutor
+    problem: Problem, candidates: Sequence[Sequence[Candidate]], least: int, most: int, pool: ThreadPoolExecutor
 ) -> dict[tuple[Names, float], Fit]:
-    """Full fits of the best candidates of each exactness; a hypothesis that one of them has, all get."""
-    wanted: dict[tuple[Names, float], Candidate] = {}
-    chosen = {frozenset(c.names) for some in candidates.values() for c in some[:keep]}
-    for exactness, some in candidates.items():
-        for c in some:
-            if frozenset(c.names) in chosen:
-                wanted[canonical(c.names, c.theta)[0], exactness] = c
-    jobs = {key: pool.submit(full, believed(problem, key[1]), c.names, c.theta) for key, c in wanted.items()}
-    return {key: job.result() for key, job in jobs.items()}
+    """Full fits of the candidates, of which there is a list for each exactness, that lie near the best of theirs."""
+    chosen: dict[Names, Candidate] = {}
+    for some in candidates:
+        for rank, c in enumerate(some[:most]):
+            if rank < least or c.cost < some[0].cost + NEAR:
+                chosen.setdefault(tuple(sorted(c.names)), c)
+    jobs = [pool.submit(full, problem, c.names, c.theta) for c in chosen.values()]
+    fits: dict[tuple[Names, float], Fit] = {}
+    for job in jobs:
+        fits |= job.result()
+    return fits
 
 
 def leading(fits: dict[tuple[Names, float], Fit]) -> Fit:
@@ -207,10 +226,10 @@ def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: P
     start = np.zeros(problem.nuisances)
     with ThreadPoolExecutor(workers) as pool:
         tell("single effects", 0.0)
-        nothing = {x: [Candidate((), start, 0.0)] for x in EXACTNESSES}
+        nothing = [[Candidate((), start, 0.0)]]
         base = make_base(rough, (), start)
         singles = additions(rough, base, names, EXACTNESSES, STEPPED_SINGLES, pool)
-        fits = full_all(problem, nothing, 1, pool) | full_all(problem, singles, FULL_SINGLES, pool)
+        fits = full_all(problem, nothing, 1, 1, pool) | full_all(problem, singles, LEAST_SINGLES, FULL_SINGLES, pool)
         tell("pairs of effects", 0.5)
         fits |= search_pairs(problem, names, fits, pool)
         tell("pairs of effects", 1.0)
@@ -226,15 +245,16 @@ def search_pairs(
     adequate = best.mean_square < ADEQUATE
     exactnesses: tuple[float, ...] = EXACTNESSES
     if adequate:
-        evidence = {x: max(f.log_evidence for (_, held), f in fits.items() if held == x) for x in EXACTNESSES}
+        evidence = {
+            x: max((f.log_evidence for (_, held), f in fits.items() if held == x), default=-np.inf) for x in EXACTNESSES
+        }
         exactnesses = tuple(x for x in EXACTNESSES if evidence[x] > max(evidence.values()) - DECIDED)
     seeds: list[Fit] = []
     for f in sorted((f for f in fits.values() if f.names), key=lambda f: -f.log_evidence):
         if f.names not in [s.names for s in seeds]:
             seeds.append(f)
-    pairs: dict[float, list[Candidate]] = {x: [] for x in exactnesses}
+    pairs: list[list[Candidate]] = [[] for _ in exactnesses]
     for seed in seeds[: FEW_SEEDS if adequate else SEEDS]:
         grown = additions(rough, make_base(rough, seed.names, seed.theta), names, exactnesses, STEPPED_PAIRS, pool)
-        for x in exactnesses:
-            pairs[x] = best_of([*pairs[x], *grown[x]])
-    return full_all(problem, pairs, FEW_PAIRS if adequate else FULL_PAIRS, pool)
+        pairs = [best_of([*some, *more]) for some, more in zip(pairs, grown, strict=True)]
+    return full_all(problem, pairs, LEAST_PAIRS, FEW_PAIRS if adequate else FULL_PAIRS, pool)

@@ -1,0 +1,123 @@
+"""The command line: `drift-drake diagnose`, `drift-drake apply`."""
+
+import dataclasses
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tqdm import tqdm
+
+from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
+from drift_drake.diagnosis.correction import corrected_vehicle
+from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
+from drift_drake.logs.table import InvalidLogError
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.vehicle_file import write_vehicle
+
+BAD_INPUT = 2  # exit code for input that cannot be used
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnose:
+    """Say where a simulator is wrong, which effect it lacks and how far the gap shrinks once it is added.
+
+    CASE is a folder of runs (run_0.csv, run_1.csv, ...) of one car, or a folder of such folders.
+    """
+
+    case: tyro.conf.Positional[Path]
+    """Folder of runs, or of cases."""
+    vehicle: Path
+    """What the simulator believes of the car (YAML)."""
+    json: Path | None = None
+    """Where to write the answer; for a folder of cases, a folder that gets NAME.json each."""
+    report: Path | None = None
+    """Where to write an HTML report of one case."""
+    workers: int = 2
+    """Threads for one case; a folder of cases is spread over processes."""
+    quiet: bool = False
+    """No progress bar."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Apply:
+    """Write the corrected vehicle: an answer's effects, with magnitudes, added to a vehicle file."""
+
+    answer: tyro.conf.Positional[Path]
+    """Answer of `drift-drake diagnose --json`."""
+    vehicle: Path
+    """The vehicle file that was diagnosed."""
+    out: Path
+    """Where to write the corrected vehicle file."""
+    tolerances: bool = True
+    """Apply the deviations within tolerance that were found beside the effects, too."""
+
+
+def run_diagnose(command: Diagnose) -> None:
+    """`drift-drake diagnose`."""
+    vehicle = VehicleParameters.from_yaml(command.vehicle)
+    folders = case_folders(command.case)
+    if folders != [command.case]:
+        _diagnose_many(command, vehicle, len(folders))
+        return
+    with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
+
+        def show(stage: str, share: float) -> None:
+            bar.set_description(stage)
+            bar.update(round(100 * share) - bar.n)
+
+        diagnosis = diagnose_folder(command.case, vehicle, command.workers, progress=show)
+    _say(diagnosis.answer)
+    if command.json is not None:
+        diagnosis.answer.write(command.json)
+
+
+def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int) -> None:
+    if command.json is not None:
+        command.json.mkdir(parents=True, exist_ok=True)
+    with tqdm(total=count, disable=command.quiet, file=sys.stderr, unit="case") as bar:
+
+        def done(answer: Answer) -> None:
+            bar.update()
+            if command.json is not None:
+                answer.write(command.json / f"{answer.case}.json")
+
+        answers = diagnose_all(command.case, vehicle, progress=done)
+    for answer in answers:
+        _say(answer)
+
+
+def _say(answer: Answer) -> None:
+    print(answer.sentence())
+    for warning in answer.warnings:
+        print(f"  warning: {warning}")
+
+
+def run_apply(command: Apply) -> None:
+    """`drift-drake apply`."""
+    answer = read_answer(command.answer)
+    vehicle, effects = corrected_vehicle(VehicleParameters.from_yaml(command.vehicle), answer, command.tolerances)
+    write_vehicle(command.out, vehicle, effects)
+    print(f"{command.out}: {answer.sentence()}")
+
+
+Command = Annotated[Diagnose, tyro.conf.subcommand("diagnose")] | Annotated[Apply, tyro.conf.subcommand("apply")]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
+    command = tyro.cli(Command, prog="drift-drake", args=arguments, description=__doc__)  # type: ignore[arg-type]
+    try:
+        if isinstance(command, Diagnose):
+            run_diagnose(command)
+        else:
+            run_apply(command)
+    except (InvalidLogError, InvalidVehicleError, InvalidAnswerError) as error:
+        print(f"drift-drake: {error}", file=sys.stderr)
+        return BAD_INPUT
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+"""The answer to one case: what a diagnosis says, as plain data and JSON."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+from drift_drake.vehicle.effects import CATALOGUE
+
+
+class InvalidAnswerError(ValueError):
+    """An answer file that cannot be used; the message names the file and the mend."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings."""
+
+    case: str
+    verdict: str  # effect, none or unknown
+    causes: list[str]
+    posterior: dict[str, float]
+    ambiguity: list[str]
+    magnitudes: dict[str, Interval]  # in the catalogue's units
+    where: dict[str, Any]
+    reduction: Interval
+    seconds: float
+    tolerances: dict[str, float]  # deviations from the vehicle file found beside the causes, in tolerances
+    details: dict[str, Any]
+    warnings: list[str]
+
+    def to_json(self) -> str:
+        """The answer as JSON text."""
+        return json.dumps(_rounded(dataclasses.asdict(self)), indent=2)
+
+    def write(self, path: str | Path) -> None:
+        """Writes the JSON file."""
+        Path(path).write_text(self.to_json() + "\n")
+
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        if self.verdict == "none":
+            return f"{self.case}: no gap beyond the vehicle file's tolerances and the sensors' noise."
+        if self.verdict == "unknown":
+            return (
+                f"{self.case}: there is a gap that no catalogued effect explains "
+                f"(probability {self.posterior['unknown']:.2f})."
+            )
+        parts = []
+        for name in self.causes:
+            m, unit = self.magnitudes[name], CATALOGUE[name].unit
+            unit = "" if unit == "-" else f" {unit}"
+            parts.append(f"{name} {m.estimate:.3g}{unit} (95 %: {m.low:.3g} to {m.high:.3g})")
+        probability = self.posterior["+".join(sorted(self.causes))]
+        return (
+            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; "
+            f"it removes {100 * self.reduction.estimate:.0f} % of the gap on runs that were not fitted."
+        )
+
+
+def _rounded(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _rounded(value) for key, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_rounded(value) for value in data]
+    if isinstance(data, float):
+        return float(f"{data:.6g}")
+    return data
+
+
+def read_answer(path: str | Path) -> Answer:
+    """Reads an answer file.
+
+    Raises:
+        InvalidAnswerError: unreadable, not JSON, or without a key of the contract.
+    """
+    try:
+        data = json.loads(Path(path).read_text())
+    except OSError as error:
+        raise InvalidAnswerError(f"{path}: cannot be read ({error.strerror}); give the path of an answer") from None
+    except json.JSONDecodeError as error:
+        raise InvalidAnswerError(
+            f"{path}: not JSON (line {error.lineno}); write it with 'drift-drake diagnose --json'"
+        ) from None
+    required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
+    missing = [key for key in required if not isinstance(data, dict) or key not in data]
+    if missing:
+        raise InvalidAnswerError(
+            f"{path}: missing {', '.join(missing)}; write the answer with 'drift-drake diagnose --json'"
+        )
+    optional = {key: data.get(key, {}) for key in ("tolerances", "details")}
+    return Answer(
+        **{key: data[key] for key in required if key not in ("magnitudes", "reduction")},
+        magnitudes={name: Interval(**m) for name, m in data["magnitudes"].items()},
+        reduction=Interval(**data["reduction"]),
+        **optional,
+        warnings=data.get("warnings", []),
+    )

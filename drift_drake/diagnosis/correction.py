@@ -1,0 +1,39 @@
+"""The corrected simulator: a diagnosis's effects and tolerances, written into the vehicle."""
+
+from drift_drake.diagnosis.answer import Answer
+from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+def corrected_vehicle(
+    vehicle: VehicleParameters, answer: Answer, tolerances: bool = True
+) -> tuple[VehicleParameters, Effects]:
+    """The vehicle with the answer's causes added.
+
+    Args:
+        tolerances: whether the deviations within tolerance that were found beside them are applied too.
+    """
+    magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
+    if tolerances:
+        n, t = answer.tolerances, vehicle.tolerance
+        changes = {
+            name: getattr(vehicle, name) * (1.0 + n.get(name, 0.0) * getattr(t, name))
+            for name in (
+                "mass",
+                "yaw_inertia",
+                "wheel_radius",
+                "rear_axle_inertia",
+                "friction",
+                "front_stiffness",
+                "rear_stiffness",
+            )
+        }
+        shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
+        changes["front_axle_distance"] = vehicle.front_axle_distance + shift
+        changes["rear_axle_distance"] = vehicle.rear_axle_distance - shift
+        changes["gear_ratio"] = vehicle.gear_ratio * (1.0 + n.get("torque", 0.0) * t.torque)
+        offset = n.get("steering_offset", 0.0) * t.steering_offset
+        if offset != 0.0:
+            magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset
+        vehicle = vehicle.replace(**changes)
+    return vehicle, make_effects(magnitudes)

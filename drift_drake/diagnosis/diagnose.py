@@ -1,0 +1,255 @@
+"""From runs of a car and the file of its simulator to where the gap is, which effect causes it, how far it shrinks."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.answer import Answer, Interval
+from drift_drake.diagnosis.fit import Fit
+from drift_drake.diagnosis.freeform import Regression, misfit
+from drift_drake.diagnosis.horizons import EVERY, HORIZONS
+from drift_drake.diagnosis.noise import refined_levels
+from drift_drake.diagnosis.posterior import Calibration, Posterior, hypothesis_name, make_posterior
+from drift_drake.diagnosis.prior import bounds
+from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter_case, make_problem
+from drift_drake.diagnosis.reduction import Reduction, nominal_errors, reduction, square_errors
+from drift_drake.diagnosis.search import Found, search
+from drift_drake.diagnosis.where import locate
+from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+SLOWEST = 3.0  # [m/s] below which a run is cut: the model's slips have no meaning at standstill
+SPUN = 1.1  # [rad] of sideslip beyond which a run is cut: the car has spun
+LEAST_ROWS = 150  # of a run after cutting
+BLIND = {  # effects that need a column to be seen
+    "gyro_bias": ("psi",),
+    "sideslip_bias": ("beta",),
+    "wheel_radius_error": ("omega_r",),
+    "road_grade": ("psi",),
+    "torque_lag": ("tau_cmd",),
+    "torque_gain_error": ("tau_cmd",),
+    "drivetrain_inertia_error": ("tau_cmd",),
+    "drivetrain_friction": ("tau_cmd",),
+}
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """The answer, and what a report is drawn from."""
+
+    answer: Answer
+    problem: Problem
+    found: Found
+    posterior: Posterior
+    fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
+    reduction: Reduction
+    unexplained: Regression  # pulses that the best hypothesis leaves
+    lacking: Regression  # pulses that the car without effects lacks
+
+
+def usable(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
+    """Runs cut where they spin or stand, and warnings about it.
+
+    Raises:
+        InvalidLogError: nothing is left.
+    """
+    kept, warnings = [], []
+    for run in runs:
+        bad = run.v < SLOWEST
+        if run.beta is not None:
+            bad = bad | (np.abs(run.beta) > SPUN)
+        first = int(np.argmax(~bad)) if not np.all(bad) else len(run)
+        after = np.flatnonzero(bad[first:])
+        stop = first + int(after[0]) if len(after) else len(run)
+        if stop - first < LEAST_ROWS:
+            warnings.append(f"{run.name}: left out, under {LEAST_ROWS} rows before it spins or stands")
+            continue
+        if first > 0 or stop < len(run):
+            warnings.append(
+                f"{run.name}: only {run.t[first]:.2f} to {run.t[stop - 1]:.2f} s are used (spin or standstill)"
+            )
+        kept.append(run.rows(first, stop))
+    if not kept:
+        raise InvalidLogError("no run has a second and a half between spins and standstill; log longer drives")
+    return kept, warnings
+
+
+def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects that the columns of the log can show, and warnings about the others and about missing columns."""
+    missing = [name for name in OPTIONAL if any(run.column(name) is None for run in runs)]
+    kept = [name for name in names if not set(BLIND.get(name, ())) & set(missing)]
+    warnings = [f"column {name} is missing: its channel is dropped" for name in missing]
+    lost = [name for name in names if name not in kept]
+    if lost:
+        warnings.append(f"without these columns nothing can be said of {', '.join(lost)}")
+    return kept, warnings
+
+
+def diagnose(
+    runs: Sequence[Run],
+    vehicle: VehicleParameters,
+    case: str = "case",
+    workers: int = 2,
+    progress: Progress | None = None,
+    calibration: Calibration | None = None,
+    catalogue: Sequence[str] = tuple(CATALOGUE),
+) -> Diagnosis:
+    """Diagnoses the runs of one case.
+
+    Args:
+        runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
+        progress: called with a stage's name and the share done; calibration: constants of the posterior;
+        catalogue: names of the effects to consider.
+
+    Raises:
+        InvalidLogError: no run can be used.
+    """
+    began = time.perf_counter()
+    calibration = calibration or Calibration()
+    tell = progress or (lambda _stage, _share: None)
+    runs, warnings = usable(runs)
+    names, more = seen_effects(runs, catalogue)
+    warnings += more
+    problem = make_problem(runs, vehicle)
+    found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
+    hypotheses = found.hypotheses()
+    refined = refine_noise(problem, hypotheses[0][0])
+    tell("what is left", 0.82)
+    best = hypotheses[0][0]
+    left = [misfit(refined, best, kind) for kind in ("pulses", "functions")]
+    posterior = make_posterior(hypotheses, max(part.gain for part in left), len(names), calibration)
+    fit, named = posterior.fit, posterior.verdict == "effect"
+    tell("how far it shrinks", 0.87)
+    shrinks = reduction(problem, fit if named else _empty(problem), best)
+    tell("where it is", 0.93)
+    nothing = next(f for f, _ in hypotheses if not f.names)
+    lacking = left[0] if not best.names else misfit(problem, nothing)
+    where = find_gap(problem, best, lacking)
+    magnitudes = {name: magnitude_interval(fit, name, calibration) for name in fit.names} if named else {}
+    warnings += bound_warnings(magnitudes)
+    answer = Answer(
+        case=case,
+        verdict=posterior.verdict,
+        causes=list(posterior.causes),
+        posterior=posterior.probabilities,
+        ambiguity=posterior.ambiguity,
+        magnitudes=magnitudes,
+        where=where,
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high),
+        seconds=time.perf_counter() - began,
+        tolerances=dict(zip(NUISANCES[:TOLERANCES], (float(n) for n in fit.theta[:TOLERANCES]), strict=True)),
+        details={
+            "reduction_by_state": shrinks.by_state,
+            "reduction_by_horizon": shrinks.by_horizon,
+            "mean_square_innovation": best.mean_square,
+            "unexplained_nats": max(part.gain for part in left),
+            "free_form_removes": left[1].removed,
+            "vehicle_file_exact": fit.exactness < 1.0,
+            "leading_known": hypothesis_name(fit.names),
+        },
+        warnings=warnings,
+    )
+    tell("done", 1.0)
+    return Diagnosis(answer, problem, found, posterior, fit, shrinks, left[0], lacking)
+
+
+def _empty(problem: Problem) -> Fit:
+    """A fit of nothing, whose effects remove nothing."""
+    count = problem.nuisances
+    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
+
+
+def refine_noise(problem: Problem, fit: Fit) -> Problem:
+    """The problem with noise levels that the best hypothesis' innovations agree with, within a few percent."""
+    gains = filter_case(problem, fit.theta, fit.names)
+    innovations = np.concatenate([e[run.counted] for run, e in zip(problem.runs, gains.innovations, strict=True)])
+    whitening = np.concatenate([w[run.counted] for run, w in zip(problem.runs, gains.whitening, strict=True)])
+    used = np.all([run.used for run in problem.runs], axis=0)
+    return problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening))
+
+
+def magnitude_interval(fit: Fit, name: str, calibration: Calibration) -> Interval:
+    """95 % interval of a magnitude, within its bounds."""
+    q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
+    low, high = bounds(name)
+    return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
+
+
+def bound_warnings(magnitudes: dict[str, Interval]) -> list[str]:
+    """Warnings of magnitudes at the ends of what is believed possible."""
+    out = []
+    for name, m in magnitudes.items():
+        low, high = bounds(name)
+        if m.estimate <= low or m.estimate >= high:
+            out.append(f"{name} is at the end of what is believed possible ({m.estimate:g}): doubt it")
+    return out
+
+
+def find_gap(problem: Problem, best: Fit, lacking: Regression) -> dict[str, Any]:
+    """The `where` of an answer: what the nominal car gets wrong beyond the best fit."""
+    before = nominal_errors(problem, None)
+    floor = square_errors(problem, best.names, best, held_out=False)
+    excess = [b - f for b, f in zip(before, floor, strict=True)]
+    if len(problem.runs) == 1:  # its halves were judged
+        excess = [np.concatenate(excess)]
+    starts = [np.flatnonzero(run.counted)[::EVERY] for run in problem.runs]
+    rows = [first[: len(e)] for first, e in zip(starts, excess, strict=True)]
+    excess = [e[: len(first)] for first, e in zip(rows, excess, strict=True)]
+    where = dataclasses.asdict(locate(problem, excess, rows, lacking))
+    where["horizons"] = {f"{h:g} s": float(np.nanmean(np.concatenate(before)[:, i])) for i, h in enumerate(HORIZONS)}
+    return where
+
+
+def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int = 2, **options: Any) -> Diagnosis:
+    """Diagnoses one case folder (`logs.table.read_case`)."""
+    folder = Path(folder)
+    return diagnose(read_case(folder), vehicle, case=folder.resolve().name, workers=workers, **options)
+
+
+def case_folders(folder: str | Path) -> list[Path]:
+    """The folder itself if it holds runs, else its subfolders that do.
+
+    Raises:
+        InvalidLogError: there is no run in either.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InvalidLogError(f"{folder}: no such folder; give a case (run_0.csv, run_1.csv, ...) or a folder of cases")
+    if run_paths(folder):
+        return [folder]
+    cases = sorted(path for path in folder.iterdir() if path.is_dir() and run_paths(path))
+    if not cases:
+        raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
+    return cases
+
+
+def _answer_folder(folder: Path, vehicle: VehicleParameters) -> Answer:
+    return diagnose_folder(folder, vehicle, workers=1).answer
+
+
+def diagnose_all(
+    folder: str | Path,
+    vehicle: VehicleParameters,
+    executor: Executor | None = None,
+    progress: Callable[[Answer], None] | None = None,
+) -> list[Answer]:
+    """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given)."""
+    folders = case_folders(folder)
+    if executor is None:
+        with ProcessPoolExecutor() as own:
+            return diagnose_all(folder, vehicle, own, progress)
+    jobs = {executor.submit(_answer_folder, path, vehicle): path for path in folders}
+    answers = {}
+    for job in as_completed(jobs):
+        answers[jobs[job]] = job.result()
+        if progress is not None:
+            progress(answers[jobs[job]])
+    return [answers[path] for path in folders]

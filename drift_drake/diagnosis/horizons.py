@@ -1,0 +1,78 @@
+"""Errors of open-loop predictions over several horizons, restarted from filtered states."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.compilation import compiled
+from drift_drake.diagnosis.commands import STAGES, SUBSTEPS, without_actuators
+from drift_drake.diagnosis.filter import MEASURED, SIZE, advance, predict_measurement, rates_of
+from drift_drake.diagnosis.problem import Gains, Problem, car, filter_case, observe, run_commands
+
+STATES = ("r", "v", "beta", "omega_r")
+HORIZONS = (0.01, 0.1, 0.5, 2.0)  # [s]
+EVERY = 10  # rows between restarts
+JUDGED = 2  # horizon by which a gap is judged: half a second, which a controller plans over
+
+
+@dataclasses.dataclass(frozen=True)
+class Predictions:
+    """Squared prediction errors of one run, in noise variances."""
+
+    rows: np.ndarray  # [starts] first rows
+    squares: np.ndarray  # [starts, horizons, states]; NaN beyond the run's end or where a channel is missing
+
+
+@compiled
+def roll_out(
+    states: Any, starts: Any, steps: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, out: Any
+) -> Any:
+    """Predicted measurements out [starts, horizons, 9] at `steps` [horizons] rows after each start; NaN beyond the end.
+
+    Args:
+        states: filtered states [rows, 13]; the rest as in `filter.filter_run`.
+    """
+    rows = states.shape[0]
+    step = period / SUBSTEPS
+    z, k, w, push = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
+    predicted = np.zeros(MEASURED)
+    for s in range(len(starts)):
+        z[:] = states[starts[s]]
+        done = 0
+        for h in range(len(steps)):
+            end = starts[s] + steps[h]
+            if end >= rows:
+                out[s, h] = np.nan
+                continue
+            for row in range(starts[s] + done, end):
+                advance(z, delta, torque, row, step, constants, effects, push, k, w)
+            done = steps[h]
+            at = STAGES * end
+            rates_of(z, delta[at], torque[at], constants, effects, push, k)
+            predict_measurement(z, k[13], k[14], effects, predicted)
+            out[s, h] = predicted
+
+
+def predictions(
+    problem: Problem, theta: np.ndarray, names: Sequence[str], index: int, gains: Gains | None = None
+) -> Predictions:
+    """Prediction errors of one run under a hypothesis, restarted every tenth of a second from its own filter."""
+    gains = gains if gains is not None else filter_case(problem, theta, names)
+    run = problem.runs[index]
+    constants, effects = car(problem, theta, names)
+    states = np.empty((len(run.y), SIZE))
+    observe(problem, gains, theta, names, index, states=states)
+    delta, torque = run_commands(problem, index, theta, effects)
+    starts = np.flatnonzero(run.counted)[::EVERY]
+    steps = np.array([max(round(h / run.period), 1) for h in HORIZONS])
+    out = np.empty((len(starts), len(steps), MEASURED))
+    roll_out(states, starts, steps, delta, torque, run.period, constants, without_actuators(effects), out)
+    measured = np.full((len(starts), len(steps), MEASURED), np.nan)
+    for h, step in enumerate(steps):
+        inside = starts + step < len(run.y)
+        measured[inside, h] = run.y[starts[inside] + step]
+    errors = (measured - out) / problem.noise
+    errors[..., ~run.used] = np.nan
+    return Predictions(starts, np.asarray(errors[..., : len(STATES)] ** 2))

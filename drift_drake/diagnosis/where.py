@@ -1,0 +1,135 @@
+"""Where the gap is: by state, force channel, run, time, operating region and lag."""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.filter import SIZE
+from drift_drake.diagnosis.freeform import FORCE_CHANNELS, Regression
+from drift_drake.diagnosis.horizons import JUDGED, STATES
+from drift_drake.diagnosis.problem import Problem, filter_case, observe
+
+SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]
+FRICTION_USES = (0.0, 0.4, 0.7, np.inf)  # of mu g
+SLIDING = 0.25  # [rad] of sideslip beyond which the car slides
+ONSET = 0.05  # share of a run's gap by which it has set in
+LEAST_SHARE = 0.05  # of the gap that a region must hold to be named
+LONGEST_LAG = 0.4  # [s]
+DEAFNESS = 30.0  # factor on the noise levels that makes a filter rely on its model
+
+
+@dataclasses.dataclass(frozen=True)
+class Where:
+    """Shares of the gap; each of the first three sums to one (or is zero throughout without a gap)."""
+
+    states: dict[str, float]
+    runs: dict[str, float]
+    channels: dict[str, float]
+    regions: list[str]
+    onset: dict[str, float]  # [s] into each run
+    lag: dict[str, float]  # [s] by which each measured state follows the nominal car's
+
+
+def locate(
+    problem: Problem, excess: Sequence[np.ndarray], rows: Sequence[np.ndarray], pushes: Regression | None
+) -> Where:
+    """Shares of the gap from excess squared prediction errors.
+
+    Args:
+        excess: squared errors of the nominal car beyond the floor [starts, horizons, states] of each run;
+        rows: their first rows; pushes: what forces the nominal car lacks, by channel.
+    """
+    judged = [np.nan_to_num(e[:, JUDGED]) for e in excess]
+    by_state = _shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
+    by_run = _shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
+    onset = {}
+    for run, e, first in zip(problem.runs, judged, rows, strict=True):
+        total = np.cumsum(np.maximum(e.sum(axis=1), 0.0))
+        if by_run[run.name] > LEAST_SHARE and total[-1] > 0.0:
+            onset[run.name] = float(first[int(np.searchsorted(total, ONSET * total[-1]))] * run.period)
+    channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
+    if pushes is not None and len(pushes.weights):
+        weights = pushes.weights.reshape(-1, len(FORCE_CHANNELS), _per_channel(problem, pushes))
+        power = np.sum(weights**2, axis=(0, 2))
+        channels = _shares({name: float(p) for name, p in zip(FORCE_CHANNELS, power, strict=True)})
+    return Where(by_state, by_run, channels, regions(problem, judged, rows), onset, lags(problem))
+
+
+def _per_channel(problem: Problem, pushes: Regression) -> int:
+    """Weights a channel in each run; runs of unequal length have blocks of unequal size."""
+    return len(pushes.weights) // (len(FORCE_CHANNELS) * len(problem.runs))
+
+
+def _shares(parts: dict[str, float]) -> dict[str, float]:
+    total = sum(max(p, 0.0) for p in parts.values())
+    return {name: (max(p, 0.0) / total if total > 0.0 else 0.0) for name, p in parts.items()}
+
+
+def region_of(problem: Problem, index: int) -> np.ndarray:
+    """Index [rows] of each row's operating region among `region_names`."""
+    run = problem.runs[index]
+    v, r, beta = run.y[:, 1], run.y[:, 0], run.y[:, 2]
+    lateral = np.abs(v * r) / (problem.nominal.friction * problem.nominal.gravity)
+    speed = np.digitize(v, SPEEDS[1:-1])
+    use = np.digitize(lateral, FRICTION_USES[1:-1])
+    slides = (np.abs(beta) > SLIDING).astype(int)
+    return np.asarray((slides * (len(SPEEDS) - 1) + speed) * (len(FRICTION_USES) - 1) + use)
+
+
+def region_names() -> list[str]:
+    """Names of all operating regions, in the order of `region_of`."""
+    out = []
+    for state in ("grip", "slide"):
+        for low, high in itertools.pairwise(SPEEDS):
+            speed = f"{low:g}-{high:g} m/s" if np.isfinite(high) else f"over {low:g} m/s"
+            for a, b in itertools.pairwise(FRICTION_USES):
+                use = f"friction use {a:g}-{b:g}" if np.isfinite(b) else f"friction use over {a:g}"
+                out.append(f"{state}, {speed}, {use}")
+    return out
+
+
+def regions(problem: Problem, judged: Sequence[np.ndarray], rows: Sequence[np.ndarray]) -> list[str]:
+    """Regions that hold a material share of the gap, the worst (by mean excess) first."""
+    names = region_names()
+    total, count = np.zeros(len(names)), np.zeros(len(names))
+    for i, (e, first) in enumerate(zip(judged, rows, strict=True)):
+        where = region_of(problem, i)[first]
+        np.add.at(total, where, e.sum(axis=1))
+        np.add.at(count, where, 1.0)
+    gap = float(np.sum(np.maximum(total, 0.0)))
+    mean = total / np.maximum(count, 1.0)
+    if gap <= 0.0:
+        return []
+    return [names[i] for i in np.argsort(-mean) if total[i] > LEAST_SHARE * gap]
+
+
+def lags(problem: Problem) -> dict[str, float]:
+    """Delay [s] of each measured state behind the nominal car's prediction, by cross-correlation of their rates."""
+    # A filter that hardly listens to the sensors: what the car predicts by itself, kept from diverging.
+    deaf = problem.replace(noise=problem.noise * DEAFNESS)
+    theta = np.zeros(problem.nuisances)
+    gains = filter_case(deaf, theta, ())
+    scores: dict[str, dict[int, float]] = {}
+    for index, run in enumerate(problem.runs):
+        states = np.empty((len(run.y), SIZE))
+        observe(deaf, gains, theta, (), index, states=states)
+        most = int(LONGEST_LAG / run.period)
+        for i, name in enumerate(STATES):
+            if run.used[i]:
+                found = _correlation(run.y[:, i], states[:, i], most)
+                known = scores.setdefault(name, dict.fromkeys(found, 0.0))
+                for shift, score in found.items():
+                    known[shift] = known.get(shift, 0.0) + score
+    period = problem.runs[0].period
+    return {name: max(known, key=lambda k: known[k]) * period for name, known in scores.items()}
+
+
+def _correlation(real: np.ndarray, model: np.ndarray, most: int) -> dict[int, float]:
+    """Correlation of two signals' rates by the rows that the first comes later."""
+    smooth = np.ones(5) / 5.0
+    a = np.gradient(np.convolve(real, smooth, "valid"))
+    b = np.gradient(np.convolve(model, smooth, "valid"))
+    a, b = a[most:-most], b
+    return {shift: float(a @ b[most - shift : most - shift + len(a)]) for shift in range(-most, most + 1)}

@@ -1,0 +1,171 @@
+"""Drifts the figure-8 with each of the controllers' models on vehicles that no model was trained on.
+
+    python -m experiments.figure_8 --vehicles 20 --models nominal prior online oracle
+
+Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `online` (the same, adapting while it
+drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the same for all of them.
+A run starts in the drift, as the paper's hand-brake start does. Broken off, the experiment goes on where it was.
+"""
+
+import concurrent.futures
+import dataclasses
+import json
+import multiprocessing
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+import tyro
+from tqdm import tqdm
+
+from diagrams.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import load
+from drift_drake.pictures.overhead import overhead
+from drift_drake.pictures.time_series import time_series
+from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Model = Literal["nominal", "prior", "online", "oracle"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Figure8Config:
+    """Which vehicles, how often, with which models."""
+
+    vehicles: int = 20
+    first: int = 0  # index of the first vehicle of the population
+    population: Population = "held_out"
+    noise_seeds: int = 1  # runs of each vehicle and model
+    models: tuple[Model, ...] = ("nominal", "prior", "online", "oracle")
+    vehicle_seed: int = 0  # of the draw of the vehicles
+    checkpoint: Path | None = None  # the shipped one without
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    workers: int = 2
+    out: Path | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """One run."""
+
+    config: Figure8Config
+    folder: Path
+    model: Model
+    vehicle: int
+    noise_seed: int
+
+    @property
+    def name(self) -> str:
+        """Of its files."""
+        return f"{self.model}-{self.vehicle:03d}-{self.noise_seed}"
+
+
+def build(job: Job, reference: Reference) -> ClosedLoop:
+    """The closed loop of one vehicle with one of the models."""
+    config, parameters = job.config, VehicleParameters()
+    effects = draw_effects(config.population, job.vehicle, config.vehicle_seed)
+    adapter: BayesianAdapter | None = None
+    model: StepModel
+    if job.model == "nominal":
+        model = NominalStepModel(parameters)
+    elif job.model == "oracle":
+        model = EffectsStepModel(parameters, effects)
+    else:
+        learnt = load(config.checkpoint)
+        model = BayesianStepModel(
+            learnt.network, learnt.prior().mean, learnt.vehicle.constants(), path_step="trapezoid"
+        )
+        if job.model == "online":
+            adapter = BayesianAdapter(learnt)
+    return ClosedLoop(parameters, reference, model, effects=effects, control=config.control, adapter=adapter)
+
+
+def drive(job: Job) -> None:
+    """One run; its table and numbers go into the folder, unless they are there already."""
+    numbers = job.folder / f"{job.name}.json"
+    if numbers.exists():
+        return
+    reference = figure_8(VehicleParameters())
+    loop = build(job, reference)
+    run = loop.run(loop.initial_context(seed=job.noise_seed))
+    run.table.to_csv(job.folder / f"{job.name}.csv", index=False)
+    which = {"model": job.model, "vehicle": job.vehicle, "noise_seed": job.noise_seed}
+    write_json(numbers, which | dataclasses.asdict(run.metrics()))
+
+
+def summarise(runs: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """By model: completions, and quartiles and extremes of the tracking errors over all runs, failures included."""
+    summary = {}
+    for model, group in runs.groupby("model", sort=False):
+        entry = {"runs": float(len(group)), "completed": float(group["completed"].mean()),
+                 "completion_median": float(group["completion"].median())}  # fmt: skip
+        for name in ("rms_e", "rms_sideslip_error", "solve_ms_median"):
+            for label, share in (("best", 0.0), ("lower", 0.25), ("median", 0.5), ("upper", 0.75), ("worst", 1.0)):
+                entry[f"{name}_{label}"] = float(group[name].quantile(share))
+        entry["solver_failures"] = float(group["solver_failures"].sum())
+        summary[str(model)] = entry
+    return summary
+
+
+def main(config: Figure8Config) -> None:
+    """Runs all jobs, then writes numbers and pictures."""
+    folder = make_run_folder("figure_8", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    vehicles = range(config.first, config.first + config.vehicles)
+    jobs = [
+        Job(config, folder, model, vehicle, seed)
+        for vehicle in vehicles
+        for model in config.models
+        for seed in range(config.noise_seeds)
+    ]
+    context = multiprocessing.get_context("spawn")
+    # Drake keeps Python systems for ever, so a worker is replaced after some runs.
+    with concurrent.futures.ProcessPoolExecutor(config.workers, context, max_tasks_per_child=12) as executor:
+        futures = [executor.submit(drive, job) for job in jobs]
+        for future in tqdm(concurrent.futures.as_completed(futures), total=len(jobs), unit="run"):
+            future.result()
+    runs = pd.DataFrame([json.loads((folder / f"{job.name}.json").read_text()) for job in jobs])
+    runs.to_csv(folder / "runs.csv", index=False)
+    summary = summarise(runs)
+    write_json(folder / "numbers.json", summary)
+    _pictures(folder, runs)
+    print(table(summary))
+    print(f"results in {folder}")
+
+
+def table(summary: dict[str, dict[str, float]]) -> str:
+    """The summary as Markdown."""
+    lines = [
+        "| model | runs | completed | RMS e best / median / worst [m] | RMS sideslip error [rad] |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for model, s in summary.items():
+        e, b = (" / ".join(f"{s[f'{name}_{q}']:.{digits}f}" for q in ("best", "median", "worst"))
+                for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
+        lines.append(f"| {model} | {s['runs']:.0f} | {s['completed']:.0%} | {e} | {b} |")
+    return "\n".join(lines)
+
+
+def _pictures(folder: Path, runs: pd.DataFrame) -> None:
+    """Each model's median run by RMS e, on the map and over the path."""
+    tables = {}
+    for model, group in runs.groupby("model", sort=False):
+        ranked = group.sort_values("rms_e")
+        median = ranked.iloc[len(ranked) // 2]
+        name = f"{model}-{median['vehicle']:03d}-{median['noise_seed']}"
+        tables[str(model)] = pd.read_csv(folder / f"{name}.csv")
+    parameters = VehicleParameters()
+    reference = figure_8(parameters)
+    overhead(tables, reference, parameters).savefig(folder / "overhead.png")
+    time_series(tables, reference, parameters).savefig(folder / "time_series.png")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Figure8Config))

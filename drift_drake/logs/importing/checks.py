@@ -14,13 +14,16 @@ AGREEMENT = 0.8  # correlation below which two columns say nothing of each other
 CLOSE = math.log(1.25)  # of a gain to a unit's factor
 WINDOW = 0.3  # [s] over which noise is averaged out before columns are compared
 JUMP = 0.5  # [rad] of heading from row to row
-SIDEWAYS = 1.0  # [rad] of sideslip over most of a run
+SIDEWAYS = 1.3  # [rad] of sideslip over most of a run
 GRIP = 0.15  # [rad] sideslip up to which a car goes where it steers
 FEWEST = 200  # rows to compare steering and yaw rate on
 WHEELBASES = (0.1, 8.0)  # [m] of any vehicle, understeer included
 UNDERSTEER = 3.0  # at most by this factor does a car turn less or more than it steers
 LEAD = 0.25  # [s] from command to yaw: more is no car's response
 LAG = 0.05  # [s] of yaw before its command
+TREND = 3.0  # [s] over which steering and yaw rate change too slowly to tell a time
+SEARCH = 1.5  # [s]
+ALIKE = 0.7  # correlation from which a lead is believed
 TILT = 0.7  # [m/s^2] of accelerometer that no motion explains
 GRAVITY = 9.81
 
@@ -90,8 +93,8 @@ def compare(name: str, kind: str, measured: Array, expected: Array, reference: s
     return sentences
 
 
-def _averaged(values: Array, period: float) -> Array:
-    half = max(0, round(WINDOW / period / 2))
+def _averaged(values: Array, period: float, window: float = WINDOW) -> Array:
+    half = max(0, round(window / period / 2))
     sums = np.cumsum(np.concatenate([[0.0], np.pad(values, half, mode="edge")]))
     return np.asarray((sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1))
 
@@ -272,9 +275,13 @@ def _steering(
 def _clocks(steered: Array, yaw_rate: Array, grip: NDArray[np.bool_], period: float) -> list[str]:
     """Whether the yaw rate follows the steering as late as a car's does."""
     t = np.asarray(np.arange(len(steered)) * period, dtype=float)
+    # Slow changes tell little of a time, and an understeering car's follow the steering's with another shape.
+    turned, steered = (values - _averaged(values, period, TREND) for values in (yaw_rate, steered))
     try:
-        found = estimate_offset(t[grip], yaw_rate[grip], t, steered, 0.0, 1.5)
+        found = estimate_offset(t[grip], turned[grip], t, steered, 0.0, SEARCH)
     except ValueError:
+        return []
+    if found.correlation < ALIKE:
         return []
     lead = -found.offset
     if lead - 3.0 * found.std > LEAD:

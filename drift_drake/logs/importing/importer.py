@@ -25,8 +25,8 @@ SLOW = 1.5  # periods of the log between two readings: more, and rows between re
 class RunReport:
     """One run: the recording it is of, its start and end [s] after that one's first reading, and its rows.
 
-    noise: standard deviation of one reading (SI), by signal; std: of columns that were smoothed; time_scales [s]: over
-    which the errors of smoothed position and heading are correlated; remarks: on what looks wrong in it.
+    noise: standard deviation of one reading (SI), by signal; std: of the log's columns; bandwidth [Hz]: up
+    to which smoothed position and heading follow (what is faster was taken for noise); remarks: on what looks wrong.
     """
 
     name: str
@@ -36,7 +36,7 @@ class RunReport:
     rows: int
     noise: dict[str, float]
     std: dict[str, float]
-    time_scales: dict[str, float]
+    bandwidth: dict[str, float]
     remarks: list[str]
 
 
@@ -123,7 +123,7 @@ def _report(run: Run, recording: str, stretch: Stretch, sentences: list[str]) ->
         rows=len(run),
         noise=stretch.noise,
         std=stretch.std,
-        time_scales=stretch.time_scales,
+        bandwidth=stretch.bandwidth,
         remarks=sentences,
     )
 

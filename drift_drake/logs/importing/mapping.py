@@ -77,7 +77,8 @@ class Moving:
 class RecorderMapping:
     """A mapping file. `measured_point` [m]: ahead and to the left of the centre of gravity, where x, y, vx, vy are
     measured; `derive`: what to compute from x, y, psi (motion capture) where no column gives it; `formulas`: further
-    quantities, in order, from signals, derived quantities, `constants` and earlier formulas."""
+    quantities, in order, from signals, derived quantities, `constants` and earlier formulas; `bandwidth` [Hz]:
+    of the vehicle's motion at most, faster things in motion capture are vibration and taken for noise."""
 
     clocks: dict[str, Clock]
     signals: dict[str, Signal]
@@ -88,6 +89,7 @@ class RecorderMapping:
     derive: tuple[str, ...] = ("r", "v", "beta")
     constants: dict[str, float] = dataclasses.field(default_factory=dict)
     formulas: dict[str, str] = dataclasses.field(default_factory=dict)
+    bandwidth: float = math.inf
     moving: Moving | None = None
 
     @property
@@ -168,6 +170,9 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
         derive=tuple(derive),
         constants=constants,
         formulas={key: str(value) for key, value in entries.get("formulas", {}).items()},
+        bandwidth=_number(entries["bandwidth"], source, "bandwidth", positive=True)
+        if "bandwidth" in entries
+        else math.inf,
         moving=None if moving is None else _moving(moving, source),
     )
     _check_names(mapping, source)

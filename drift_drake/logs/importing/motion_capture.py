@@ -1,6 +1,7 @@
 """Speed, sideslip, yaw rate and accelerations of the centre of gravity from a body's measured position and heading."""
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,23 +17,27 @@ class CapturedMotion:
     """The log's columns (x, y, psi, r, v, beta, ax, ay) at the times t [n] [s] of the frames.
 
     `noise`: standard deviation of one reading of position [m] and heading [rad]; `std`: the columns' typical ones after
-    smoothing; `time_scales` [s]: over which the errors of smoothed position and heading are correlated.
+    smoothing; `bandwidth` [Hz]: of the smoothers, up to which position and heading are taken for motion.
     """
 
     t: Array
     columns: dict[str, Array]
     noise: dict[str, float]
     std: dict[str, float]
-    time_scales: dict[str, float]
+    bandwidth: dict[str, float]
 
 
-def captured_motion(t: Array, x: Array, y: Array, psi: Array, measured_point: tuple[float, float]) -> CapturedMotion:
+def captured_motion(
+    t: Array, x: Array, y: Array, psi: Array, measured_point: tuple[float, float], highest: float = math.inf
+) -> CapturedMotion:
     """Differentiates a stretch of motion capture (NaN where a frame is missing) and moves it to the centre of gravity.
+
+    highest: frequency [Hz] of motion; what is faster is taken for noise.
 
     Raises:
         ValueError: too few readings.
     """
-    position, heading = smooth(t, np.stack([x, y], axis=1)), smooth(t, psi)
+    position, heading = smooth(t, np.stack([x, y], axis=1), highest), smooth(t, psi, highest)
     psi, r, r_dot = heading.value[:, 0], heading.rate[:, 0], heading.acceleration[:, 0]
     (x, y), (x_dot, y_dot), (x_ddot, y_ddot) = position.value.T, position.rate.T, position.acceleration.T
     point = Motion(x, y, *to_body(psi, x_dot, y_dot), *to_body(psi, x_ddot, y_ddot))
@@ -61,5 +66,5 @@ def captured_motion(t: Array, x: Array, y: Array, psi: Array, measured_point: tu
             "v": speed_std,
             "beta": float(np.hypot(speed_std / max(float(np.median(v)), 0.1), heading_std)),
         },
-        time_scales={"position": position.time_scale, "heading": heading.time_scale},
+        bandwidth={"position": position.bandwidth, "heading": heading.bandwidth},
     )

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from drift_drake.logs.importing.frames import to_iso8855
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.units import factor
+from drift_drake.logs.table import InvalidLogError
 
 Array = NDArray[np.float64]
 
 WRAPPED = ("psi", "beta")  # angles that a recorder may report modulo a turn
 
 
-class InvalidRecordingError(ValueError):
+class InvalidRecordingError(InvalidLogError):
     """A recording that cannot be used; the message names the file, the place and the mend."""
 
 

@@ -1,11 +1,14 @@
 """Differentiates a recording: a Kalman (Rauch-Tung-Striebel) smoother whose noise and bandwidth are estimated from it.
 
 The signal is taken as driven by white jerk (its acceleration is a random walk) and measured with white noise. Both
-intensities follow from the signal by maximum likelihood: the noise in closed form, their ratio by a line search.
+intensities follow from the signal by maximum likelihood: the noise in closed form, their ratio by a line search. The
+ratio says up to which frequency the smoother takes what it sees for motion: its gain there is one half, and falls with
+the sixth power beyond.
 Clocks may be uneven and readings may be missing (NaN): the smoother bridges the gap and says how badly.
 """
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +20,7 @@ from drift_drake.compilation import compiled
 Array = NDArray[np.float64]
 
 SHORTEST = 20  # readings; the ratio cannot be told from fewer
-TIME_SCALES = (0.3, 300.0)  # of the smoother, in sampling periods
+TIME_SCALES = (0.3, 300.0)  # of the smoother, 1 / (2 pi bandwidth), in sampling periods
 START_VARIANCE = (1e2, 1e6, 1e6)  # of the state's start, in units of noise and period: nothing is known of it
 UNINFORMED = 5  # first innovations, which tell the start and nothing of the noise
 
@@ -27,8 +30,8 @@ class Smoothed:
     """A signal z [n, k] with its derivatives.
 
     value, rate, acceleration: [n, k], units of z, z/s, z/s^2. std [n, 3]: of each, posterior, the same in all k.
-    noise: standard deviation of one reading [z]. time_scale: below it the smoother takes motion for noise [s]; the
-    errors of neighbouring rows are correlated over about as long.
+    noise: standard deviation of one reading [z]. bandwidth: frequency [Hz] up to which the smoother sees motion; errors
+    of neighbouring rows are correlated over about 1 / (2 pi bandwidth).
     """
 
     value: Array
@@ -36,11 +39,13 @@ class Smoothed:
     acceleration: Array
     std: Array
     noise: float
-    time_scale: float
+    bandwidth: float
 
 
-def smooth(t: Array, z: Array) -> Smoothed:
+def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     """Smooths and differentiates z [n] or [n, k] (its k columns share noise and bandwidth), read at times t [n] [s].
+
+    highest: bandwidth [Hz] that the estimate may not exceed; what is faster is taken for noise (a vibration, say).
 
     Raises:
         ValueError: fewer than SHORTEST readings.
@@ -64,6 +69,7 @@ def smooth(t: Array, z: Array) -> Smoothed:
         return float(log_det + count * np.log(max(total / count, 1e-30)))
 
     low, high = np.log(TIME_SCALES)
+    low = min(max(low, -math.log(2.0 * math.pi * highest * period)), high - 0.1)
     grid = np.linspace(low, high, 13)
     best = int(np.argmin([cost(g) for g in grid]))
     found = minimize_scalar(cost, bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 12)]), method="bounded",
@@ -80,7 +86,7 @@ def smooth(t: Array, z: Array) -> Smoothed:
         acceleration=mean[:, :, 2] / period**2,
         std=std,
         noise=noise,
-        time_scale=float(np.exp(found.x)) * period,
+        bandwidth=float(np.exp(-found.x)) / (2.0 * np.pi * period),
     )
 
 

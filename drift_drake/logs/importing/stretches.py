@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
-STOP = 0.3  # [s]; a shorter time below the speed of `moving` is no stop
+STOP = 0.1  # [s]; a shorter time below the speed of `moving` is no stop
 MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise is worth an estimate
 
 
@@ -24,15 +24,14 @@ MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise 
 class Stretch:
     """All signals of the log's clock, and what is derived from them, at times t [n] [s]; at the centre of gravity.
 
-    noise: of one reading (SI), by signal; std: of smoothed columns; time_scales [s]: over which their errors are
-    correlated.
+    noise: of one reading (SI), by signal; std: of the columns; bandwidth [Hz]: of smoothed position and heading.
     """
 
     t: Array
     columns: dict[str, Array]
     noise: dict[str, float]
     std: dict[str, float]
-    time_scales: dict[str, float]
+    bandwidth: dict[str, float]
 
 
 def moving_stretches(readings: Readings, mapping: RecorderMapping) -> list[slice]:
@@ -64,20 +63,22 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
     t = readings.t[part]
     signals = {name: values[part] for name, values in readings.signals.items()}
     columns = {name: _filled(t, values) for name, values in signals.items()}
-    noise, std, time_scales = {}, {}, {}
+    noise, std, bandwidth = {}, {}, {}
     for name in MEASURED:
         if name in signals:
             noise[name] = std[name] = smooth(t, signals[name]).noise
     if {"x", "y", "psi"} <= set(signals):
-        captured = captured_motion(t, signals["x"], signals["y"], signals["psi"], mapping.measured_point)
+        captured = captured_motion(
+            t, signals["x"], signals["y"], signals["psi"], mapping.measured_point, mapping.bandwidth
+        )
         wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in signals}
         columns |= {name: captured.columns[name] for name in wanted}
         noise |= captured.noise
         std |= {name: captured.std[name] for name in wanted & set(captured.std)}
-        time_scales = captured.time_scales
+        bandwidth = captured.bandwidth
     if "vx" in columns:
         columns = _from_velocity(columns, mapping.measured_point)
-    return Stretch(t, columns, noise, std, time_scales)
+    return Stretch(t, columns, noise, std, bandwidth)
 
 
 def _from_velocity(columns: dict[str, Array], point: tuple[float, float]) -> dict[str, Array]:

@@ -1,0 +1,78 @@
+"""`drift-drake import`: recordings to a case folder of runs, with a report."""
+
+import dataclasses
+from pathlib import Path
+
+import tyro
+
+from drift_drake.logs.importing.importer import ImportReport, import_recordings
+from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
+from drift_drake.logs.importing.recording import InvalidRecordingError
+from drift_drake.logs.table import Run, run_paths, write_run
+from drift_drake.run_folder import write_json
+
+REPORT = "import.json"  # beside the runs
+
+
+@dataclasses.dataclass(frozen=True)
+class Import:
+    """Turn a recorder's files into runs of the log format, and say what looks wrong in them.
+
+    Writes OUT/run_0.csv, OUT/run_1.csv, ... (a case for `drift-drake diagnose`) and OUT/import.json: which run is which
+    stretch of which recording, the clocks' offsets, the noise, and the remarks.
+    """
+
+    recordings: tyro.conf.Positional[tuple[Path, ...]]
+    """CSV or Parquet files of one vehicle on one day."""
+    mapping: str
+    """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, revs_250lm."""
+    out: Path
+    """Folder for the runs; it may not hold any yet."""
+    json: bool = False
+    """Print the report as JSON."""
+
+
+def run_import(command: Import) -> None:
+    """`drift-drake import`.
+
+    Raises:
+        InvalidMappingError, InvalidRecordingError: names the file, the place and the mend.
+    """
+    mapping = read_mapping(command.mapping)
+    if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
+        raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
+    runs, report = import_recordings(command.recordings, mapping)
+    write_case(command.out, runs, report, mapping)
+    if command.json:
+        print((command.out / REPORT).read_text(encoding="utf-8"), end="")
+    else:
+        print(summary(report))
+
+
+def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: RecorderMapping) -> None:
+    """Writes the runs and the report, which holds the mapping too."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, run in enumerate(runs):
+        write_run(run, folder / f"run_{number}.csv")
+    write_json(folder / REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
+
+
+def summary(report: ImportReport) -> str:
+    """The report in a few lines."""
+    lines = []
+    for number, run in enumerate(report.runs):
+        noise = ", ".join(f"{name} {value:.2g}" for name, value in run.std.items() if name in ("r", "v", "beta"))
+        lines.append(
+            f"run_{number}: {run.recording}, {run.start:.2f} to {run.end:.2f} s, {run.rows} rows; noise (SI): {noise}"
+        )
+    for recording, clocks in report.clocks.items():
+        for name, clock in clocks.items():
+            if clock.std is None:
+                lines.append(f"clock {name} of {recording}: as the rows or the mapping have it, not estimated")
+                continue
+            lines.append(
+                f"clock {name} of {recording}: its readings arrive {clock.arrival:.3f} s late "
+                f"(+- {clock.std:.3f} s, correlation {clock.correlation:.3f}); put right"
+            )
+    lines += [f"! {remark}" for remark in report.remarks] or ["Signs and units: nothing looks wrong."]
+    return "\n".join(lines)

@@ -1,0 +1,188 @@
+"""Information gathering on one vehicle: plan, execute with the tracking controller, log, decimate, adapt.
+
+python -m diagrams.information_gathering --vehicle 3     # one vehicle: OCP, Info-OCP, second Info-OCP
+python -m diagrams.information_gathering --graph         # draws the diagram of the execution
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import tyro
+from numpy.typing import NDArray
+
+from diagrams.drive import Drive
+from drift_drake.control.information import InformationCost
+from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.control.tracking import TrackingController, tracking_gains
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.model.bayesian_step import BayesianStepModel, residual
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import Posterior, covariance_norms, update_all
+from drift_drake.model.samples import Samples
+from drift_drake.pictures.graph import draw_graph
+from drift_drake.reference.trajectory import straight_line
+from drift_drake.run_folder import make_run_folder
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+DT = 0.1  # [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class GatheringConfig:
+    """The paper's section IV-A: from 7.5 to 20 m/s along a straight line in 4.5 s."""
+
+    steps: int = 45
+    v_start: float = 7.5  # [m/s]
+    v_end: float = 20.0  # [m/s]
+    half_width: float = 3.0  # [m] of the lane
+    margin: float = 0.5  # [m] that plans keep from the lane's edge
+    alpha: float = 2.0  # weight of the information
+    starts: int = 4  # first guesses of Info-OCP: the straight line, and random ones
+    updated: bool = False  # covariance updated along the horizon
+    max_iterations: int = 60
+    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
+
+
+class Trajectory(NamedTuple):
+    """A planned trajectory of 0.1 s steps."""
+
+    x: Array  # [N+1, 6]
+    u: Array  # [N+1, 2]
+    cost: float
+    information: float  # [nat], eq. (8), of the belief that it was planned with
+    status: str
+
+
+def problem_data(config: GatheringConfig) -> OcpData:
+    """The straight line as an OCP's data."""
+    n = config.steps
+    reference = np.zeros((n + 1, 6))
+    reference[:, 1] = reference[:, 3] = np.linspace(config.v_start, config.v_end, n + 1)
+    lane = np.full(n + 1, config.half_width - config.margin)
+    return OcpData(reference[0], np.zeros(2), reference, np.zeros(n), -lane, lane)
+
+
+def plan(model: BayesianModel, belief: Posterior, config: GatheringConfig, alpha: float, seed: int = 0) -> Trajectory:
+    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins."""
+    step_model = BayesianStepModel(model.network, belief.mean, model.vehicle.constants())
+    # The information is what the regression will make of a sample, weight included.
+    information = InformationCost(
+        model.network, model.sample_weight * belief.covariance, max(alpha, 1e-12), config.updated
+    )
+    problem = OptimalControlProblem(
+        step_model, model.vehicle, config.steps, config.weights, extra_cost=information if alpha > 0.0 else None
+    )
+    data = problem_data(config)
+    problem.set(data)
+    options = SqpOptions(
+        max_iterations=config.max_iterations, tolerance=1e-4, qp_tolerance=1e-7, qp_max_iterations=4000
+    )
+    solver = LineSearchSqp(problem, options)
+    straight = problem.initial_guess(data)
+    rng = np.random.default_rng(seed)
+    best = None
+    for start in range(config.starts if alpha > 0.0 else 1):
+        guess = straight
+        if start > 0:
+            x, u, _ = problem.unstack(straight)
+            u[1:, 0] = 0.06 * np.sin(np.arange(config.steps) * rng.uniform(0.2, 0.6) + rng.uniform(0.0, 2.0 * np.pi))
+            u[1:, 1] = rng.uniform(50.0, 250.0)
+            guess = problem.stack(x, u)
+        result = solver.solve(guess)
+        if not result.failed and result.primal_residual < 1e-3 and (best is None or result.cost < best.cost):
+            best = result
+    if best is None:
+        raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")
+    x, u, _ = problem.unstack(best.z)
+    gained = InformationCost(model.network, model.sample_weight * belief.covariance, 1.0).information(
+        x[:-1], u[:-1], u[1:]
+    )
+    return Trajectory(x, u, best.cost, gained, best.status)
+
+
+def execution(
+    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig
+) -> Drive:
+    """The diagram that drives a trajectory on a vehicle."""
+    gains = tracking_gains(NominalStepModel(parameters), trajectory.x, trajectory.u, np.zeros(config.steps))
+    controller = TrackingController(trajectory.x, trajectory.u, gains, DT)
+    reference = straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
+    start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
+    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, reference)
+
+
+def gather(
+    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig, seed: int
+) -> tuple[Samples, pd.DataFrame, str]:
+    """Drives a trajectory: (samples at 10 Hz, log at 100 Hz, how it ended: "time" is as planned)."""
+    drive = execution(trajectory, effects, parameters, config)
+    table, ending = drive.run(trajectory.x[0], 0.0, config.steps * DT, seed)
+    return samples_from_log(table, None, 0, 0), table, ending
+
+
+def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
+    """The belief after samples."""
+    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
+    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
+    return update_all(belief, phi, y, model.sample_weight)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """One vehicle's information gathering."""
+
+    vehicle: int = 0
+    population: Population = "validation"
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+    seed: int = 0
+    checkpoint: Path | None = None
+    graph: bool = False
+    """Only draw the diagram of the execution."""
+    out: Path | None = None
+
+
+def main(options: Options) -> None:
+    """Runs, or draws the diagram, and prints the covariance norms of the four models."""
+    model, config, parameters = load(options.checkpoint), options.gathering, VehicleParameters()
+    effects = draw_effects(options.population, options.vehicle, 0)
+    beliefs = {"prior": model.prior()}
+    nominal = plan(model, beliefs["prior"], config, 0.0)
+    if options.graph:
+        diagram = execution(nominal, effects, parameters, config).diagram
+        for path in draw_graph(
+            diagram, make_run_folder("information_gathering", options.out) / "information_gathering"
+        ):
+            print(path)
+        return
+    rounds = [
+        ("Once-OCP", "prior", 0.0),
+        ("Once-Info", "prior", config.alpha),
+        ("Twice-Info", "Once-Info", config.alpha),
+    ]
+    print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}")
+    for name, start, alpha in [("prior", "", 0.0), *rounds]:
+        note = ""
+        if start:
+            trajectory = plan(model, beliefs[start], config, alpha, options.seed)
+            samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
+            beliefs[name] = learn(model, beliefs[start], samples)
+            note = (
+                f"  |e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, "
+                f"ended by {ending}; planned {trajectory.information:.1f} nat ({trajectory.status})"
+            )
+        norms, total = covariance_norms(beliefs[name])
+        print(f"{name:>12}  " + " ".join(f"{norm:9.3g}" for norm in [*norms, total]) + note)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -1,0 +1,72 @@
+"""A low-level controller that executes a planned trajectory: feedforward of the plan plus feedback of the state."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, LeafSystem
+
+from drift_drake.actuation import plan_size
+from drift_drake.control.step_model import StepModel
+
+Array = NDArray[np.float64]
+
+STATE_WEIGHT = np.array([2.0, 0.2, 8.0, 0.02, 0.5, 4.0])  # of (r, v, beta, omega_r, e, dphi)
+INPUT_WEIGHT = np.array([40.0, 1e-4])  # of (delta, tau)
+
+
+def tracking_gains(model: StepModel, x: Array, u: Array, curvature: Array) -> Array:
+    """Time-varying LQR gains K_k [N, 2, 6] about a trajectory, u = u_plan + K (x - x_plan), by a Riccati recursion.
+
+    Args:
+        model: one step of the car (without states of its own); x: [N+1, 6]; u: [N+1, 2]; curvature: [N] [1/m].
+    """
+    _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
+    b = b + b_next  # the correction is held over the step
+    q, r = np.diag(STATE_WEIGHT), np.diag(INPUT_WEIGHT)
+    value = q
+    gains = np.empty((len(a), 2, 6))
+    for k in reversed(range(len(a))):
+        gain = -np.linalg.solve(r + b[k].T @ value @ b[k], b[k].T @ value @ a[k])
+        closed = a[k] + b[k] @ gain
+        value = q + gain.T @ r @ gain + closed.T @ value @ closed
+        gains[k] = gain
+    return gains
+
+
+class TrackingController(LeafSystem):
+    """Follows a trajectory from time 0 on; beyond its end the last point is held.
+
+    Input port: measured_state [7] (r, v, beta, omega_r, e, dphi, s).
+    Output port: plan [5], of one step as `LinearInterpolationActuator` takes it: the trajectory's commands now and
+    `dt` later, both corrected by the feedback of now.
+
+    Args:
+        x: states [N+1, 6]; u: inputs [N+1, 2]; dt: their spacing [s]; gains: [N, 2, 6], see `tracking_gains`.
+    """
+
+    def __init__(self, x: Array, u: Array, gains: Array, dt: float = 0.1) -> None:
+        LeafSystem.__init__(self)
+        self._x, self._u, self._dt = np.array(x), np.array(u), dt
+        self._gains = np.concatenate([gains, gains[-1:]])
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self.DeclareVectorOutputPort(
+            "plan",
+            plan_size(1),
+            self._calc_plan,
+            prerequisites_of_calc={self.time_ticket(), self.input_port_ticket(self._measured.get_index())},
+        )
+
+    def _at(self, values: Array, t: float) -> Array:
+        """Linear interpolation at time t, the ends held."""
+        position = min(max(t / self._dt, 0.0), len(values) - 1.0)
+        k = min(int(position), len(values) - 2)
+        result: Array = values[k] + (position - k) * (values[k + 1] - values[k])
+        return result
+
+    def _calc_plan(self, context: Context, output: Any) -> None:
+        t = context.get_time()
+        error = self._measured.Eval(context)[:6] - self._at(self._x, t)
+        correction = self._at(self._gains, t) @ error
+        commands = [self._at(self._u, t) + correction, self._at(self._u, t + self._dt) + correction]
+        output.SetFromVector(np.concatenate([[t], *commands]))

@@ -1,4 +1,4 @@
-"""The command line: `drift-drake diagnose`, `drift-drake apply`."""
+"""The command line: `drift-drake import`, `drift-drake diagnose`, `drift-drake apply`."""
 
 import dataclasses
 import sys
@@ -12,6 +12,8 @@ from tqdm import tqdm
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
+from drift_drake.logs.importing.command import Import, run_import
+from drift_drake.logs.importing.mapping import InvalidMappingError
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import write_vehicle
@@ -102,18 +104,24 @@ def run_apply(command: Apply) -> None:
     print(f"{command.out}: {answer.sentence()}")
 
 
-Command = Annotated[Diagnose, tyro.conf.subcommand("diagnose")] | Annotated[Apply, tyro.conf.subcommand("apply")]
+Command = (
+    Annotated[Import, tyro.conf.subcommand("import")]
+    | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    | Annotated[Apply, tyro.conf.subcommand("apply")]
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
     command = tyro.cli(Command, prog="drift-drake", args=arguments, description=__doc__)  # type: ignore[arg-type]
     try:
-        if isinstance(command, Diagnose):
+        if isinstance(command, Import):
+            run_import(command)
+        elif isinstance(command, Diagnose):
             run_diagnose(command)
         else:
             run_apply(command)
-    except (InvalidLogError, InvalidVehicleError, InvalidAnswerError) as error:
+    except (InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError) as error:
         print(f"drift-drake: {error}", file=sys.stderr)
         return BAD_INPUT
     return 0

@@ -48,6 +48,7 @@ SCHEDULE = (
 )
 HORIZON = 20
 PERIOD = 0.02  # [s] between plans
+PHASE_STRIDE = 1000  # between the vehicle numbers of two phases
 DRIVING_STREAM = 1  # of a vehicle's random numbers; its effects come from another
 STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive starts
 LOG_COLUMNS = ["t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd"]
@@ -93,7 +94,11 @@ def _join(output: Path, population: str, folders: list[Path]) -> dict[str, Any]:
         parts, numbered = [], 0
         for folder in folders:
             samples = load_samples(folder / f"{name}.npz")
-            parts.append(samples._replace(drive=samples.drive + numbered))
+            # One vehicle per phase: windows that run on through a vehicle's drives shall not meet the same drive again.
+            phase = samples.drive // len(json.loads((folder / "drives.json").read_text())["drives"])
+            parts.append(
+                samples._replace(drive=samples.drive + numbered, vehicle=samples.vehicle + PHASE_STRIDE * phase)
+            )
             numbered += int(samples.drive.max()) + 1
         table = concatenate(parts)
         save_samples(table, output / (f"{population}.npz" if name == "samples" else f"{population}_phases.npz"))

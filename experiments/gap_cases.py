@@ -17,7 +17,7 @@ from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.effects import CATALOGUE, Effects, Memory, make_effects, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, Tolerance, VehicleParameters
-from experiments.strange_effects import FAMILIES, Strange, ground_friction, ring_rates, rung_torque, strange_wrench
+from experiments.strange_effects import FAMILIES, Strange, ring_rates, rung_torque, strange_wrench
 
 PERIOD = 0.01  # [s] of the log
 FINE = 20  # integration steps a row
@@ -49,16 +49,12 @@ class Truth:
 @compiled
 def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any, out: Any) -> Any:
     """z: r, v, beta, omega_r, psi, x, y, eight memories, ring, ring rate, a_x, a_y (outputs only)."""
-    p = Constants(
-        constants.mass, constants.yaw_inertia, constants.front_axle_distance, constants.rear_axle_distance,
-        constants.wheel_radius, constants.rear_axle_inertia, constants.gear_ratio,
-        constants.friction * ground_friction(z[5], z[6], strange),
-        constants.front_stiffness, constants.rear_stiffness, constants.gravity,
-    )  # fmt: skip
     memory = Memory(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14])
-    f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[4], delta, tau, p, strange)
+    f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[5], z[6], z[4], delta, tau, constants, strange)
     torque = rung_torque(tau, z[15], strange)
-    rates, m = motion_with_effects(z[0], z[1], z[2], z[3], z[4], memory, delta, torque, p, effects, f_x, f_y, m_z)
+    rates, m = motion_with_effects(
+        z[0], z[1], z[2], z[3], z[4], memory, delta, torque, constants, effects, f_x, f_y, m_z
+    )
     out[0], out[1], out[2], out[3] = rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot
     out[4], out[5], out[6] = z[0], z[1] * np.cos(z[4] + z[2]), z[1] * np.sin(z[4] + z[2])
     out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = m
@@ -292,13 +288,33 @@ def drawn_deviations(rng: np.random.Generator, tolerance: Tolerance) -> dict[str
     return out
 
 
-def drawn_magnitude(rng: np.random.Generator, name: str) -> float:
-    """A magnitude within the practical range; a signed one is at least an eighth of the way to its end."""
+TOLERATED = {  # effects that are a tolerance, only larger: name of the tolerance
+    "friction_level": "friction",
+    "front_stiffness_error": "front_stiffness",
+    "rear_stiffness_error": "rear_stiffness",
+    "mass_error": "mass",
+    "yaw_inertia_error": "yaw_inertia",
+    "cg_shift": "front_axle_distance",
+    "steering_offset": "steering_offset",
+    "torque_gain_error": "torque",
+    "drivetrain_inertia_error": "rear_axle_inertia",
+}
+LEAST_TOLERANCES = 4.0  # a deviation of a tolerance's size is no gap to report
+
+
+def drawn_magnitude(rng: np.random.Generator, name: str, tolerance: Tolerance) -> float:
+    """A magnitude within the practical range.
+
+    A signed one is at least an eighth of the way to its end, and one that a tolerance could be at least four of them.
+    """
     info = CATALOGUE[name]
     if not info.signed:
         return float(rng.uniform(info.low, info.high))
     end = info.low if rng.uniform() < 0.5 else info.high
-    return float(rng.uniform(0.125, 1.0) * end)
+    least = 0.125 * abs(end)
+    if name in TOLERATED:
+        least = max(least, LEAST_TOLERANCES * getattr(tolerance, TOLERATED[name]))
+    return float(np.sign(end) * rng.uniform(least, abs(end)))
 
 
 def drawn_truth(rng: np.random.Generator, tier: str, vehicle: VehicleParameters) -> Truth:
@@ -316,4 +332,4 @@ def drawn_truth(rng: np.random.Generator, tier: str, vehicle: VehicleParameters)
         sign = -1.0 if family.signed and rng.uniform() < 0.5 else 1.0
         return Truth({}, {name: sign * float(rng.uniform(family.low, family.high))}, deviations)
     names = rng.choice(list(CATALOGUE), size=2 if tier == "pair" else 1, replace=False)
-    return Truth({str(name): drawn_magnitude(rng, str(name)) for name in names}, {}, deviations)
+    return Truth({str(name): drawn_magnitude(rng, str(name), vehicle.tolerance) for name in names}, {}, deviations)

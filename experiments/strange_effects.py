@@ -7,7 +7,7 @@ plant and a Drake plant use it. None is known to `drift_drake`.
 import dataclasses
 from typing import Any, NamedTuple
 
-from drift_drake.vehicle.bicycle import front_contact_velocity, front_slip, rear_slip, static_loads
+from drift_drake.vehicle.bicycle import body_wrench, front_contact_velocity, front_slip, rear_slip, static_loads
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import absolute, cos, exp, jitable, maximum, select, sin, tanh
 from drift_drake.vehicle.tires import brush_force
@@ -59,8 +59,10 @@ def ground_friction(x: Any, y: Any, q: Strange) -> Any:
 
 
 @jitable
-def strange_wrench(t: Any, r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, delta: Any, tau: Any, p: Constants,
-                   q: Strange) -> tuple[Any, Any, Any]:  # fmt: skip
+def strange_wrench(
+    t: Any, r: Any, v: Any, beta: Any, omega_r: Any, x: Any, y: Any, psi: Any, delta: Any, tau: Any, p: Constants,
+    q: Strange,
+) -> tuple[Any, Any, Any]:  # fmt: skip
     """Further force (F_x, F_y) [N] and yaw moment [N m] on the body."""
     gust = q.crosswind * (1.0 + 0.4 * sin(0.9 * t))
     f_x, f_y = gust * sin(psi), gust * cos(psi)
@@ -84,7 +86,14 @@ def strange_wrench(t: Any, r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, de
     drag = absolute(q.grabbing_brake) / (1.0 + exp((tau - 20.0) / 5.0)) * tanh(v)
     f_x = f_x - drag
     m_z = m_z + select(0.0, q.grabbing_brake, 0.75, -0.75) * drag
-    return f_x, f_y, m_z
+    # Slippery ground: what the tyres lack there, but for the wheel's own motion.
+    slippery = p.friction * ground_friction(x, y, q)
+    _, low_f = brush_force(0.0 * v_x, sigma_f, p.front_stiffness, slippery, f_zf)
+    low_x, low_y = brush_force(sigma_x, sigma_y, p.rear_stiffness, slippery, f_zr)
+    lack_x, lack_y, lack_m = body_wrench(
+        delta, 0.0, low_f - f_yf, low_x - plain_x, low_y - plain_y, p.front_axle_distance, p.rear_axle_distance
+    )
+    return f_x + lack_x, f_y + lack_y, m_z + lack_m
 
 
 @jitable

@@ -14,7 +14,14 @@ from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
 from drift_drake.diagnosis.horizons import EVERY, HORIZONS
 from drift_drake.diagnosis.noise import refined_levels
-from drift_drake.diagnosis.posterior import Calibration, Posterior, hypothesis_name, make_posterior
+from drift_drake.diagnosis.posterior import (
+    Calibration,
+    Posterior,
+    hypothesis_name,
+    implausibility,
+    make_posterior,
+    read_calibration,
+)
 from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter_case, make_problem
 from drift_drake.diagnosis.reduction import Reduction, nominal_errors, reduction, square_errors
@@ -113,7 +120,7 @@ def diagnose(
         InvalidLogError: no run can be used.
     """
     began = time.perf_counter()
-    calibration = calibration or Calibration()
+    calibration = calibration or read_calibration()
     tell = progress or (lambda _stage, _share: None)
     runs, warnings = usable(runs)
     names, more = seen_effects(runs, catalogue)
@@ -151,6 +158,7 @@ def diagnose(
             "reduction_by_horizon": shrinks.by_horizon,
             "mean_square_innovation": best.mean_square,
             "unexplained_nats": max(part.gain for part in left),
+            "implausible_nats": implausibility(best, calibration),
             "free_form_removes": left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),

@@ -92,15 +92,16 @@ def advance(
 
 
 @compiled
-def _start(y: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
-    """The filter's first state: what the first row measures, sensors' biases taken out, and settled effects."""
-    z[0] = y[0, 0] - effects.gyro_bias
-    z[1] = max(y[0, 1], MIN_FILTER_SPEED)
-    z[2] = y[0, 2] - effects.sideslip_bias if used[2] else 0.0
-    z[3] = y[0, 3] / (1.0 + effects.wheel_radius_error) if used[3] else z[1]
+def _start(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
+    """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
+    z[0] = y[first, 0] - effects.gyro_bias
+    z[1] = max(y[first, 1], MIN_FILTER_SPEED)
+    z[2] = y[first, 2] - effects.sideslip_bias if used[2] else 0.0
+    z[3] = y[first, 3] / (1.0 + effects.wheel_radius_error) if used[3] else z[1]
     for i in range(3):
-        z[4 + i] = y[0, 6 + i] if used[6 + i] else 0.0
-    memory = settled_memory(z[0], z[1], z[2], z[3], delta[0], torque[0], constants, effects)
+        z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
+    at = STAGES * first
+    memory = settled_memory(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
     z[7], z[8], z[9], z[10], z[11], z[12] = memory[2:]
 
 
@@ -170,6 +171,7 @@ def _transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) ->
 @compiled
 def filter_run(
     y: Any,
+    first: Any,
     used: Any,
     delta: Any,
     torque: Any,
@@ -185,13 +187,11 @@ def filter_run(
     """Extended Kalman filter over one run.
 
     Args:
-        y: measurements [rows, 9] in the order of CHANNELS; used: which of them count [9].
+        y: measurements [rows, 9] in the order of CHANNELS; first: row to start from, whose innovations and those
+            before are left zero; used: which channels count [9].
         delta, torque: on the stages' grid (`commands.actuated`); period: [s]; constants, effects: the car.
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
-
-    Returns:
-        Sum over rows of log det of the innovations' covariance.
     """
     rows = y.shape[0]
     step = period / SUBSTEPS
@@ -205,28 +205,26 @@ def filter_run(
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
     graded = effects.road_grade != 0.0
-    logdet = 0.0
     for i in range(m):
         scale = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
         if i == 0 or i == 1 or i == 2 or i == 3:
             h[i, i] = scale
         elif i >= 6:
             h[i, i - 2] = 1.0
-    _start(y, used, delta, torque, constants, effects, z)
+    _start(y, first, used, delta, torque, constants, effects, z)
     for i in range(4):
         p[i, i] = noise[i] if used[i] else 1.0
     for i in range(3):
         p[4 + i, 4 + i] = noise[6 + i] if used[6 + i] else 0.0
     if relaxed:
         p[7, 7] = p[8, 8] = 1e-4
-    for j in range(m):
-        innovations[0, j] = 0.0
-        for i in range(n):
-            gain[0, i, j] = 0.0
-        for i in range(m):
-            whitening[0, j, i] = 0.0
-    _linearise(z, delta[0], torque[0], constants, effects, relaxed, graded, probe, out, jacobian)
-    for row in range(1, rows):
+    innovations[: first + 1] = 0.0
+    gain[: first + 1] = 0.0
+    whitening[: first + 1] = 0.0
+    _linearise(
+        z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, out, jacobian
+    )
+    for row in range(first + 1, rows):
         _transition(jacobian, period, f, t, scratch)
         for i in range(n):
             for j in range(n):
@@ -281,7 +279,6 @@ def filter_run(
                     for c in range(j, i):
                         total += low[i, c] * whitening[row, c, j]
                     whitening[row, i, j] = -total / low[i, i]
-            logdet += 2.0 * np.log(low[j, j])
         for i in range(n):
             for j in range(m):
                 total = 0.0
@@ -304,7 +301,6 @@ def filter_run(
                 p[i, j] -= scratch[i, j]
                 p[j, i] = p[i, j]
         _correct(y, row, used, predicted, gain, whitening, nu, z, innovations)
-    return logdet
 
 
 @compiled
@@ -330,6 +326,7 @@ def _correct(
 @compiled
 def observe_run(
     y: Any,
+    first: Any,
     used: Any,
     delta: Any,
     torque: Any,
@@ -355,12 +352,11 @@ def observe_run(
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     predicted, nu, push = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, pushed = states.shape[0] == rows, pushes.shape[0] == rows
-    _start(y, used, delta, torque, constants, effects, z)
-    for j in range(MEASURED):
-        innovations[0, j] = 0.0
+    _start(y, first, used, delta, torque, constants, effects, z)
+    innovations[: first + 1] = 0.0
     if keep:
-        states[0] = z
-    for row in range(1, rows):
+        states[: first + 1] = z
+    for row in range(first + 1, rows):
         if pushed:
             push[:] = pushes[row - 1]
         advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)

@@ -2,18 +2,21 @@
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
+import yaml
 
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.problem import TOLERANCES
 
 NONE, UNKNOWN = "none", "unknown"
+CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """Constants of the posterior, fitted on simulated cases by `experiments.gap_blind calibrate`."""
+    """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap_blind calibrate`."""
 
     temperature: float = 1.0  # log evidences are divided by it
     prior_none: float = 0.3
@@ -35,6 +38,11 @@ class Posterior:
     verdict: str  # effect, none or unknown
     causes: tuple[str, ...]
     fit: Fit  # of the leading hypothesis other than unknown
+
+
+def read_calibration(path: Path = CALIBRATION_FILE) -> Calibration:
+    """The constants that the package ships, or those of another file."""
+    return Calibration(**yaml.safe_load(path.read_text()))
 
 
 def hypothesis_name(names: Sequence[str]) -> str:
@@ -59,30 +67,38 @@ def implausibility(fit: Fit, c: Calibration) -> float:
     return float(np.sum(np.maximum(gains, 0.0)))
 
 
+def probabilities_of(
+    evidence: dict[tuple[str, ...], float], gain: float, catalogue: int, c: Calibration
+) -> dict[str, float]:
+    """Probabilities by name, largest first.
+
+    Args:
+        evidence: log evidence of each fitted hypothesis by its effects; the empty tuple is among them.
+        gain: log evidence that goes unexplained beside the best of them [nats].
+        catalogue: number of effects that were considered.
+    """
+    scores = {hypothesis_name(n): e / c.temperature + log_prior(len(n), catalogue, c) for n, e in evidence.items()}
+    best = max(evidence.values())
+    cost = c.unknown_cost + c.unknown_share * (best - evidence[()])
+    scores[UNKNOWN] = (best + max(gain, 0.0) - cost) / c.temperature + float(np.log(c.prior_unknown))
+    names, values = list(scores), np.array(list(scores.values()))
+    weights = np.exp(values - np.max(values))
+    weights /= np.sum(weights)
+    return {names[i]: float(weights[i]) for i in np.argsort(-weights, kind="stable")}
+
+
 def make_posterior(
     hypotheses: Sequence[tuple[Fit, float]], unexplained: float, catalogue: int, c: Calibration
 ) -> Posterior:
-    """Probabilities of all fitted hypotheses and of `unknown`.
+    """Probabilities of all fitted hypotheses and of `unknown`, and what they say.
 
     Args:
         hypotheses: (fit, log evidence), best first; the one with no effects is among them.
         unexplained: log evidence that forces gain beside the best hypothesis [nats].
         catalogue: number of effects that were considered.
     """
-    scores = {
-        hypothesis_name(f.names): e / c.temperature + log_prior(len(f.names), catalogue, c) for f, e in hypotheses
-    }
-    best, evidence = hypotheses[0]
-    nothing = next(e for f, e in hypotheses if not f.names)
-    gain = max(unexplained, 0.0) + implausibility(best, c)
-    cost = c.unknown_cost + c.unknown_share * max(evidence - nothing, 0.0)
-    scores[UNKNOWN] = (evidence + gain - cost) / c.temperature + float(np.log(c.prior_unknown))
-    values = np.array(list(scores.values()))
-    weights = np.exp(values - np.max(values))
-    weights /= np.sum(weights)
-    order = np.argsort(-weights, kind="stable")
-    names = list(scores)
-    probabilities = {names[i]: float(weights[i]) for i in order}
+    gain = max(unexplained, 0.0) + implausibility(hypotheses[0][0], c)
+    probabilities = probabilities_of({f.names: e for f, e in hypotheses}, gain, catalogue, c)
     ambiguity, held = [], 0.0
     for name, p in probabilities.items():
         ambiguity.append(name)

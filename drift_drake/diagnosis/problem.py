@@ -40,7 +40,8 @@ START_MATTERS = (  # effects under which the commands before the first row act o
     frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
     frozenset({"torque_lag", "sensor_latency"}),
 )
-SETTLING_TIME = 0.25  # [s] at a run's start whose innovations do not count: commands before it are unknown
+SETTLING_TIME = 0.35  # [s] at a run's start whose innovations do not count: commands before it are unknown
+LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,6 +173,11 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
     return constants, Effects(**magnitudes)
 
 
+def first_row(run: RunData, names: Sequence[str]) -> int:
+    """Row that the filter starts from."""
+    return round(LATE_START / run.period) if "sensor_latency" in names else 0
+
+
 def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
     """What a run's commands become before they reach the car (`commands.actuated`)."""
     run = problem.runs[index]
@@ -196,10 +202,12 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
             np.empty((rows, MEASURED, MEASURED)),
         )
         delta, torque = run_commands(problem, i, theta, effects)
-        logdet += filter_run(
-            run.y, run.used, delta, torque, run.period, constants, dynamic,
+        filter_run(
+            run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
             problem.noise**2, problem.process, e, k, w,
         )  # fmt: skip
+        # The whitening matrices are inverse Cholesky factors of the innovations' covariances.
+        logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
         gains.append(k)
         whitenings.append(w)
         innovations.append(e)
@@ -228,7 +236,7 @@ def observe(
         torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
     e = np.empty((len(run.y), MEASURED))
     observe_run(
-        run.y, run.used, delta, torque, run.period, constants, without_actuators(effects), push,
+        run.y, first_row(run, names), run.used, delta, torque, run.period, constants, without_actuators(effects), push,
         gains.gain[index], gains.whitening[index], e, states,
     )  # fmt: skip
     return e

@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.diagnosis.fit import Fit, fit
 from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions
-from drift_drake.diagnosis.problem import NUISANCES, Problem, RunData
+from drift_drake.diagnosis.problem import NUISANCES, SETTLING_TIME, Problem, RunData
 from drift_drake.diagnosis.search import coarse
 
 BLOCK = 10  # restarts that are drawn together: a second
@@ -40,7 +40,7 @@ def halves(problem: Problem) -> Problem:
 
 def _cut(run: RunData, start: int, stop: int, label: str) -> RunData:
     counted = run.counted[start:stop].copy()
-    counted[: int(0.25 / run.period)] = False
+    counted[: int(SETTLING_TIME / run.period)] = False
     return dataclasses.replace(
         run,
         name=f"{run.name}, {label}",

@@ -1,4 +1,4 @@
-"""The command line: `drift-drake import`, `drift-drake diagnose`, `drift-drake apply`."""
+"""The command line: `drift-drake import`, `drift-drake diagnose`, `drift-drake apply`, `drift-drake train`."""
 
 import dataclasses
 import sys
@@ -15,9 +15,19 @@ from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.model.samples import InvalidSamplesError
+from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import write_vehicle
 
+
+class MissingTrainingError(ImportError):
+    """Training is asked for where torch is not installed."""
+
+
+BAD_INPUT_ERRORS = (
+    InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidSamplesError,
+    MissingTrainingError)  # fmt: skip
 BAD_INPUT = 2  # exit code for input that cannot be used
 
 
@@ -54,6 +64,30 @@ class Apply:
     """Where to write the corrected vehicle file."""
     tolerances: bool = True
     """Apply the deviations within tolerance that were found beside the effects, too."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Train:
+    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`."""
+
+    config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
+    recipe: Recipe = "calibrated"
+    """The paper's plain recipe, or a network that never adapts, in place of the calibrated one."""
+
+
+def run_train(command: Train) -> None:
+    """`drift-drake train`."""
+    try:
+        from drift_drake.model.meta_training import train
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        raise MissingTrainingError(
+            "training needs torch; install the extra: pip install 'drift_drake[train]'"
+        ) from None
+    config = with_recipe(command.config, command.recipe)
+    model = train(config)
+    print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s")
 
 
 def run_diagnose(command: Diagnose) -> None:
@@ -108,6 +142,7 @@ Command = (
     Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
     | Annotated[Apply, tyro.conf.subcommand("apply")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
 )
 
 
@@ -119,9 +154,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             run_import(command)
         elif isinstance(command, Diagnose):
             run_diagnose(command)
+        elif isinstance(command, Train):
+            run_train(command)
         else:
             run_apply(command)
-    except (InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError) as error:
+    except BAD_INPUT_ERRORS as error:
         print(f"drift-drake: {error}", file=sys.stderr)
         return BAD_INPUT
     return 0

@@ -37,49 +37,13 @@ from drift_drake.model.features import (
 )
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples, mirrored
+from drift_drake.model.training_config import TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 Parameters = dict[str, torch.Tensor]
 LONG = 40  # [samples] longest window that stays within one drive
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
-
-
-@dataclasses.dataclass(frozen=True)
-class TrainingConfig:
-    """One training run."""
-
-    data: Path  # table of samples (.npz) of the training vehicles
-    output: Path  # checkpoint to write (.npz)
-    validation: Path | None = None  # table of other vehicles; watched, and used to choose the weight of a sample
-    horizons: tuple[int, ...] = (
-        10,
-        20,
-        50,
-        100,
-        200,
-        325,
-    )  # [samples] each epoch cuts its windows at one of these, drawn anew
-    shuffled_share: float = 0.3  # of epochs whose windows take a vehicle's samples in random order, across its drives
-    epoch_samples: int | None = None  # an epoch's share of a larger table, drawn anew each time; None: all of it
-    temper: bool = True  # choose the weight of a sample in the posterior on the validation vehicles; else it is 1
-    adaptive: bool = True  # False: Lambda_0 to infinity, a network of the same size that never adapts
-    epochs: int = 1000
-    learning_rate: float = 1e-3
-    decay: float = 0.9975  # of the learning rate, per epoch
-    batch: int = 2048  # samples per gradient step
-    weight_decay: float = 0.1  # of the network's weights (decoupled, as in AdamW)
-    time_limit: float = 1200.0  # [s] of training in all; the last checkpoint is kept
-    threads: int = 2
-    seed: int = 0
-    vehicle: Path | None = None  # vehicle file of the nominal car; without, the default one
-
-
-def paper_recipe(config: TrainingConfig) -> TrainingConfig:
-    """The paper's plain recipe: windows of 10 samples in the order driven, no regularisation, full weight."""
-    return dataclasses.replace(
-        config, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, decay=0.9975, temper=False
-    )
 
 
 class Windows:

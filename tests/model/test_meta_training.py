@@ -11,12 +11,13 @@ from drift_drake.model.checkpoint import load
 from drift_drake.model.features import FEATURE_COUNT, feature_jacobian, features, network_inputs
 from drift_drake.model.posterior import predict, update
 from drift_drake.model.samples import Samples, save_samples
+from drift_drake.model.training_config import TrainingConfig, with_recipe
 from drift_drake.vehicle.parameters import VehicleParameters
 
 torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
-from drift_drake.model.meta_training import TrainingConfig, paper_recipe, train  # noqa: E402
+from drift_drake.model.meta_training import train  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -126,10 +127,13 @@ def test_a_broken_off_run_goes_on_to_the_same_model(config: TrainingConfig, monk
 
 
 def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
-    plain = paper_recipe(config)
+    plain = with_recipe(config, "paper")
     assert plain.horizons == (10,)
     assert plain.shuffled_share == plain.weight_decay == 0.0
     assert not plain.temper
+    assert plain.epoch_samples is None
+    assert not with_recipe(config, "fixed").adaptive
+    assert with_recipe(config, "calibrated") == config
     assert (plain.epochs, plain.learning_rate, plain.decay) == (1000, 1e-3, 0.9975)
 
 

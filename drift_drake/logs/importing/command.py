@@ -25,7 +25,7 @@ class Import:
     recordings: tyro.conf.Positional[tuple[Path, ...]]
     """CSV or Parquet files of one vehicle on one day."""
     mapping: str
-    """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, revs_250lm."""
+    """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, dart_sensors, revs_250lm."""
     out: Path
     """Folder for the runs; it may not hold any yet."""
     json: bool = False

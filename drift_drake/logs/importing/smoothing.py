@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 SHORTEST = 20  # readings; the ratio cannot be told from fewer
 TIME_SCALES = (0.3, 300.0)  # of the smoother, 1 / (2 pi bandwidth), in sampling periods
-START_VARIANCE = (1e2, 1e6, 1e6)  # of the state's start, in units of noise and period: nothing is known of it
+START = 10  # first readings, through which the parabola goes that the state's start is sought about
+START_VARIANCE = (1e4, 1e4, 1e4)  # of the start, in units of third differences and periods: more than it can be off
 UNINFORMED = 5  # first innovations, which tell the start and nothing of the noise
 
 
@@ -59,7 +60,12 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     # Readings that stand still have no noise to estimate: take rounding's.
     readings, floor = z[seen], 1e-12 * max(1.0, float(np.nanmax(np.abs(z))))
     unit = max(float(np.std(np.diff(readings, n=3, axis=0))), floor)
-    scaled, start = (z - readings[0]) / unit, np.flatnonzero(seen)[0]
+    start = int(np.flatnonzero(seen)[0])
+    # A parabola has no jerk: taking one off changes nothing but the start's numbers.
+    passed = np.cumsum(steps)
+    bend, slope, origin = np.polyfit(passed[seen][:START] - passed[start], readings[:START], 2)
+    along = (passed - passed[start])[:, None]
+    scaled = (z - (origin + slope * along + bend * along**2)) / unit
 
     def cost(log_scale: float) -> float:
         ratio, total, log_det, count = np.exp(-6.0 * log_scale), 0.0, 0.0, 0
@@ -81,9 +87,9 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     mean = np.stack([state[0] for state in states], axis=1) * unit
     std = np.sqrt(np.maximum(states[0][1], 0.0)) * noise / period ** np.arange(3)
     return Smoothed(
-        value=mean[:, :, 0] + readings[0],
-        rate=mean[:, :, 1] / period,
-        acceleration=mean[:, :, 2] / period**2,
+        value=mean[:, :, 0] + origin + slope * along + bend * along**2,
+        rate=(mean[:, :, 1] + slope + 2.0 * bend * along) / period,
+        acceleration=(mean[:, :, 2] + 2.0 * bend) / period**2,
         std=std,
         noise=noise,
         bandwidth=float(np.exp(-found.x)) / (2.0 * np.pi * period),

@@ -1,0 +1,73 @@
+"""A simulated drive with all that a recorder could have seen of it, for the tests of the importer."""
+
+import functools
+
+import numpy as np
+import pandas as pd
+
+from drift_drake.vehicle.bicycle import derivatives, motion, world_rates
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PERIOD = 0.005  # [s] of the simulation, and of the truth
+WHEELBASE = VehicleParameters().front_axle_distance + VehicleParameters().rear_axle_distance
+
+
+def steering(t):
+    """Slow and quick turns at the limit of grip's linear range."""
+    return 0.03 * np.sin(0.7 * t) + 0.02 * np.sin(1.9 * t + 1.0) + 0.008 * np.sin(5.3 * t)
+
+
+def torque(t):
+    return 60.0 + 60.0 * np.sin(0.5 * t) + 20.0 * np.sin(1.7 * t)
+
+
+@functools.cache
+def truth(duration: float = 24.0) -> pd.DataFrame:
+    """The log's columns of a nominal car's drive, 200 rows a second, without noise."""
+    p = VehicleParameters().constants()
+
+    def rates(t, x):
+        u = np.array([steering(t), torque(t)])
+        return np.concatenate([derivatives(x[:6], u, 0.0, p), world_rates(x[0], x[1], x[2], x[8])])
+
+    count = round(duration / PERIOD)
+    states = np.empty((count + 1, 9))
+    states[0] = [0.0, 15.0, 0.0, 15.0, 0.0, 0.0, 3.0, -2.0, 0.4]
+    for k in range(count):
+        t, x = k * PERIOD, states[k]
+        k1 = rates(t, x)
+        k2 = rates(t + PERIOD / 2, x + PERIOD / 2 * k1)
+        k3 = rates(t + PERIOD / 2, x + PERIOD / 2 * k2)
+        k4 = rates(t + PERIOD, x + PERIOD * k3)
+        states[k + 1] = x + PERIOD / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    t = np.arange(count + 1) * PERIOD
+    r, v, beta, omega_r = states[:, :4].T
+    moved = motion(r, v, beta, omega_r, steering(t), torque(t), p)
+    return pd.DataFrame(
+        {
+            "t": t,
+            "x": states[:, 6],
+            "y": states[:, 7],
+            "psi": states[:, 8],
+            "r": r,
+            "v": v,
+            "beta": beta,
+            "omega_r": omega_r,
+            "ax": moved.a_x,
+            "ay": moved.a_y,
+            "delta_cmd": steering(t),
+            "tau_cmd": torque(t),
+        }
+    )
+
+
+def rows(period: float = 0.01, noise: float = 0.0, seed: int = 0) -> dict[str, np.ndarray]:
+    """The truth each `period`; with `noise` as a share of sensible levels."""
+    table = truth().iloc[:: round(period / PERIOD)]
+    generator = np.random.default_rng(seed)
+    levels = {"r": 0.01, "v": 0.05, "beta": 0.005, "ax": 0.3, "ay": 0.3, "omega_r": 0.05, "psi": 0.001}
+    levels |= {"x": 0.005, "y": 0.005}
+    return {
+        name: table[name].to_numpy() + noise * levels.get(name, 0.0) * generator.standard_normal(len(table))
+        for name in table
+    }

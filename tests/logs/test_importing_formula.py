@@ -1,0 +1,43 @@
+"""What formulas may be, and that they may be nothing else."""
+
+import numpy as np
+import pytest
+
+from drift_drake.logs.importing.formula import InvalidFormulaError, evaluate, names_in
+
+
+def test_arithmetic_on_arrays():
+    s = np.array([-1.0, 0.0, 2.0])
+    values = {"s": s, "k": 3.0}
+    np.testing.assert_allclose(
+        evaluate("-k * tanh(s) ** 2 + maximum(s, 0) / 4", values), -3.0 * np.tanh(s) ** 2 + [0.0, 0.0, 0.5]
+    )
+    assert evaluate("2", {}) == 2
+
+
+def test_names():
+    assert names_in("a * tanh(b - 0.1) + a") == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("2 *", "is no formula"),
+        ("s.real", "'s.real' in 's.real' is not allowed"),
+        ("__import__('os')", "is not allowed"),
+        ("open(s)", "is not allowed"),
+        ("s[0]", "is not allowed"),
+        ("'text'", "is not allowed"),
+        ("s if s else 1", "is not allowed"),
+        ("tanh(s, s)", r"tanh .* takes 1 argument"),
+        ("s // 2", "is not allowed"),
+    ],
+)
+def test_what_is_not_allowed(formula, message):
+    with pytest.raises(InvalidFormulaError, match=message):
+        names_in(formula)
+
+
+def test_unknown_names():
+    with pytest.raises(InvalidFormulaError, match="'w' in '2 \\* w' is not known; known are a, b"):
+        evaluate("2 * w", {"a": 1.0, "b": 2.0})

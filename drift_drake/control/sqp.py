@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class SqpOptions:
     """Settings; residuals are in the program's scaled variables (1e-6 is 1 um in e, 10 um/s in v)."""
 
-    max_iterations: int = 100
+    max_iterations: int = 300
     tolerance: float = 1e-6  # on the primal and dual residuals, to call a point converged
     qp_tolerance: float = 1e-9
     qp_max_iterations: int = 20000

@@ -152,8 +152,10 @@ def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
         row = int(bad[0])
+        found = values.iloc[row]
+        found = repr(found) if isinstance(found, str) else str(found)
         raise InvalidLogError(
-            f"{path}: column {name} holds {values.iloc[row]!r} in row {row + 2} ({len(bad)} such rows); "
+            f"{path}: column {name} holds {found} in row {row + 2} ({len(bad)} such rows); "
             "fill or cut them, or leave the column out"
         )
     return numbers

@@ -1,0 +1,107 @@
+"""A diagnosis end to end on short runs: the answer's contract, bad runs, missing columns, the corrected vehicle."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
+from drift_drake.diagnosis.correction import corrected_vehicle
+from drift_drake.diagnosis.diagnose import case_folders, diagnose, seen_effects, usable
+from drift_drake.logs.table import InvalidLogError, write_run
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+FEW = ("rear_stiffness_error", "aero_drag", "steering_lag")
+
+
+@pytest.fixture(scope="module")
+def diagnosis(stiffness_case):
+    seen = []
+    done = diagnose(
+        stiffness_case[1],
+        VehicleParameters(),
+        case="short",
+        catalogue=FEW,
+        progress=lambda _, share: seen.append(share),
+    )
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    return done
+
+
+def test_the_cause_is_found_with_its_magnitude(diagnosis, stiffness_case):
+    answer = diagnosis.answer
+    truth = stiffness_case[0].effects["rear_stiffness_error"]
+    assert answer.verdict == "effect"
+    assert answer.causes == ["rear_stiffness_error"]
+    interval = answer.magnitudes["rear_stiffness_error"]
+    assert interval.low < truth < interval.high
+    assert "rear_stiffness_error" in answer.sentence()
+
+
+def test_the_answer_follows_the_contract(diagnosis, tmp_path):
+    path = tmp_path / "answer.json"
+    diagnosis.answer.write(path)
+    data = json.loads(path.read_text())
+    assert set(data) >= {
+        "case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds"
+    }  # fmt: skip
+    assert sum(data["posterior"].values()) == pytest.approx(1.0, abs=1e-4)
+    assert all(name == "+".join(sorted(name.split("+"))) for name in data["posterior"])
+    assert sum(data["where"]["states"].values()) == pytest.approx(1.0, abs=1e-4)
+    assert sum(data["where"]["runs"].values()) == pytest.approx(1.0, abs=1e-4)
+    assert set(data["where"]["states"]) == {"r", "v", "beta", "omega_r"}
+    assert data["reduction"]["low"] <= data["reduction"]["estimate"] <= data["reduction"]["high"] <= 1.0
+    assert data["reduction"]["estimate"] > 0.5
+    assert read_answer(path).causes == diagnosis.answer.causes
+
+
+def test_the_corrected_vehicle_has_the_effect_and_the_tolerances(diagnosis):
+    vehicle, effects = corrected_vehicle(VehicleParameters(), diagnosis.answer)
+    assert effects.rear_stiffness_error == diagnosis.answer.magnitudes["rear_stiffness_error"].estimate
+    assert vehicle.gear_ratio != VehicleParameters().gear_ratio
+    same, _ = corrected_vehicle(VehicleParameters(), diagnosis.answer, tolerances=False)
+    assert same == VehicleParameters()
+
+
+def test_spins_and_standstill_are_cut_with_a_warning(stiffness_case):
+    run = stiffness_case[1][0]
+    beta = run.beta.copy()
+    beta[200:] = 1.5
+    kept, warnings = usable([dataclasses.replace(run, beta=beta)])
+    assert len(kept[0]) == 200
+    assert "spin or standstill" in warnings[0]
+    with pytest.raises(InvalidLogError, match="no run has"):
+        usable([dataclasses.replace(run, v=np.full(len(run), 0.5))])
+
+
+def test_missing_columns_narrow_the_catalogue(stiffness_case):
+    names, warnings = seen_effects([run.without("tau_cmd", "psi") for run in stiffness_case[1]], list(CATALOGUE))
+    assert "torque_lag" not in names
+    assert "gyro_bias" not in names
+    assert "friction_level" in names
+    assert any("tau_cmd is missing" in warning for warning in warnings)
+
+
+def test_folders_of_cases_are_told_from_cases(stiffness_case, tmp_path):
+    with pytest.raises(InvalidLogError, match="holds no runs"):
+        case_folders(tmp_path)
+    with pytest.raises(InvalidLogError, match="no such folder"):
+        case_folders(tmp_path / "nothing")
+    (tmp_path / "one").mkdir()
+    write_run(stiffness_case[1][0], tmp_path / "one" / "run_0.csv")
+    assert case_folders(tmp_path) == [tmp_path / "one"]
+    assert case_folders(tmp_path / "one") == [tmp_path / "one"]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"), [("{", "not JSON"), ("{}", "missing case, verdict"), (None, "cannot be read")]
+)
+def test_bad_answers_get_one_sentence(tmp_path, text, says):
+    path = tmp_path / "answer.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InvalidAnswerError, match=says):
+        read_answer(path)

@@ -1,0 +1,60 @@
+"""From evidences to probabilities: Occam, unknown, the ambiguity set."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.fit import Fit
+from drift_drake.diagnosis.posterior import (
+    Calibration,
+    implausibility,
+    make_posterior,
+    probabilities_of,
+    read_calibration,
+)
+
+CATALOGUE = 28
+PAIR = ("aero_drag", "mass_error")
+
+
+def fitted(names, theta=None):
+    theta = np.zeros(12 + len(names)) if theta is None else theta
+    return Fit(names, theta, 0.0, np.eye(len(theta)), 0.0, 1.0, 1)
+
+
+def test_probabilities_sum_to_one_and_are_sorted():
+    p = probabilities_of({(): 0.0, ("aero_drag",): 3.0, PAIR: 4.0}, 0.0, CATALOGUE, Calibration())
+    assert sum(p.values()) == pytest.approx(1.0)
+    assert list(p.values()) == sorted(p.values(), reverse=True)
+    assert set(p) == {"none", "aero_drag", "aero_drag+mass_error", "unknown"}
+
+
+def test_equal_evidence_prefers_fewer_effects():
+    p = probabilities_of({(): 0.0, ("aero_drag",): 0.0, PAIR: 0.0}, 0.0, CATALOGUE, Calibration())
+    assert p["none"] > p["aero_drag"] > p["aero_drag+mass_error"]
+
+
+@pytest.mark.parametrize(("gain", "verdict"), [(0.0, "effect"), (1000.0, "unknown")])
+def test_what_is_left_unexplained_decides_between_effect_and_unknown(gain, verdict):
+    posterior = make_posterior([(fitted(("aero_drag",)), 5000.0), (fitted(()), 0.0)], gain, CATALOGUE, Calibration())
+    assert posterior.verdict == verdict
+    assert posterior.causes == (("aero_drag",) if verdict == "effect" else ())
+    assert posterior.fit.names == ("aero_drag",)
+
+
+def test_no_gap_is_none_and_the_ambiguity_set_holds_95_percent():
+    hypotheses = [(fitted(("mass_error",)), 3.0), (fitted(("yaw_inertia_error",)), 3.0), (fitted(()), 0.0)]
+    posterior = make_posterior(hypotheses, -3.0, CATALOGUE, Calibration())
+    assert posterior.verdict == "none"
+    assert sum(posterior.probabilities[name] for name in posterior.ambiguity) >= 0.95
+    assert sum(posterior.probabilities[name] for name in posterior.ambiguity[:-1]) < 0.95
+
+
+def test_deviations_far_beyond_tolerance_speak_for_unknown():
+    theta = np.zeros(12)
+    assert implausibility(fitted((), theta), Calibration()) == 0.0
+    theta[6] = 15.0  # tolerances of friction
+    assert implausibility(fitted((), theta), Calibration()) > 80.0
+
+
+def test_the_shipped_constants_can_be_read():
+    assert read_calibration().temperature >= 1.0

@@ -1,0 +1,116 @@
+"""Runs as tables: round trip, and one clear sentence for each kind of bad input."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drift_drake.logs.table import InvalidLogError, Run, read_case, read_run, write_run
+
+ROWS = 80
+
+
+def columns():
+    t = np.arange(ROWS) * 0.01
+    return {"t": t, "r": 0.1 * np.sin(t), "v": 10.0 + t, "delta_cmd": 0.02 * np.cos(t), "beta": 0.01 * t}
+
+
+def written(tmp_path, **changes):
+    data = columns() | changes
+    path = tmp_path / "run_0.csv"
+    pd.DataFrame({name: values for name, values in data.items() if values is not None}).to_csv(path, index=False)
+    return path
+
+
+def test_round_trip_keeps_columns_and_leaves_absent_ones_out(tmp_path):
+    run = Run(name="run_3", **columns())
+    write_run(run, tmp_path / "run_3.csv")
+    back = read_run(tmp_path / "run_3.csv")
+    assert back.name == "run_3"
+    assert back.omega_r is None
+    for name, values in columns().items():
+        np.testing.assert_allclose(back.column(name), values, rtol=1e-8, atol=1e-8)
+    assert back.period == pytest.approx(0.01)
+
+
+def test_rows_and_without_cut_a_run():
+    run = Run(name="a", **columns())
+    assert len(run.rows(10, 70)) == 60
+    assert run.without("beta").beta is None
+
+
+def test_case_is_read_in_the_order_of_numbers(tmp_path):
+    for number in (10, 2, 0):
+        write_run(Run(name="x", **columns()), tmp_path / f"run_{number}.csv")
+    assert [run.name for run in read_case(tmp_path)] == ["run_0", "run_2", "run_10"]
+
+
+def clock(row, change):
+    t = columns()["t"]
+    t[row:] += change
+    return t
+
+
+def gap(row):
+    v = columns()["v"]
+    v[row] = np.nan
+    return v
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"v": None}, "missing column v"),
+        ({"v": gap(7)}, r"column v holds nan in row 9 \(1 such rows\)"),
+        ({"t": clock(30, -0.2)}, "clock does not advance at row 30"),
+        ({"t": clock(30, 0.05)}, "clock is irregular at row 30"),
+        ({"delta_cmd": np.full(ROWS, 12.0)}, "column delta_cmd reaches 12.*looks like degrees"),
+        ({"beta": np.full(ROWS, 25.0)}, "column beta reaches 25.*looks like degrees"),
+        ({"psi": np.linspace(0.0, 300.0, ROWS)}, "column psi does not agree with r.*degrees"),
+        ({"v": np.full(ROWS, -9.0)}, "column v is negative"),
+        ({"v": np.full(ROWS, 300.0)}, "column v reaches 300"),
+    ],
+)
+def test_bad_columns_get_one_sentence(tmp_path, changes, says):
+    path = written(tmp_path, **changes)
+    with pytest.raises(InvalidLogError, match=says) as caught:
+        read_run(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_text_in_a_column_is_named(tmp_path):
+    path = written(tmp_path)
+    path.write_text(path.read_text().replace("10.5", "fast"))
+    with pytest.raises(InvalidLogError, match="column v holds 'fast"):
+        read_run(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "file is empty"),
+        ("t,r,v,delta_cmd\n", "0 rows; a run needs at least 50"),
+        ('t,"r\n1,2\n', "cannot be read"),
+    ],
+)
+def test_unreadable_files_get_one_sentence(tmp_path, text, says):
+    path = tmp_path / "run_0.csv"
+    path.write_text(text)
+    with pytest.raises(InvalidLogError, match=says):
+        read_run(path)
+
+
+def test_missing_files_and_folders_get_one_sentence(tmp_path):
+    with pytest.raises(InvalidLogError, match="no such file"):
+        read_run(tmp_path / "run_9.csv")
+    with pytest.raises(InvalidLogError, match="no such folder"):
+        read_case(tmp_path / "nothing")
+    with pytest.raises(InvalidLogError, match="holds no runs"):
+        read_case(tmp_path)
+
+
+def test_a_coarse_clock_is_refused():
+    data = columns()
+    data["t"] = np.arange(ROWS) * 0.1
+    with pytest.raises(InvalidLogError, match="too coarse"):
+        Run(name="slow", **data)

@@ -57,16 +57,48 @@ def _expression(x: Any) -> Expression:
     return x if isinstance(x, Expression) else Expression(x)
 
 
-def _compile_as(function: Any, ufunc: Any) -> None:
-    """Teaches compiled code that `function` is NumPy's `ufunc`."""
-    overload(function)(lambda x: lambda x: ufunc(x))  # noqa: ARG005 (numba matches arguments by name)
+def _compile_as(function: Any, ufunc: Any, complex_step: Any) -> None:
+    """Teaches compiled code that `function` is NumPy's `ufunc`, and for complex numbers `complex_step`.
+
+    The imaginary part of a complex step is so small that its square is nothing beside the real part: there the
+    function's value and slope at the real part are exact, and several times faster than the complex function.
+    """
+    stepped = register_jitable(complex_step)
+
+    def choose(x):  # type: ignore[no-untyped-def]
+        return (lambda x: stepped(x)) if isinstance(x, types.Complex) else (lambda x: ufunc(x))
+
+    overload(function)(choose)
 
 
-_compile_as(sin, np.sin)
-_compile_as(cos, np.cos)
-_compile_as(sqrt, np.sqrt)
-_compile_as(exp, np.exp)
-_compile_as(tanh, np.tanh)
+def _sin_step(z: complex) -> complex:
+    return complex(np.sin(z.real), np.cos(z.real) * z.imag)
+
+
+def _cos_step(z: complex) -> complex:
+    return complex(np.cos(z.real), -np.sin(z.real) * z.imag)
+
+
+def _sqrt_step(z: complex) -> complex:
+    root = np.sqrt(z.real)
+    return complex(root, 0.5 * z.imag / root)
+
+
+def _exp_step(z: complex) -> complex:
+    value = np.exp(z.real)
+    return complex(value, value * z.imag)
+
+
+def _tanh_step(z: complex) -> complex:
+    value = np.tanh(z.real)
+    return complex(value, (1.0 - value * value) * z.imag)
+
+
+_compile_as(sin, np.sin, _sin_step)
+_compile_as(cos, np.cos, _cos_step)
+_compile_as(sqrt, np.sqrt, _sqrt_step)
+_compile_as(exp, np.exp, _exp_step)
+_compile_as(tanh, np.tanh, _tanh_step)
 
 
 @overload(select)

@@ -18,7 +18,7 @@ def steering(t):
 
 
 def torque(t):
-    return 60.0 + 60.0 * np.sin(0.5 * t) + 20.0 * np.sin(1.7 * t)
+    return 10.0 + 45.0 * np.sin(0.9 * t) + 25.0 * np.sin(2.1 * t)
 
 
 @functools.cache

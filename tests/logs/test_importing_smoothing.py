@@ -22,7 +22,7 @@ def exact_posterior(steps, z, ratio):
     for k in range(1, n):
         h = steps[k]
         f = np.array([[1.0, h, h * h / 2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
-        # Covariance of a random walk of the acceleration, integrated twice: the integral of g g' with g = (s^2/2, s, 1).
+        # Of a random walk of the acceleration, integrated twice: the integral of g g' with g = (s^2 / 2, s, 1).
         q = ratio * np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
         step = np.hstack([-f, np.eye(3)])
         information[3 * k - 3 : 3 * k + 3, 3 * k - 3 : 3 * k + 3] += step.T @ np.linalg.solve(q, step)

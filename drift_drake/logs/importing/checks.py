@@ -11,7 +11,8 @@ from drift_drake.logs.importing.clock import estimate_offset
 Array = NDArray[np.float64]
 
 AGREEMENT = 0.8  # correlation below which two columns say nothing of each other's scale
-CLOSE = math.log(1.25)  # of a gain to a unit's factor
+CLOSE = math.log(1.25)  # of a gain to one, where all is well
+EQUAL = math.log(1.12)  # of a gain to a unit's factor
 WINDOW = 0.3  # [s] over which noise is averaged out before columns are compared
 JUMP = 0.5  # [rad] of heading from row to row
 SIDEWAYS = 1.3  # [rad] of sideslip over most of a run
@@ -55,16 +56,25 @@ def check_columns(columns: Mapping[str, Array], period: float, wheelbase: float 
         columns: of the log, by name, all [n] at the same rows; `vx`, `vy`, `az` too where they were recorded.
         period: time between rows [s]; wheelbase: of the vehicle [m], where known.
     """
-    smoothed = {name: _averaged(values, period) for name, values in columns.items()}
+    half = _half(period, WINDOW)
+    if len(columns["r"]) < FEWEST + 2 * half:
+        return []
+    smoothed = {name: _averaged(values, period, WINDOW) for name, values in columns.items()}
     found = _jumps(columns)
-    yaw_rate = _yaw_rate(smoothed, period, wheelbase, found)
+    yaw_rate, wrong = _yaw_rate(smoothed, period, wheelbase)
+    found += [sentence for sentences in wrong.values() for sentence in sentences]
+    smoothed = {name: values for name, values in smoothed.items() if name not in wrong}
     speed = _speed(smoothed, yaw_rate, period, found)
     beta = _sideslip(smoothed, found)
     found += _accelerations(smoothed, speed, beta, yaw_rate, period)
-    if "omega_r" in smoothed:
-        found += compare("omega_r", "speed", smoothed["omega_r"], speed * np.cos(beta), "vehicle's speed")
+    grip = np.abs(beta) < GRIP  # a sliding car's wheels spin
+    if "omega_r" in smoothed and np.count_nonzero(grip) >= FEWEST:
+        rolling = (speed * np.cos(beta))[grip]
+        found += compare("omega_r", "speed", smoothed["omega_r"][grip], rolling, "vehicle's speed")
     if "delta_cmd" in columns:
-        found += _steering(columns["delta_cmd"], speed, yaw_rate, beta, period, wheelbase)
+        found += _steering(
+            columns["delta_cmd"][half : len(columns["r"]) - half], speed, yaw_rate, beta, period, wheelbase
+        )
     return found
 
 
@@ -80,7 +90,7 @@ def compare(name: str, kind: str, measured: Array, expected: Array, reference: s
     if abs(correlation) < AGREEMENT:
         return []
     size = abs(gain)
-    unit = next((text for number, text in UNITS[kind].items() if abs(math.log(size / number)) < CLOSE), None)
+    unit = next((text for number, text in UNITS[kind].items() if abs(math.log(size / number)) < EQUAL), None)
     sentences = []
     if unit is not None:
         sentences.append(f"{title} looks like {unit}: it is {size:.3g} times what the {reference} says.")
@@ -93,10 +103,15 @@ def compare(name: str, kind: str, measured: Array, expected: Array, reference: s
     return sentences
 
 
-def _averaged(values: Array, period: float, window: float = WINDOW) -> Array:
-    half = max(0, round(window / period / 2))
-    sums = np.cumsum(np.concatenate([[0.0], np.pad(values, half, mode="edge")]))
-    return np.asarray((sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1))
+def _half(period: float, window: float) -> int:
+    return max(0, round(window / period / 2))
+
+
+def _averaged(values: Array, period: float, window: float) -> Array:
+    """Moving average; half a window shorter at both ends."""
+    width = 2 * _half(period, window) + 1
+    sums = np.cumsum(np.concatenate([[0.0], values]))
+    return np.asarray((sums[width:] - sums[:-width]) / width)
 
 
 def _gain(measured: Array, expected: Array) -> tuple[float, float]:
@@ -127,37 +142,40 @@ def _jumps(columns: Mapping[str, Array]) -> list[str]:
     ]
 
 
-def _yaw_rate(columns: Mapping[str, Array], period: float, wheelbase: float | None, found: list[str]) -> Array:
-    """Checks heading and yaw rate, and returns the rate to trust."""
-    r = columns["r"]
-    course = _course_rate(columns, period)
+def _yaw_rate(
+    columns: Mapping[str, Array], period: float, wheelbase: float | None
+) -> tuple[Array, dict[str, list[str]]]:
+    """The yaw rate to trust, and sentences on the columns that contradict it."""
+    r, course = columns["r"], _course_rate(columns, period)
     if "psi" in columns:
         turning = np.gradient(columns["psi"], period)
         if _agree(r, turning):
-            if course is not None and _gain(course, r)[1] < -AGREEMENT:
-                found.append("the positions turn against heading and yaw rate: x or y has the opposite sign?")
-            return r
+            mirrored = course is not None and _gain(course, r)[1] < -AGREEMENT
+            sentence = "the positions turn against heading and yaw rate: x or y has the opposite sign?"
+            return r, {"y": [sentence]} if mirrored else {}
         if course is not None and _agree(r, course):
-            found += compare("psi", "angle", turning, r, "yaw rate")
-            return r
-        found += compare("r", "angular rate", r, turning, "heading")
-        return turning
+            return r, _named("psi", compare("psi", "angle", turning, r, "yaw rate"))
+        return turning, _named("r", compare("r", "angular rate", r, turning, "heading"))
     if course is not None:
-        found += compare("r", "angular rate", r, course, "course")
-        return r if _agree(r, course) else course
+        wrong = compare("r", "angular rate", r, course, "course")
+        return (course if wrong else r), _named("r", wrong)
     if "delta_cmd" in columns and "ay" in columns and wheelbase is not None:
         turning, steered = (
             columns["ay"] / np.maximum(columns["v"], 1.0),
             columns["delta_cmd"] * columns["v"] / wheelbase,
         )
-        gain, correlation = _gain(r, steered)
-        plausible = correlation > AGREEMENT and abs(math.log(gain)) < math.log(UNDERSTEER)
-        other, likeness = _gain(turning, steered)
-        likely = likeness > AGREEMENT and abs(math.log(other)) < math.log(UNDERSTEER)
-        if likely and not plausible:
-            found += compare("r", "angular rate", r, turning, "lateral acceleration")
-            return turning
-    return r
+        if _steers(turning, steered) and not _steers(r, steered):
+            return turning, _named("r", compare("r", "angular rate", r, turning, "lateral acceleration"))
+    return r, {}
+
+
+def _named(name: str, sentences: list[str]) -> dict[str, list[str]]:
+    return {name: sentences} if sentences else {}
+
+
+def _steers(yaw_rate: Array, steered: Array) -> bool:
+    gain, correlation = _gain(yaw_rate, steered)
+    return correlation > AGREEMENT and abs(math.log(gain)) < math.log(UNDERSTEER)
 
 
 def _course_rate(columns: Mapping[str, Array], period: float) -> Array | None:
@@ -252,11 +270,10 @@ def _steering(
     if np.count_nonzero(grip) < FEWEST:
         return []
     steered = delta * speed
-    smooth = _averaged(steered, period)
-    _, correlation = _gain(smooth[grip], yaw_rate[grip])
+    _, correlation = _gain(steered[grip], yaw_rate[grip])
     if abs(correlation) < AGREEMENT:
         return []
-    gain = float(smooth[grip] @ yaw_rate[grip]) / float(
+    gain = float(steered[grip] @ yaw_rate[grip]) / float(
         yaw_rate[grip] @ yaw_rate[grip]
     )  # the wheelbase, if all is well
     size, true = abs(gain), wheelbase or abs(gain)
@@ -276,7 +293,12 @@ def _clocks(steered: Array, yaw_rate: Array, grip: NDArray[np.bool_], period: fl
     """Whether the yaw rate follows the steering as late as a car's does."""
     t = np.asarray(np.arange(len(steered)) * period, dtype=float)
     # Slow changes tell little of a time, and an understeering car's follow the steering's with another shape.
-    turned, steered = (values - _averaged(values, period, TREND) for values in (yaw_rate, steered))
+    half = _half(period, TREND)
+    if len(t) < FEWEST + 2 * half:
+        return []
+    inner = slice(half, len(t) - half)
+    turned, steered = (values[inner] - _averaged(values, period, TREND) for values in (yaw_rate, steered))
+    t, grip = t[inner], grip[inner]
     try:
         found = estimate_offset(t[grip], turned[grip], t, steered, 0.0, SEARCH)
     except ValueError:

@@ -238,6 +238,10 @@ def _signal(name: str, data: Any, first_clock: str, source: str) -> Signal:
         raise InvalidMappingError(f"{source}: {key}.sign is {entries['sign']:g}; write 1 or -1 (scale is for factors)")
     if entries.get("frame") is not None:
         _choice(entries["frame"], FRAMES, source, f"{key}.frame")
+        if name not in QUANTITIES:
+            raise InvalidMappingError(
+                f"{source}: {key}.frame is for quantities of the log; use 'sign: -1' for '{name}'"
+            )
     _choice(entries.get("between", "linear"), BETWEEN, source, f"{key}.between")
     turns = name == "omega_r" and dimension(entries["unit"]) == "angular rate"
     if turns and entries.get("radius") is None:

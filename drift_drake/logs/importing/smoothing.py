@@ -122,27 +122,31 @@ def _predict(h: float, m: Any, p: Any, ratio: float) -> None:
     """Moves the state m [3] with covariance p [3, 3] on by h periods, in place."""
     m[0] += h * m[1] + 0.5 * h * h * m[2]
     m[1] += h * m[2]
-    p[:] = _congruence(_transition(h), p)
-    p[0, 0] += ratio * h**5 / 20.0
-    p[0, 1] += ratio * h**4 / 8.0
-    p[1, 0] += ratio * h**4 / 8.0
-    p[0, 2] += ratio * h**3 / 6.0
-    p[2, 0] += ratio * h**3 / 6.0
-    p[1, 1] += ratio * h**3 / 3.0
-    p[1, 2] += ratio * h**2 / 2.0
-    p[2, 1] += ratio * h**2 / 2.0
-    p[2, 2] += ratio * h
+    # f p f' + q written out: this is where the likelihood's time goes.
+    a, b, c, d, e, f = p[0, 0], p[0, 1], p[0, 2], p[1, 1], p[1, 2], p[2, 2]
+    p[0, 0] = a + 2.0 * h * b + h**2 * (c + d) + h**3 * e + 0.25 * h**4 * f + ratio * h**5 / 20.0
+    p[0, 1] = p[1, 0] = b + h * (c + d) + 1.5 * h**2 * e + 0.5 * h**3 * f + ratio * h**4 / 8.0
+    p[0, 2] = p[2, 0] = c + h * e + 0.5 * h**2 * f + ratio * h**3 / 6.0
+    p[1, 1] = d + 2.0 * h * e + h**2 * f + ratio * h**3 / 3.0
+    p[1, 2] = p[2, 1] = e + h * f + ratio * h**2 / 2.0
+    p[2, 2] = f + ratio * h
 
 
 @compiled
 def _correct(z: float, m: Any, p: Any) -> tuple[float, float]:
     """Takes in one reading of unit noise, in place; returns the innovation and its variance."""
     innovation, variance = z - m[0], p[0, 0] + 1.0
-    gain = p[0].copy() / variance
-    for i in range(3):
-        m[i] += gain[i] * innovation
-        for j in range(3):
-            p[i, j] -= gain[i] * gain[j] * variance
+    a, b, c = p[0, 0], p[0, 1], p[0, 2]
+    m[0] += a * innovation / variance
+    m[1] += b * innovation / variance
+    m[2] += c * innovation / variance
+    p[0, 0] -= a * a / variance
+    p[0, 1] -= a * b / variance
+    p[0, 2] -= a * c / variance
+    p[1, 1] -= b * b / variance
+    p[1, 2] -= b * c / variance
+    p[2, 2] -= c * c / variance
+    p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
     return innovation, variance
 
 

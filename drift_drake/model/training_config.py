@@ -40,7 +40,7 @@ class TrainingConfig:
     """Of the learning rate, per epoch."""
     batch: int = 2048
     """Samples per gradient step."""
-    weight_decay: float = 0.1
+    weight_decay: float = 0.03
     """Of the network's weights (decoupled, as in AdamW)."""
     time_limit: float = 1200.0
     """[s] Of training in all; what has been reached by then is written."""

@@ -200,6 +200,33 @@ def test_gaps_and_stops_end_runs(tmp_path):
     assert imported(tmp_path, table, PLAIN | {"moving": {"speed": 2.0, "shortest": 7.3}})[1].runs[0].rows > 700
 
 
+def test_crumbs_between_gaps_are_left_out(tmp_path):
+    table = plain_table()
+    table.loc[table.index[700:740], "r"] = np.nan
+    table.loc[table.index[770:800], "r"] = np.nan
+    runs, _ = imported(tmp_path, table, PLAIN)
+    assert [len(run) for run in runs] == pytest.approx([699, 1600], abs=3)
+
+
+def test_a_part_of_a_recording(tmp_path):
+    plain_table().to_csv(tmp_path / "drive.csv", index=False)
+    whole, _ = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(PLAIN))
+    (part,), _ = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(PLAIN), start=3.0, end=9.0)
+    assert (part.t[0], part.t[-1]) == (3.0, 9.0)
+    np.testing.assert_array_equal(part.v, whole[0].v[300:901])
+    with pytest.raises(InvalidRecordingError, match="change 'moving', start or end"):
+        import_recordings([tmp_path / "drive.csv"], mapping_from_dict(PLAIN), start=30.0)
+
+
+def test_recordings_of_the_same_name_are_told_apart(tmp_path):
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        plain_table().to_csv(tmp_path / folder / "drive.csv", index=False)
+    paths = [tmp_path / folder / "drive.csv" for folder in ("monday", "tuesday")]
+    runs, report = import_recordings(paths, mapping_from_dict(PLAIN))
+    assert [run.name for run in runs] == list(report.clocks) == ["drive", "drive_1"]
+
+
 def test_what_looks_wrong_is_said_with_the_run(tmp_path):
     table = plain_table()
     table["ay"] *= -1.0
@@ -214,13 +241,13 @@ def test_what_cannot_be_imported(tmp_path):
         import_recordings([], mapping_from_dict(PLAIN))
     still = plain_table()
     still[["u", "w"]] = 0.0
-    with pytest.raises(InvalidRecordingError, match=r"drive.csv: holds no stretch of motion above 2 m/s"):
+    with pytest.raises(InvalidRecordingError, match=r"drive.csv: holds no 50 rows of motion above 2 m/s"):
         imported(tmp_path, still, PLAIN | {"moving": {"speed": 2.0}})
     degrees = plain_table()
     degrees["r"] = np.degrees(degrees["r"])
     with pytest.raises(InvalidRecordingError, match=r"drive.csv: .*column r reaches .* it looks like degrees"):
         imported(tmp_path, degrees, PLAIN)
-    with pytest.raises(InvalidRecordingError, match=r"drive.csv: .*40 rows; a run needs at least 50"):
+    with pytest.raises(InvalidRecordingError, match=r"drive.csv: holds no 50 rows of motion without a gap"):
         imported(tmp_path, plain_table().iloc[:40], PLAIN)
 
 

@@ -24,6 +24,7 @@ LEAD = 0.25  # [s] from command to yaw: more is no car's response
 LAG = 0.05  # [s] of yaw before its command
 TREND = 3.0  # [s] over which steering and yaw rate change too slowly to tell a time
 SEARCH = 1.5  # [s]
+THINNED = 5  # rows that change too little from one to the next to tell more than one of them does
 ALIKE = 0.7  # correlation from which a lead is believed
 TILT = 0.7  # [m/s^2] of accelerometer that no motion explains
 GRAVITY = 9.81
@@ -300,7 +301,7 @@ def _clocks(steered: Array, yaw_rate: Array, grip: NDArray[np.bool_], period: fl
     turned, steered = (values[inner] - _averaged(values, period, TREND) for values in (yaw_rate, steered))
     t, grip = t[inner], grip[inner]
     try:
-        found = estimate_offset(t[grip], turned[grip], t, steered, 0.0, SEARCH)
+        found = estimate_offset(t[grip][::THINNED], turned[grip][::THINNED], t, steered, 0.0, SEARCH)
     except ValueError:
         return []
     if found.correlation < ALIKE:

@@ -1,6 +1,7 @@
 """`drift-drake import`: recordings to a case folder of runs, with a report."""
 
 import dataclasses
+import math
 from pathlib import Path
 
 import tyro
@@ -18,6 +19,14 @@ REPORT = "import.json"  # beside the runs
 class Import:
     """Turn a recorder's files into runs of the log format, and say what looks wrong in them.
 
+    A mapping file says of each quantity its column, unit, sign, frame (iso8855, ned, sae) and clock; the
+    presets are such files. The smallest one:
+
+    clocks: {logger: {column: time}}
+
+    signals: {r: {column: gyro_z, unit: deg/s, frame: ned}, v: {column: speed, unit: km/h}, delta_cmd: {column:
+    road_wheel, unit: deg}}
+
     Writes OUT/run_0.csv, OUT/run_1.csv, ... (a case for `drift-drake diagnose`) and OUT/import.json: which run is which
     stretch of which recording, the clocks' offsets, the noise, and the remarks.
     """
@@ -28,6 +37,10 @@ class Import:
     """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, dart_sensors, revs_250lm."""
     out: Path
     """Folder for the runs; it may not hold any yet."""
+    start: float = 0.0
+    """Leave out what lies before, in seconds after each recording's first reading."""
+    end: float = math.inf
+    """Leave out what lies after."""
     json: bool = False
     """Print the report as JSON."""
 
@@ -41,7 +54,7 @@ def run_import(command: Import) -> None:
     mapping = read_mapping(command.mapping)
     if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
         raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
-    runs, report = import_recordings(command.recordings, mapping)
+    runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
     if command.json:
         print((command.out / REPORT).read_text(encoding="utf-8"), end="")
@@ -74,5 +87,9 @@ def summary(report: ImportReport) -> str:
                 f"clock {name} of {recording}: its readings arrive {clock.arrival:.3f} s late "
                 f"(+- {clock.std:.3f} s, correlation {clock.correlation:.3f}); put right"
             )
-    lines += [f"! {remark}" for remark in report.remarks] or ["Signs and units: nothing looks wrong."]
-    return "\n".join(lines)
+    where: dict[str, list[str]] = {}
+    for remark in report.remarks:
+        name, sentence = remark.split(": ", 1)
+        where.setdefault(sentence, []).append(name)
+    lines += [f"! {sentence} ({', '.join(names)})" for sentence, names in where.items()]
+    return "\n".join(lines if where else [*lines, "Signs and units: nothing looks wrong."])

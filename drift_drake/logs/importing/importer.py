@@ -1,6 +1,7 @@
 """A recorder's files to runs of the log format, with a report of what was estimated and what looks wrong."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.logs.importing.recording import InvalidRecordingError, Recording, read_recording
 from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
 from drift_drake.logs.importing.stretches import Stretch, moving_stretches, stretch_of
-from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
+from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 
 Array = NDArray[np.float64]
 
@@ -53,8 +54,13 @@ class ImportReport:
     remarks: list[str]
 
 
-def import_recordings(paths: Sequence[str | Path], mapping: RecorderMapping) -> tuple[list[Run], ImportReport]:
+def import_recordings(
+    paths: Sequence[str | Path], mapping: RecorderMapping, start: float = 0.0, end: float = math.inf
+) -> tuple[list[Run], ImportReport]:
     """Turns recordings of one vehicle into runs at 100 Hz, in the order given.
+
+    Args:
+        start, end: part of each recording to keep [s after its first reading]. Clocks are aligned on all of it.
 
     Raises:
         InvalidRecordingError: a file cannot be used; the message names it, the place and the mend.
@@ -69,34 +75,57 @@ def import_recordings(paths: Sequence[str | Path], mapping: RecorderMapping) -> 
         recording = read_recording(path, mapping)
         first = recording.clocks[mapping.first_clock]
         stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
-        if not stretches:
+        offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
+        rows = [_rows(recording, stretch, offsets, mapping, start, end) for stretch in stretches]
+        kept = [(stretch, t) for stretch, t in zip(stretches, rows, strict=True) if len(t) >= SHORTEST_RUN]
+        if not kept:
             asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
-            raise InvalidRecordingError(f"{path}: holds no stretch of motion{asked}; leave it out, or change 'moving'")
-        offsets, wrong = clock_offsets(recording, stretches, mapping)
-        clocks[recording.name] = offsets
-        remarks += [f"{recording.name}: {sentence}" for sentence in wrong + _slow_columns(recording)]
-        for number, stretch in enumerate(stretches):
-            name = recording.name if len(stretches) == 1 else f"{recording.name}_{number}"
+            raise InvalidRecordingError(
+                f"{path}: holds no {SHORTEST_RUN} rows of motion{asked} without a gap; leave it out, or change "
+                "'moving', start or end"
+            )
+        label = recording.name if recording.name not in clocks else f"{recording.name}_{len(clocks)}"
+        clocks[label] = offsets
+        remarks += [f"{label}: {sentence}" for sentence in wrong + _slow_columns(recording)]
+        for number, (stretch, t) in enumerate(kept):
+            name = label if len(kept) == 1 else f"{label}_{number}"
             try:
-                run, sentences = _run(name, recording, stretch, offsets, mapping)
+                run, sentences = _run(name, recording, stretch, t, offsets, mapping)
             except InvalidLogError as error:
                 raise InvalidRecordingError(f"{path}: {error}") from None
             runs.append(run)
-            reports.append(_report(run, recording.name, stretch, sentences))
+            reports.append(_report(run, label, stretch, sentences))
             remarks += [f"{name}: {sentence}" for sentence in sentences]
     return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
 
 
+def _rows(
+    recording: Recording,
+    stretch: Stretch,
+    offsets: dict[str, ClockReport],
+    mapping: RecorderMapping,
+    start: float,
+    end: float,
+) -> Array:
+    """Times of the rows [s] that all clocks cover."""
+    origin = recording.clocks[mapping.first_clock].t[0]
+    start, end = max(start, stretch.t[0] - origin), min(end, stretch.t[-1] - origin)
+    for clock, report in offsets.items():
+        times = recording.clocks[clock].t + report.offset - origin
+        start, end = max(start, times[0]), min(end, times[-1])
+    return rows_between(start, end)
+
+
 def _run(
-    name: str, recording: Recording, stretch: Stretch, offsets: dict[str, ClockReport], mapping: RecorderMapping
+    name: str,
+    recording: Recording,
+    stretch: Stretch,
+    t: Array,
+    offsets: dict[str, ClockReport],
+    mapping: RecorderMapping,
 ) -> tuple[Run, list[str]]:
     """One run, and what looks wrong in it."""
     origin = recording.clocks[mapping.first_clock].t[0]
-    start, end = stretch.t[0], stretch.t[-1]
-    for clock, report in offsets.items():
-        times = recording.clocks[clock].t + report.offset
-        start, end = max(start, times[0]), min(end, times[-1])
-    t = rows_between(start - origin, end - origin)
     columns = {key: resample(t, stretch.t - origin, values) for key, values in stretch.columns.items()}
     for key, signal in mapping.signals.items():
         if signal.clock != mapping.first_clock:
@@ -106,7 +135,7 @@ def _run(
         columns[key] = np.broadcast_to(evaluate(formula, columns | mapping.constants), t.shape).astype(float)
     if "beta" in columns:
         columns["beta"] = np.angle(np.exp(1j * columns["beta"]))
-    sentences = check_columns(columns, PERIOD, mapping.wheelbase) if len(t) > 1 else []
+    sentences = check_columns(columns, PERIOD, mapping.wheelbase)
     try:
         run = Run(name=name, t=t, **{key: columns[key] for key in COLUMNS if key in columns})
     except InvalidLogError as error:

@@ -72,9 +72,9 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
             t, signals["x"], signals["y"], signals["psi"], mapping.measured_point, mapping.bandwidth
         )
         wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in signals}
-        columns |= {name: captured.columns[name] for name in wanted}
+        columns |= {name: captured.columns[name] for name in sorted(wanted)}
         noise |= captured.noise
-        std |= {name: captured.std[name] for name in wanted & set(captured.std)}
+        std |= {name: captured.std[name] for name in sorted(wanted & set(captured.std))}
         bandwidth = captured.bandwidth
     if "vx" in columns:
         columns = _from_velocity(columns, mapping.measured_point)

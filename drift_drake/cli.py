@@ -107,6 +107,10 @@ def run_diagnose(command: Diagnose) -> None:
     _say(diagnosis.answer)
     if command.json is not None:
         diagnosis.answer.write(command.json)
+    if command.report is not None:
+        from drift_drake.diagnosis.report import write_report  # matplotlib is slow to import
+
+        write_report(diagnosis, command.report)
 
 
 def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int) -> None:

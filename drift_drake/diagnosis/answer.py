@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -59,12 +60,23 @@ class Answer:
         for name in self.causes:
             m, unit = self.magnitudes[name], CATALOGUE[name].unit
             unit = "" if unit == "-" else f" {unit}"
-            parts.append(f"{name} {m.estimate:.3g}{unit} (95 %: {m.low:.3g} to {m.high:.3g})")
+            digits = significant_digits(m)
+            numbers = [f"{q:.{digits}g}" for q in (m.estimate, m.low, m.high)]
+            parts.append(f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})")
         probability = self.posterior["+".join(sorted(self.causes))]
+        remove = "it removes" if len(parts) == 1 else "they remove"
         return (
-            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; "
-            f"it removes {100 * self.reduction.estimate:.0f} % of the gap on runs that were not fitted."
+            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} "
+            f"{100 * self.reduction.estimate:.0f} % of the gap on runs that were not fitted."
         )
+
+
+def significant_digits(m: Interval) -> int:
+    """Digits that show an interval's width, three at least."""
+    width = m.high - m.low
+    if width <= 0.0 or m.estimate == 0.0:
+        return 3
+    return max(3, 1 + math.ceil(math.log10(abs(m.estimate) / width)) + 1)
 
 
 def _rounded(data: Any) -> Any:

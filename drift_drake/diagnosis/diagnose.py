@@ -108,13 +108,14 @@ def diagnose(
     progress: Progress | None = None,
     calibration: Calibration | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE),
+    process_scale: float = 1.0,
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
 
     Args:
         runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
-        catalogue: names of the effects to consider.
+        catalogue: names of the effects to consider; process_scale: see `make_problem`.
 
     Raises:
         InvalidLogError: no run can be used.
@@ -125,7 +126,7 @@ def diagnose(
     runs, warnings = usable(runs)
     names, more = seen_effects(runs, catalogue)
     warnings += more
-    problem = make_problem(runs, vehicle)
+    problem = make_problem(runs, vehicle, process_scale)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     hypotheses = found.hypotheses()
     refined = refine_noise(problem, hypotheses[0][0])

@@ -25,6 +25,7 @@ SIZE = 13  # of z
 CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
 
+UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
 MIN_FILTER_SPEED = 1.0  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
 
 
@@ -213,7 +214,7 @@ def filter_run(
             h[i, i - 2] = 1.0
     _start(y, first, used, delta, torque, constants, effects, z)
     for i in range(4):
-        p[i, i] = noise[i] if used[i] else 1.0
+        p[i, i] = noise[i] if used[i] else UNMEASURED
     for i in range(3):
         p[4 + i, 4 + i] = noise[6 + i] if used[6 + i] else 0.0
     if relaxed:

@@ -1,9 +1,10 @@
 """What forces a hypothesis leaves unexplained: Bayesian linear regression in force space.
 
 Two sets of regressors push the car beside a fitted hypothesis: pulses in time (any force, at any moment) and functions
-of the state (what a correction could be learned from). Their weights have closed-form evidence, with one prior scale
-per force channel found by expectation maximisation. The evidence that they gain measures what the hypothesis misses;
-their forces say where, and the state functions are the ceiling of what a free-form model reaches.
+of the state (what a correction could be learned from) with constant offsets of the sensors. Their weights have
+closed-form evidence, with one prior scale per force channel, and one for the sensors, found by expectation
+maximisation. The evidence that they gain measures what the hypothesis misses; their forces say where, and the state
+functions are the ceiling of what a free-form model reaches.
 """
 
 import dataclasses
@@ -17,6 +18,7 @@ from drift_drake.diagnosis.problem import Gains, Problem, car, filter_case, flat
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
+SENSORS = len(FORCE_CHANNELS)  # index of the group of the sensors' offsets, behind the force channels
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in
 PULSE = 0.5  # [s] width of a pulse
 EM_STEPS = 30
@@ -27,8 +29,8 @@ class Regression:
     """Posterior of the weights of one set of regressors."""
 
     gain: float  # [nats] of evidence over the hypothesis alone
-    weights: np.ndarray  # [channels, regressors] in FORCE_UNIT
-    scales: np.ndarray  # [channels] prior standard deviation of the weights
+    weights: np.ndarray  # run by run and channel by channel, in FORCE_UNIT
+    scales: np.ndarray  # [channels, and the sensors] prior standard deviation of the weights
     removed: float  # share of the squared innovations that the regressors take away
 
 
@@ -105,6 +107,18 @@ def pushed(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarra
     return out
 
 
+def offset_responses(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarray) -> np.ndarray:
+    """Derivatives [rows, 9, channels in use] of innovations by constant offsets of the sensors, in noise levels."""
+    run = problem.runs[index]
+    out = []
+    for channel in np.flatnonzero(run.used):
+        y = run.y.copy()
+        y[:, channel] += problem.noise[channel]
+        moved = problem.replace(runs=[*problem.runs[:index], dataclasses.replace(run, y=y), *problem.runs[index + 1 :]])
+        out.append(observe(moved, gains, fit.theta, fit.names, index) - base)
+    return np.stack(out, axis=-1)
+
+
 def regress(problem: Problem, fit: Fit, gains: Gains, states: Sequence[np.ndarray], kind: str) -> Regression:
     """Regression of a fit's innovations on pushes, jointly with the fit's own parameters.
 
@@ -115,25 +129,31 @@ def regress(problem: Problem, fit: Fit, gains: Gains, states: Sequence[np.ndarra
     residual = flat(problem, gains.innovations)
     own = len(fit.theta)
     blocks, row = [], 0
+    channel_of = np.zeros(0, dtype=int)
     for i, run in enumerate(problem.runs):
         base = gains.innovations[i]
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states[i], i)
         d = pushed(problem, gains, fit, i, base, shapes)[run.counted][:, run.used]
         d = d.reshape(-1, len(FORCE_CHANNELS) * shapes.shape[1])
+        groups = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
+        if kind == "functions":
+            offsets = offset_responses(problem, gains, fit, i, base)[run.counted][:, run.used]
+            d = np.hstack([d, offsets.reshape(len(d), -1)])
+            groups = np.concatenate([groups, np.full(offsets.shape[-1], SENSORS)])
         blocks.append((d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
         row += len(d)
-    hessian, gradient, channel_of = _normal_equations(blocks, own, shared=kind == "functions")
+        channel_of = groups if kind == "functions" else np.concatenate([channel_of, groups])
+    hessian, gradient = _normal_equations(blocks, own, shared=kind == "functions")
     return _evidence(problem, fit, hessian, gradient, channel_of, own, float(residual @ residual))
 
 
 def _normal_equations(
     blocks: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], own: int, shared: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal matrix and gradient of [own parameters, weights], and the force channel of each weight."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal matrix and gradient of [own parameters, weights]."""
     widths = [d.shape[1] for d, _, _ in blocks]
     total = widths[0] if shared else sum(widths)
     hessian, gradient = np.zeros((own + total, own + total)), np.zeros(own + total)
-    channel_of = []
     at = own
     for d, j, e in blocks:
         to = slice(own, own + total) if shared else slice(at, at + d.shape[1])
@@ -145,8 +165,7 @@ def _normal_equations(
         gradient[:own] += j.T @ e
         gradient[to] += d.T @ e
         at += d.shape[1]
-        channel_of.append(np.repeat(np.arange(len(FORCE_CHANNELS)), d.shape[1] // len(FORCE_CHANNELS)))
-    return hessian, gradient, channel_of[0] if shared else np.concatenate(channel_of)
+    return hessian, gradient
 
 
 def _evidence(
@@ -163,7 +182,8 @@ def _evidence(
     gradient = gradient.copy()
     gradient[:own] += prior * fit.theta
     without = _log_evidence(hessian[:own, :own] + np.diag(prior), gradient[:own], np.zeros(0))
-    scales = np.full(len(FORCE_CHANNELS), 1.0)
+    groups = SENSORS + 1
+    scales = np.full(groups, 1.0)
     best = Regression(-np.inf, np.zeros(0), scales, 0.0)
     for _ in range(EM_STEPS):
         precision = np.concatenate([prior, 1.0 / scales[channel_of] ** 2])
@@ -177,7 +197,7 @@ def _evidence(
             left += 2.0 * float(gradient[own:] @ step[own:]) + float(step @ hessian @ step)
             best = Regression(gain, mean[own:], scales.copy(), 1.0 - left / squares)
         spread = mean[own:] ** 2 + np.diag(covariance)[own:]
-        new = np.array([np.sqrt(np.mean(spread[channel_of == c])) for c in range(len(FORCE_CHANNELS))])
+        new = np.array([np.sqrt(np.mean(spread[channel_of == c])) if c in channel_of else 1.0 for c in range(groups)])
         # Expectation maximisation is slow towards zero; a step and a half is still stable.
         scales = np.clip(scales * (new / scales) ** 1.5, 1e-4, 1e3)
     return best

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.commands import STAGES, actuated, without_actuators
-from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, MEASURED, SIZE, filter_run, observe_run
+from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE, filter_run, observe_run
 from drift_drake.diagnosis.noise import white_noise_level
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects
@@ -95,10 +95,15 @@ class Problem:
 
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
 PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
+FED_ROWS = 9  # over which measured motion is averaged where it stands in for a torque that is not logged
+UNKNOWN_TORQUE = 3.0  # [m/s per root s] that the rim speed wanders by then
 
 
 def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
-    """Runs and vehicle as the estimator wants them; noise levels are estimated here."""
+    """Runs and vehicle as the estimator wants them; noise levels are estimated here.
+
+    `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
+    """
     t = vehicle.tolerance
     tolerance = np.array(
         [
@@ -116,13 +121,36 @@ def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale:
             0.7,
         ]
     )
-    data = [prepare_run(run) for run in runs]
-    return Problem(
-        data, vehicle, vehicle.constants(), tolerance, noise_levels(data), (PROCESS_NOISE * process_scale) ** 2
-    )
+    data = [prepare_run(run, vehicle) for run in runs]
+    process = (PROCESS_NOISE * process_scale) ** 2
+    if any(run.tau_cmd is None for run in runs):
+        process[FILTER_STATES.index("omega_r")] = UNKNOWN_TORQUE**2
+    return Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process)
 
 
-def prepare_run(run: Run) -> RunData:
+def fed_torque(run: Run, vehicle: VehicleParameters) -> np.ndarray:
+    """Engine torque [N m] that the measured motion asks for, where none is logged.
+
+    What turns the rear axle as measured against the longitudinal force that the measured acceleration takes (the front
+    tyres' part of it, by the lateral acceleration's share of the front axle, left out of the rear's).
+    """
+    p = vehicle
+    smooth = np.ones(FED_ROWS) / FED_ROWS
+    edge = FED_ROWS // 2
+
+    def smoothed(values: np.ndarray) -> np.ndarray:
+        return np.convolve(np.pad(values, edge, mode="edge"), smooth, "valid")
+
+    rim = run.omega_r if run.omega_r is not None else run.v
+    a_x = run.ax if run.ax is not None else np.gradient(smoothed(run.v), run.period)
+    a_y = run.ay if run.ay is not None else run.v * run.r
+    front = p.mass * a_y * p.rear_axle_distance / (p.front_axle_distance + p.rear_axle_distance)
+    force = p.mass * a_x + front * np.tan(run.delta_cmd)
+    spin = p.rear_axle_inertia / p.wheel_radius * np.gradient(smoothed(rim), run.period)
+    return np.asarray((smoothed(force) * p.wheel_radius + smoothed(spin)) / p.gear_ratio)
+
+
+def prepare_run(run: Run, vehicle: VehicleParameters) -> RunData:
     """Channels as an array, the heading unwrapped, the rows that count."""
     y = np.zeros((len(run), MEASURED))
     used = np.zeros(MEASURED, dtype=np.bool_)
@@ -131,7 +159,7 @@ def prepare_run(run: Run) -> RunData:
         if values is not None:
             y[:, i] = np.unwrap(values) if name == "psi" else values
             used[i] = True
-    tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
+    tau = run.tau_cmd if run.tau_cmd is not None else fed_torque(run, vehicle)
     counted = run.t - run.t[0] >= SETTLING_TIME
     return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)
 

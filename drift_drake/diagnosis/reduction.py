@@ -12,7 +12,7 @@ from drift_drake.diagnosis.search import coarse
 
 BLOCK = 10  # restarts that are drawn together: a second
 RESAMPLES = 400
-WORST = 1e8  # noise variances at which a square error is capped: an unstable prediction says no more
+WORST = 9e4  # noise variances at which a square error is capped: a prediction that far off is lost, however far
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 import dataclasses
 import json
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -9,11 +11,16 @@ import pytest
 from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose, seen_effects, usable
+from drift_drake.diagnosis.problem import filter_case, make_problem
+from drift_drake.diagnosis.report import write_report
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 FEW = ("rear_stiffness_error", "aero_drag", "steering_lag")
+
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +73,30 @@ def test_the_corrected_vehicle_has_the_effect_and_the_tolerances(diagnosis):
     assert same == VehicleParameters()
 
 
+@pytest.fixture(scope="module")
+def report(diagnosis, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(diagnosis, path)
+    return path
+
+
+def test_the_report_is_one_file_that_says_the_verdict(report, diagnosis):
+    text = report.read_text()
+    assert diagnosis.answer.causes[0] in text
+    assert text.count("<svg") == 7
+    for outside in ("<link", "<script", 'src="http', "url(http"):
+        assert outside not in text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_the_report_opens_in_a_browser(report):
+    command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", report.as_uri()]
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    assert shown.count("<svg") == 7
+    assert "How far it shrinks" in shown
+
+
 def test_spins_and_standstill_are_cut_with_a_warning(stiffness_case):
     run = stiffness_case[1][0]
     beta = run.beta.copy()
@@ -83,6 +114,15 @@ def test_missing_columns_narrow_the_catalogue(stiffness_case):
     assert "gyro_bias" not in names
     assert "friction_level" in names
     assert any("tau_cmd is missing" in warning for warning in warnings)
+
+
+def test_torque_that_is_not_logged_is_fed_through_the_wheel_speed(stiffness_case):
+    runs = [run.without("tau_cmd") for run in stiffness_case[1]]
+    problem = make_problem(runs, VehicleParameters())
+    theta = np.append(np.zeros(problem.nuisances), stiffness_case[0].effects["rear_stiffness_error"])
+    innovations = filter_case(problem, theta, ("rear_stiffness_error",)).innovations
+    e = np.concatenate([e[run.counted] for run, e in zip(problem.runs, innovations, strict=True)])
+    assert np.mean(e**2) < 1.3
 
 
 def test_folders_of_cases_are_told_from_cases(stiffness_case, tmp_path):

@@ -1,0 +1,53 @@
+"""Which effects these logs could tell apart, and which they do not excite, from the innovations' derivatives."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
+from drift_drake.diagnosis.prior import scale, starts
+from drift_drake.diagnosis.problem import Problem, filter_case, observe_case
+from drift_drake.vehicle.effects import CATALOGUE
+
+
+@dataclasses.dataclass(frozen=True)
+class Isolability:
+    """Effects' signatures beside a fit, with the tolerances projected out."""
+
+    names: tuple[str, ...]
+    likeness: np.ndarray  # [effects, effects] absolute cosine between signatures
+    deviation: np.ndarray  # [effects] standard deviation that a magnitude would get, in the catalogue's units
+
+    def unexcited(self) -> list[str]:
+        """Effects whose whole practical range is within two standard deviations."""
+        return [
+            name
+            for name, sigma in zip(self.names, self.deviation, strict=True)
+            if 2.0 * sigma > max(abs(CATALOGUE[name].low), abs(CATALOGUE[name].high))
+        ]
+
+
+def isolability(problem: Problem, fit: Fit, names: Sequence[str]) -> Isolability:
+    """Signatures of all effects beside a fit: derivatives of the innovations at a middling magnitude."""
+    gains = filter_case(problem, fit.theta, fit.names)
+    own = sensitivity(problem, gains, fit.theta, fit.names)[:, : problem.nuisances]
+    columns = []
+    for name in names:
+        known = name in fit.names
+        now = tuple(fit.names) if known else (*fit.names, name)
+        theta = fit.theta if known else np.append(fit.theta, starts(name)[0])
+        at = now.index(name) + problem.nuisances
+        step = MAGNITUDE_STEP * scale(name)
+        step = step if theta[at] + step <= limits(problem, now)[1][at] else -step
+        moved = theta.copy()
+        moved[at] += step
+        difference = observe_case(problem, gains, moved, now) - observe_case(problem, gains, theta, now)
+        columns.append(difference / step)
+    signatures = np.stack(columns, axis=-1)
+    hessian = own.T @ own + np.diag(prior_precision(problem, problem.nuisances))
+    # Information that is left about the magnitudes once the nuisances are fitted, each within its prior.
+    cross = own.T @ signatures
+    information = signatures.T @ signatures - cross.T @ np.linalg.solve(hessian, cross)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return Isolability(tuple(names), np.abs(information) / np.outer(size, size), 1.0 / size)

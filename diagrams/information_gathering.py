@@ -17,6 +17,7 @@ from diagrams.drive import Drive
 from drift_drake.control.information import InformationCost
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.stacked import STATE_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
@@ -46,11 +47,15 @@ class GatheringConfig:
     v_end: float = 20.0  # [m/s]
     half_width: float = 3.0  # [m] of the lane
     margin: float = 0.5  # [m] that plans keep from the lane's edge
-    alpha: float = 2.0  # weight of the information
-    starts: int = 4  # first guesses of Info-OCP: the straight line, and random ones
+    max_slip: float = 8.0  # [m/s] of the rear rim over the ground in plans
+    max_sideslip: float = 0.5  # [rad] in plans
+    alpha: float = 2.0  # weight of the first round's information [1/nat]; see `round_alpha`
+    starts: int = 2  # first guesses of Info-OCP: the straight line, and random ones
     updated: bool = False  # covariance updated along the horizon
     max_iterations: int = 60
-    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
+    # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
+    # to drifting, and the true car stays nearer to the plan.
+    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
 
 
 class Trajectory(NamedTuple):
@@ -63,26 +68,55 @@ class Trajectory(NamedTuple):
     status: str
 
 
-def problem_data(config: GatheringConfig) -> OcpData:
-    """The straight line as an OCP's data."""
+def problem_data(config: GatheringConfig, lateral: Array | None = None) -> OcpData:
+    """The straight line, or a line e(t) [N+1] [m] beside it, as an OCP's data."""
     n = config.steps
     reference = np.zeros((n + 1, 6))
     reference[:, 1] = reference[:, 3] = np.linspace(config.v_start, config.v_end, n + 1)
+    if lateral is not None:
+        reference[:, 4] = lateral
+        reference[:, 5] = np.gradient(lateral, DT) / reference[:, 1]
     lane = np.full(n + 1, config.half_width - config.margin)
-    return OcpData(reference[0], np.zeros(2), reference, np.zeros(n), -lane, lane)
+    start = np.array([0.0, config.v_start, 0.0, config.v_start, 0.0, 0.0])
+    return OcpData(start, np.zeros(2), reference, np.zeros(n), -lane, lane)
 
 
-def plan(model: BayesianModel, belief: Posterior, config: GatheringConfig, alpha: float, seed: int = 0) -> Trajectory:
-    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins."""
+def bound_slip(problem: OptimalControlProblem, config: GatheringConfig) -> None:
+    """Keeps plans where the features were trained and the car can be caught: bounds on wheel spin and sideslip."""
+    states = 6 * (config.steps + 1)
+    x = problem.program.decision_variables()[:states].reshape(-1, 6)[1:]
+    beta_limit = np.full(config.steps, config.max_sideslip / STATE_SCALE[2])
+    problem.program.AddBoundingBoxConstraint(-beta_limit, beta_limit, x[:, 2])
+    eye = np.eye(config.steps)
+    slip = np.concatenate([STATE_SCALE[3] * eye, -STATE_SCALE[1] * eye], axis=1)
+    limit = np.full(config.steps, config.max_slip)
+    problem.program.AddLinearConstraint(slip, -limit, limit, np.concatenate([x[:, 3], x[:, 1]]))
+
+
+def plan(
+    model: BayesianModel,
+    belief: Posterior,
+    config: GatheringConfig,
+    alpha: float,
+    seed: int = 0,
+    lateral: Array | None = None,
+) -> Trajectory:
+    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins.
+
+    Args:
+        alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
+
+    Raises:
+        RuntimeError: no first guess led to a feasible trajectory.
+    """
     step_model = BayesianStepModel(model.network, belief.mean, model.vehicle.constants())
     # The information is what the regression will make of a sample, weight included.
-    information = InformationCost(
-        model.network, model.sample_weight * belief.covariance, max(alpha, 1e-12), config.updated
-    )
+    cost = InformationCost(model.network, model.sample_weight * belief.covariance, alpha, config.updated)
     problem = OptimalControlProblem(
-        step_model, model.vehicle, config.steps, config.weights, extra_cost=information if alpha > 0.0 else None
+        step_model, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
-    data = problem_data(config)
+    bound_slip(problem, config)
+    data = problem_data(config, lateral)
     problem.set(data)
     options = SqpOptions(
         max_iterations=config.max_iterations, tolerance=1e-4, qp_tolerance=1e-7, qp_max_iterations=4000
@@ -104,10 +138,27 @@ def plan(model: BayesianModel, belief: Posterior, config: GatheringConfig, alpha
     if best is None:
         raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")
     x, u, _ = problem.unstack(best.z)
-    gained = InformationCost(model.network, model.sample_weight * belief.covariance, 1.0).information(
-        x[:-1], u[:-1], u[1:]
-    )
-    return Trajectory(x, u, best.cost, gained, best.status)
+    return Trajectory(x, u, best.cost, information(model, belief, x[:-1], u[:-1], u[1:]), best.status)
+
+
+def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array,
+                updated: bool = False) -> float:  # fmt: skip
+    """Information [nat] of samples to a belief, as the regression weighs them: eq. (8), or with updates in between.
+
+    With updates it is the information gained from all the samples together: half the log of the covariances'
+    determinant before over after, summed over states.
+    """
+    cost = InformationCost(model.network, model.sample_weight * belief.covariance, 1.0, updated)
+    return cost.information(x, u, u_next)
+
+
+def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:
+    """The weight of the information in a later round: a repeat of the first drive is worth what it was then.
+
+    As the belief narrows, all of l_info shrinks; under a fixed weight the second plan is a straight line again.
+    """
+    again = information(model, belief, first.x[:-1], first.u[:-1], first.u[1:])
+    return config.alpha * first.information / again
 
 
 def execution(
@@ -164,24 +215,26 @@ def main(options: Options) -> None:
         ):
             print(path)
         return
-    rounds = [
-        ("Once-OCP", "prior", 0.0),
-        ("Once-Info", "prior", config.alpha),
-        ("Twice-Info", "Once-Info", config.alpha),
-    ]
     print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}")
-    for name, start, alpha in [("prior", "", 0.0), *rounds]:
-        note = ""
-        if start:
-            trajectory = plan(model, beliefs[start], config, alpha, options.seed)
-            samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
-            beliefs[name] = learn(model, beliefs[start], samples)
-            note = (
-                f"  |e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, "
-                f"ended by {ending}; planned {trajectory.information:.1f} nat ({trajectory.status})"
-            )
-        norms, total = covariance_norms(beliefs[name])
-        print(f"{name:>12}  " + " ".join(f"{norm:9.3g}" for norm in [*norms, total]) + note)
+    first = plan(model, beliefs["prior"], config, config.alpha, options.seed)
+    _report("prior", beliefs["prior"])
+    for name, before in (("Once-OCP", "prior"), ("Once-Info", "prior"), ("Twice-Info", "Once-Info")):
+        trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
+        if trajectory is None:
+            alpha = round_alpha(model, beliefs[before], first, config)
+            trajectory = plan(model, beliefs[before], config, alpha, options.seed + 1)
+        samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
+        beliefs[name] = learn(model, beliefs[before], samples)
+        _report(name, beliefs[name])
+        print(
+            f"{'':>12}  planned {trajectory.information:.1f} nat ({trajectory.status}); driven: "
+            f"|e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, ended by {ending}"
+        )
+
+
+def _report(name: str, belief: Posterior) -> None:
+    norms, total = covariance_norms(belief)
+    print(f"{name:>12}  " + " ".join(f"{norm:9.3g}" for norm in [*norms, total]))
 
 
 if __name__ == "__main__":

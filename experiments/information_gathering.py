@@ -1,0 +1,266 @@
+"""Information gathering on held-out vehicles: the paper's Table I, and whether informative drives teach drifting.
+
+    python -m experiments.information_gathering --drives runs/drives
+
+Each vehicle is driven for 4.5 s at a time along the same lane: the OCP's plan (Once-OCP), rounds of Info-OCP (the first
+two are Once-Info and Twice-Info), and two baselines that need no information objective, random steering and a slalom by
+hand. Every model is judged by its covariance norms and by its error on the vehicle's own drifting drives, of which it
+has seen nothing. Broken off, the experiment goes on with the vehicles that are missing (give --out).
+"""
+
+import concurrent.futures
+import dataclasses
+import json
+import multiprocessing
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import tyro
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from diagrams.information_gathering import (
+    DT,
+    GatheringConfig,
+    Trajectory,
+    gather,
+    information,
+    learn,
+    plan,
+    round_alpha,
+)
+from drift_drake.drives.drivers import wander
+from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.features import INPUT_SCALE, STATE_COUNT
+from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.quality import rollout_errors, step_errors, step_model
+from drift_drake.model.samples import Samples, load_samples
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.information_pictures import draw_all
+from experiments.information_summary import markdown, summarise
+
+Array = NDArray[np.float64]
+
+DRIFTING = 0.2  # [rad] of sideslip from which on a sample of the held-out drives counts as drifting
+ROLLOUT_STEPS = 20  # 2 s
+# The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
+RANDOM_STEERING, RANDOM_PERIOD = 0.08, 0.4  # [rad], [s]
+SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 2.25  # [m], [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class InformationConfig:
+    """Which vehicles, how many rounds."""
+
+    drives: Path = Path("runs/drives")  # made by `experiments.drives`: what the models are judged by
+    population: Population = "held_out"
+    vehicles: int = 20
+    first: int = 0  # index of the first vehicle
+    rounds: int = 5
+    stop_below: float = 0.1  # a round's predicted gain over all gained so far, under which another is not worth it
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+    checkpoint: Path | None = None  # the shipped one without
+    drives_seed: int = 0  # that the drives were made with
+    seed: int = 0
+    workers: int = 2
+    out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
+
+
+class MissingDrivesError(ValueError):
+    """The drives to judge by are not there; the message says how to make them."""
+
+
+def drives_file(config: InformationConfig) -> Path:
+    """The population's table of samples.
+
+    Raises:
+        MissingDrivesError: names the file and the mend.
+    """
+    path = config.drives / f"{config.population}.npz"
+    if not path.exists():
+        raise MissingDrivesError(
+            f"{path}: no such file; make the drives with `python -m experiments.drives --output {config.drives}`"
+        )
+    return path
+
+
+def drifting_errors(model: BayesianModel, belief: Posterior, samples: Samples) -> dict[str, Any]:
+    """A belief's errors where a vehicle's drives drift.
+
+    Returns:
+        "one_step": RMS error by state [4]; "rollout": median size of the error after 2 s under the recorded commands by
+        state [4]; "one_step_scaled": root mean square over states of the RMS errors in units of the model's noise;
+        "rollout_scaled": the same of the rollouts' medians in units of the features' input scale.
+    """
+    stepper = step_model(model, belief, "trapezoid")
+    drifting = samples.where(np.abs(samples.x[:, 2]) > DRIFTING)
+    one_step = np.sqrt(np.mean(step_errors(stepper, drifting)[:, :STATE_COUNT] ** 2, axis=0))
+    every = 5
+    long = [drive for drive in samples.drives() if len(drive.x) >= ROLLOUT_STEPS]
+    starts = np.concatenate([drive.x[: len(drive.x) - ROLLOUT_STEPS + 1 : every, 2] for drive in long])
+    errors = rollout_errors(stepper, long, ROLLOUT_STEPS, every)[np.abs(starts) > DRIFTING]
+    rollout = np.median(np.abs(errors[:, :STATE_COUNT]), axis=0)
+    return {
+        "one_step": one_step,
+        "rollout": rollout,
+        "one_step_scaled": float(np.sqrt(np.mean((one_step / model.sigma) ** 2))),
+        "rollout_scaled": float(np.sqrt(np.mean((rollout / INPUT_SCALE[:STATE_COUNT]) ** 2))),
+    }
+
+
+def slalom(model: BayesianModel, config: GatheringConfig) -> Trajectory:
+    """A slalom by hand: the OCP follows a sine across the lane."""
+    phase = 2.0 * np.pi * DT * np.arange(config.steps + 1) / SLALOM_PERIOD
+    return plan(model, model.prior(), config, 0.0, lateral=SLALOM_AMPLITUDE * np.sin(phase))
+
+
+def random_steering(ocp: Trajectory, config: GatheringConfig, generator: np.random.Generator) -> Trajectory:
+    """The OCP's drive with random steering added, while the feedback keeps to the OCP's line."""
+    noise = wander(config.steps * DT, generator, np.array([RANDOM_STEERING, 0.0]), RANDOM_PERIOD)[: config.steps + 1]
+    return ocp._replace(u=ocp.u + noise, status="by hand")
+
+
+@dataclasses.dataclass(frozen=True)
+class Shared:
+    """What all vehicles have in common: the plans made with the prior."""
+
+    ocp: Trajectory
+    info: Trajectory
+    slalom: Trajectory
+    seconds: dict[str, float]  # of this process's CPU time for each plan
+    load_average: float
+
+
+def make_shared(config: InformationConfig) -> Shared:
+    """Plans with the prior."""
+    model, gathering = load(config.checkpoint), config.gathering
+    seconds = {}
+
+    def timed(name: str, alpha: float, starts: int) -> Trajectory:
+        start = time.process_time()
+        result = plan(model, model.prior(), dataclasses.replace(gathering, starts=starts), alpha, config.seed)
+        seconds[name] = time.process_time() - start
+        return result
+
+    ocp = timed("OCP", 0.0, 1)
+    timed("Info-OCP, one start", gathering.alpha, 1)
+    info = timed(f"Info-OCP, best of {gathering.starts} starts", gathering.alpha, gathering.starts)
+    return Shared(ocp, info, slalom(model, gathering), seconds, os.getloadavg()[0])
+
+
+class _Vehicle:
+    """One vehicle's experiment."""
+
+    def __init__(self, config: InformationConfig, index: int) -> None:
+        self._config, self._index = config, index
+        self._model = load(config.checkpoint)
+        self._effects: Effects = draw_effects(config.population, index, config.drives_seed)
+        self._judged = load_samples(drives_file(config)).of_vehicle(index)
+        self._parameters = VehicleParameters()
+
+    def judge(self, belief: Posterior) -> dict[str, Any]:
+        """Norms and errors."""
+        norms, total = covariance_norms(belief)
+        return {"norms": norms, "total": total} | drifting_errors(self._model, belief, self._judged)
+
+    def drive(
+        self, belief: Posterior, trajectory: Trajectory, seed: int
+    ) -> tuple[Posterior, dict[str, Any], pd.DataFrame]:
+        """Drives and learns: (the belief after, its entry in the results, the log)."""
+        config = self._config.gathering
+        samples, table, ending = gather(trajectory, self._effects, self._parameters, config, seed)
+        x, u = trajectory.x, trajectory.u
+        gain = {
+            "predicted": information(self._model, belief, x[:-1], u[:-1], u[1:], updated=True),
+            "obtained": information(self._model, belief, samples.x, samples.u, samples.u_next, updated=True),
+        }
+        after = learn(self._model, belief, samples)
+        entry = self.judge(after) | gain | {
+            "ending": ending,
+            "max_e": float(table["e"].abs().max()),
+            "max_beta": float(table["beta"].abs().max()),
+            "max_r": float(table["r"].abs().max()),
+            "status": trajectory.status,
+        }  # fmt: skip
+        return after, entry, table
+
+    def run(self, shared: Shared, folder: Path) -> dict[str, Any]:
+        """All drives of the vehicle."""
+        config, model, prior = self._config, self._model, self._model.prior()
+        generator = np.random.default_rng([config.seed, self._index])
+        result: dict[str, Any] = {"vehicle": self._index, "prior": self.judge(prior)}
+        tables: dict[str, pd.DataFrame] = {}
+        for name, trajectory in (
+            ("Once-OCP", shared.ocp),
+            ("random steering", random_steering(shared.ocp, config.gathering, generator)),
+            ("slalom", shared.slalom),
+        ):
+            _, result[name], tables[name] = self.drive(prior, trajectory, config.seed)
+        belief, trajectory, result["rounds"] = prior, shared.info, []
+        for k in range(config.rounds):
+            seconds = 0.0
+            if k > 0:
+                start = time.process_time()
+                alpha = round_alpha(model, belief, shared.info, config.gathering)
+                try:
+                    trajectory = plan(model, belief, config.gathering, alpha, config.seed + k)
+                except RuntimeError as error:
+                    result["stopped"] = str(error)
+                    break
+                seconds = time.process_time() - start
+            belief, entry, tables[f"round {k + 1}"] = self.drive(belief, trajectory, config.seed + k)
+            result["rounds"].append(entry | {"plan_seconds": seconds})
+            if k < 2:
+                name = ("once", "twice")[k]
+                np.savez(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
+        for name, table in tables.items():
+            file = folder / f"{name.replace(' ', '_').lower()}-{self._index:03d}.csv"
+            table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}).to_csv(file, index=False)
+        return result
+
+
+def run_vehicle(config: InformationConfig, shared: Shared, folder: Path, index: int) -> None:
+    """One vehicle; its numbers and logs go into the folder, unless they are there already."""
+    numbers = folder / f"vehicle-{index:03d}.json"
+    if not numbers.exists():
+        write_json(numbers, _Vehicle(config, index).run(shared, folder))
+
+
+def main(config: InformationConfig) -> None:
+    """Runs all vehicles, then writes numbers and pictures."""
+    try:
+        drives_file(config)
+    except MissingDrivesError as error:
+        raise SystemExit(str(error)) from None
+    folder = make_run_folder("information_gathering", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    shared = make_shared(config)
+    indices = range(config.first, config.first + config.vehicles)
+    # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
+    context = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(config.workers, context, max_tasks_per_child=5) as executor:
+        futures = [executor.submit(run_vehicle, config, shared, folder, index) for index in indices]
+        for future in tqdm(concurrent.futures.as_completed(futures), total=len(futures), unit="vehicle"):
+            future.result()
+    results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
+    summary = summarise(results, config.stop_below)
+    summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
+    write_json(folder / "numbers.json", summary)
+    text = markdown(summary)
+    (folder / "report.md").write_text(text)
+    model = load(config.checkpoint)
+    draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
+    print(text)
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(InformationConfig))

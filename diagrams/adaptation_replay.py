@@ -13,7 +13,6 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import tyro
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
@@ -21,6 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drift_drake.logs.table import InvalidLogError, Run, read_run
 from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel, load
@@ -33,10 +33,6 @@ Array = NDArray[np.float64]
 
 STATES = ("r", "v", "beta", "omega_r")
 COMMANDS = ("delta_cmd", "tau_cmd")
-
-
-class InvalidLogError(ValueError):
-    """A log that cannot be replayed; the message names the file and the mend."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,15 +54,15 @@ class ReplayConfig:
 class AdaptationReplay:
     """The diagram: a log's columns as sources, the adapter, and loggers of its outputs at its ticks."""
 
-    def __init__(self, log: pd.DataFrame, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD) -> None:
-        """Args: log: rows of t, r, v, beta, omega_r, delta_cmd, tau_cmd, finite, t ascending."""
-        t = log["t"].to_numpy()
+    def __init__(self, log: Run, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD) -> None:
+        """Args: log: a run with r, v, beta, omega_r, delta_cmd and tau_cmd (see `read_log`)."""
+        t = log.t
         self._duration = float(t[-1] - t[0])
         states = np.zeros((MEASURED_COUNT, len(t)))  # a log has no path: e, dphi and s stay zero
-        states[:STATE_COUNT] = log[list(STATES)].to_numpy().T
+        states[:STATE_COUNT] = _columns(log, STATES).T
         builder = DiagramBuilder()
         self.adapter = builder.AddNamedSystem("adapter", BayesianAdapter(model, threshold))
-        for name, rows in (("measured_state", states), ("command", log[list(COMMANDS)].to_numpy().T)):
+        for name, rows in (("measured_state", states), ("command", _columns(log, COMMANDS).T)):
             source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(t - t[0], rows))
             builder.AddNamedSystem(f"log_of_{name}", source)
             builder.Connect(source.get_output_port(), self.adapter.GetInputPort(name))
@@ -96,34 +92,31 @@ class AdaptationReplay:
         }
 
 
-def read_log(path: Path) -> pd.DataFrame:
-    """One run in the log format.
+def read_log(path: Path) -> Run:
+    """One run in the log format with all that the adapter needs.
 
     Raises:
-        InvalidLogError: names the file, the column or row, and the mend.
+        InvalidLogError: names the file, the place and the mend.
     """
-    try:
-        table = pd.read_csv(path)
-    except (OSError, pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise InvalidLogError(f"{path}: cannot be read ({error}); give a CSV file in the log format") from None
-    needed = ["t", *STATES, *COMMANDS]
-    missing = [name for name in needed if name not in table]
+    run = read_run(path)
+    missing = [name for name in (*STATES, *COMMANDS) if run.column(name) is None]
     if missing:
-        raise InvalidLogError(f"{path}: no column {', '.join(missing)}; the replay needs {', '.join(needed)}")
-    table = table[needed]
-    bad = np.flatnonzero(~np.isfinite(table.to_numpy(dtype=float)).all(axis=1))
-    if len(bad):
-        raise InvalidLogError(f"{path}: row {bad[0] + 2} is not finite; drop or mend it")
-    if len(table) < 2 or not (np.diff(table["t"]) > 0.0).all():
-        raise InvalidLogError(f"{path}: needs two rows or more, with t ascending")
-    return table
+        raise InvalidLogError(f"{path}: no column {', '.join(missing)}; the adapter needs it to form its samples")
+    return run
 
 
-def one_step_errors(log: pd.DataFrame, model: BayesianModel, mean: Array) -> Array:
+def _columns(run: Run, names: tuple[str, ...]) -> Array:
+    """Columns of a run [rows, names]."""
+    return np.stack([np.asarray(run.column(name)) for name in names], axis=1)
+
+
+def one_step_errors(log: Run, model: BayesianModel, mean: Array) -> Array:
     """Error [K - 1, 4] of each 0.1 s step under the mean [K, 4, 16] that was known when it began."""
-    t = log["t"].to_numpy()
+    t = log.t
     ticks = t[0] + TIME_STEP * np.arange(len(mean))
-    x, u = (np.stack([np.interp(ticks, t, log[name]) for name in names], axis=1) for names in (STATES, COMMANDS))
+    rows = _columns(log, (*STATES, *COMMANDS))
+    at_ticks = np.stack([np.interp(ticks, t, column) for column in rows.T], axis=1)
+    x, u = at_ticks[:, :STATE_COUNT], at_ticks[:, STATE_COUNT:]
     phi = features(model.network, network_inputs(x[:-1], u[:-1], u[1:]))
     y = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())
     return y - np.sum(mean[:-1] * phi, axis=-1)

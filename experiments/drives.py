@@ -28,6 +28,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples, save_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -51,7 +52,6 @@ PERIOD = 0.02  # [s] between plans
 PHASE_STRIDE = 1000  # between the vehicle numbers of two phases
 DRIVING_STREAM = 1  # of a vehicle's random numbers; its effects come from another
 STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive starts
-LOG_COLUMNS = ["t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,15 +136,16 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         noise_seed = int(generator.integers(2**31))
         drive, state, s, reference = _prepare(kind, duration, parameters, effects, generator)
         table, ending = drive.run(state, s, duration, noise_seed)
-        table = table.iloc[: (wanted - count + 1) * DECIMATION]
-        path = None if reference is None else reference.path
-        found = [samples_from_log(table, path, index, len(drives), phase) for phase in range(DECIMATION)]
-        if len(found[0].x) < min(MIN_SAMPLES, wanted - count):
+        if len(table) <= MIN_SAMPLES * DECIMATION:
             continue
+        path = None if reference is None else reference.path
+        needed = table.iloc[: (wanted - count + 1) * DECIMATION]
+        found = [samples_from_log(needed, path, index, len(drives), phase) for phase in range(DECIMATION)]
         count += len(found[0].x)
         for phase, samples in enumerate(found):
             phases[phase].append(samples)
-        table[LOG_COLUMNS].to_csv(folder / f"run_{len(drives)}.csv", index=False, float_format="%.9g")
+        name = f"run_{len(drives)}"
+        write_run(Run(name, **{column: table[column].to_numpy() for column in COLUMNS}), folder / f"{name}.csv")
         rms_e = None if reference is None else float(np.sqrt(np.mean(table["e"] ** 2)))
         drives.append({"kind": kind, "ending": ending, "seconds": len(table) / 100.0, "rms_e": rms_e})
     (folder / "drives.json").write_text(json.dumps({"effects": effects._asdict(), "drives": drives}, indent=1))

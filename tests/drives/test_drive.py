@@ -11,10 +11,11 @@ from diagrams.drive import Drive, Limits
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.logs.table import COLUMNS, read_case
 from drift_drake.model.samples import load_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drives import LOG_COLUMNS, drive_vehicle
+from experiments.drives import drive_vehicle
 
 CAR = VehicleParameters()
 
@@ -57,6 +58,8 @@ def test_a_vehicle_is_driven_in_every_way_until_enough_samples_are_there(tmp_pat
     np.testing.assert_array_equal(phases.x[:250], samples.x)
     about = json.loads((folder / "drives.json").read_text())
     assert {drive["kind"] for drive in about["drives"]} >= {"mpc_figure_8", "hold", "manual", "mpc_loops"}
-    log = pd.read_csv(folder / "run_0.csv")
-    assert list(log.columns) == LOG_COLUMNS
-    np.testing.assert_allclose(np.diff(log["t"]), 0.01, atol=1e-8)
+    runs = read_case(folder)
+    assert len(runs) == len(about["drives"])
+    for run in runs:
+        assert all(run.column(name) is not None for name in COLUMNS)
+        np.testing.assert_allclose(np.diff(run.t), 0.01, atol=1e-8)

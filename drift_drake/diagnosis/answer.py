@@ -67,7 +67,7 @@ class Answer:
         remove = "it removes" if len(parts) == 1 else "they remove"
         return (
             f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} "
-            f"{100 * self.reduction.estimate:.0f} % of the gap on runs that were not fitted."
+            f"{100 * self.reduction.estimate:.0f} % of the gap on parts of runs that were not fitted."
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from drift_drake.diagnosis.answer import Answer, Interval
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
-from drift_drake.diagnosis.horizons import EVERY, HORIZONS
+from drift_drake.diagnosis.horizons import HORIZONS, start_rows
 from drift_drake.diagnosis.noise import refined_levels
 from drift_drake.diagnosis.posterior import (
     Calibration,
@@ -24,7 +24,7 @@ from drift_drake.diagnosis.posterior import (
 )
 from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter_case, make_problem
-from drift_drake.diagnosis.reduction import Reduction, nominal_errors, reduction, square_errors
+from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, without_effects
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.where import locate
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths
@@ -204,14 +204,10 @@ def bound_warnings(magnitudes: dict[str, Interval]) -> list[str]:
 
 def find_gap(problem: Problem, best: Fit, lacking: Regression) -> dict[str, Any]:
     """The `where` of an answer: what the nominal car gets wrong beyond the best fit."""
-    before = nominal_errors(problem, None)
-    floor = square_errors(problem, best.names, best, held_out=False)
+    before = without_effects(problem, None)
+    floor = errors_of(problem, best.theta, best.names)
     excess = [b - f for b, f in zip(before, floor, strict=True)]
-    if len(problem.runs) == 1:  # its halves were judged
-        excess = [np.concatenate(excess)]
-    starts = [np.flatnonzero(run.counted)[::EVERY] for run in problem.runs]
-    rows = [first[: len(e)] for first, e in zip(starts, excess, strict=True)]
-    excess = [e[: len(first)] for first, e in zip(rows, excess, strict=True)]
+    rows = [start_rows(run) for run in problem.runs]
     where = dataclasses.asdict(locate(problem, excess, rows, lacking))
     where["horizons"] = {f"{h:g} s": float(np.nanmean(np.concatenate(before)[:, i])) for i, h in enumerate(HORIZONS)}
     return where

@@ -23,6 +23,7 @@ NUISANCE_STEP = 0.05  # of a tolerance, for differences
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
 CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
 LIMITER = NUISANCES.index("limiter_settling")
+FLAT = 1e-6  # precision of a magnitude's prior, which keeps what the data do not show from being singular
 STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
 
 
@@ -115,8 +116,8 @@ def _start_columns(
 
 
 def prior_precision(problem: Problem, count: int) -> np.ndarray:
-    """Normal priors of the nuisances, flat ones of the magnitudes: precisions [count]."""
-    out = np.zeros(count)
+    """Normal priors of the nuisances, all but flat ones of the magnitudes: precisions [count]."""
+    out = np.full(count, FLAT)
     out[: problem.nuisances] = 1.0
     out[:TOLERANCES] = 1.0 / problem.exactness**2
     return out
@@ -160,7 +161,7 @@ def minimise(
     problem: Problem,
     names: Sequence[str],
     theta: np.ndarray,
-    iterations: int = 12,
+    iterations: int = 6,
     enough: float = CONVERGED,
     jacobian: np.ndarray | None = None,
 ) -> Linearised:
@@ -198,7 +199,7 @@ def minimise(
     return at
 
 
-def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 12) -> Fit:
+def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 6) -> Fit:
     """The fit of a hypothesis from a start."""
     return conclude(problem, names, minimise(problem, names, theta, iterations))
 
@@ -214,6 +215,8 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     mode = theta - covariance @ (jacobian.T @ e + prior * theta)
     log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names)
     log_evidence -= TOLERANCES * float(np.log(problem.exactness))
+    if not np.isfinite(log_evidence):  # a filter that diverged
+        log_evidence = -np.inf
     return Fit(
         tuple(names), theta, at.cost, covariance, log_evidence, float(np.mean(e**2)), at.iterations, problem.exactness
     )

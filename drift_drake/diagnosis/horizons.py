@@ -9,7 +9,7 @@ import numpy as np
 from drift_drake.compilation import compiled
 from drift_drake.diagnosis.commands import STAGES, SUBSTEPS, without_actuators
 from drift_drake.diagnosis.filter import MEASURED, SIZE, advance, predict_measurement, rates_of
-from drift_drake.diagnosis.problem import Gains, Problem, car, filter_case, observe, run_commands
+from drift_drake.diagnosis.problem import Gains, Problem, RunData, car, filter_case, observe, run_commands
 
 STATES = ("r", "v", "beta", "omega_r")
 HORIZONS = (0.01, 0.1, 0.5, 2.0)  # [s]
@@ -23,6 +23,11 @@ class Predictions:
 
     rows: np.ndarray  # [starts] first rows
     squares: np.ndarray  # [starts, horizons, states]; NaN beyond the run's end or where a channel is missing
+
+
+def start_rows(run: RunData) -> np.ndarray:
+    """Rows that predictions of a run start from."""
+    return np.flatnonzero(run.counted)[::EVERY]
 
 
 @compiled
@@ -65,7 +70,7 @@ def predictions(
     states = np.empty((len(run.y), SIZE))
     observe(problem, gains, theta, names, index, states=states)
     delta, torque = run_commands(problem, index, theta, effects)
-    starts = np.flatnonzero(run.counted)[::EVERY]
+    starts = start_rows(run)
     steps = np.array([max(round(h / run.period), 1) for h in HORIZONS])
     out = np.empty((len(starts), len(steps), MEASURED))
     roll_out(states, starts, steps, delta, torque, run.period, constants, without_actuators(effects), out)

@@ -1,4 +1,4 @@
-"""How far the gap shrinks on data that was not used to fit: leave-runs-out, with an interval."""
+"""How far the gap shrinks on parts of runs that were not used to fit, with an interval."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.fit import Fit, fit
-from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions
-from drift_drake.diagnosis.problem import NUISANCES, SETTLING_TIME, Problem, RunData
+from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
+from drift_drake.diagnosis.problem import Problem, RunData, filter_case
 from drift_drake.diagnosis.search import coarse
 
+FOLDS, HELD_OUT = 4, 1.5  # folds of cross-validation, and seconds of the blocks that take turns in being held out
 BLOCK = 10  # restarts that are drawn together: a second
 RESAMPLES = 400
 WORST = 9e4  # noise variances at which a square error is capped: a prediction that far off is lost, however far
@@ -17,7 +18,7 @@ WORST = 9e4  # noise variances at which a square error is capped: a prediction t
 
 @dataclasses.dataclass(frozen=True)
 class Reduction:
-    """Share of the explainable gap that effects remove on runs that were not fitted."""
+    """Share of the explainable gap that effects remove on parts of runs that were not fitted."""
 
     estimate: float
     low: float
@@ -29,68 +30,40 @@ class Reduction:
     floor: list[float]
 
 
-def halves(problem: Problem) -> Problem:
-    """A single run as two, so that one can be left out."""
-    if len(problem.runs) > 1:
-        return problem
-    run = problem.runs[0]
-    middle = len(run.y) // 2
-    return problem.replace(runs=[_cut(run, 0, middle, "first half"), _cut(run, middle, len(run.y), "second half")])
+def fold_of(run: RunData) -> np.ndarray:
+    """Fold [rows] that each row is held out in: blocks of `HELD_OUT` seconds take turns."""
+    return np.asarray((np.arange(len(run.y)) * run.period / HELD_OUT).astype(int) % FOLDS)
 
 
-def _cut(run: RunData, start: int, stop: int, label: str) -> RunData:
-    counted = run.counted[start:stop].copy()
-    counted[: int(SETTLING_TIME / run.period)] = False
-    return dataclasses.replace(
-        run,
-        name=f"{run.name}, {label}",
-        y=run.y[start:stop],
-        delta=run.delta[start:stop],
-        tau=run.tau[start:stop],
-        counted=counted,
-    )
+def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:
+    """The fit without one fold's rows, all runs' blocks of which go uncounted."""
+    runs = [dataclasses.replace(run, counted=run.counted & (fold_of(run) != fold)) for run in problem.runs]
+    kept = problem.replace(runs=runs, exactness=fitted.exactness)
+    return fit(kept, fitted.names, fitted.theta, iterations=3)
 
 
-def _own(theta: np.ndarray, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Tolerances and magnitudes of a parameter vector, without what belongs to runs."""
-    return theta[: len(NUISANCES)], theta[len(theta) - len(names) :]
+def errors_of(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> list[np.ndarray]:
+    """Squared prediction errors [starts, horizons, states] of each run, capped."""
+    rough = coarse(problem)
+    gains = filter_case(rough, theta, names)
+    return [np.minimum(predictions(rough, theta, names, i, gains).squares, WORST) for i in range(len(problem.runs))]
 
 
-def _assemble(tolerances: np.ndarray, runs: int, magnitudes: np.ndarray) -> np.ndarray:
-    return np.concatenate([tolerances, np.zeros(2 * runs), magnitudes])
-
-
-def square_errors(problem: Problem, names: Sequence[str], fitted: Fit, held_out: bool) -> list[np.ndarray]:
-    """Squared prediction errors [starts, horizons, states] of each run under effects fitted without that run.
-
-    With `held_out` false the fit to all runs is used for each.
-    """
-    problem = halves(problem)
-    tolerances, magnitudes = _own(fitted.theta, names)
-    out = []
-    for i, run in enumerate(problem.runs):
-        if held_out:
-            others = problem.replace(runs=[other for j, other in enumerate(problem.runs) if j != i])
-            others = others.replace(exactness=fitted.exactness)
-            start = _assemble(tolerances, len(others.runs), magnitudes)
-            again = fit(others, names, start, iterations=4)
-            theta = _assemble(again.theta[: len(NUISANCES)], 1, again.theta[again.nuisances :])
-        else:
-            theta = _assemble(tolerances, 1, magnitudes)
-        alone = coarse(problem.replace(runs=[run]))
-        out.append(np.minimum(predictions(alone, theta, names, 0).squares, WORST))
+def held_out_errors(problem: Problem, fitted: Fit) -> list[np.ndarray]:
+    """The same, each start predicted by the fit that its fold was held out of."""
+    out = errors_of(problem, fitted.theta, fitted.names)
+    for fold in range(FOLDS):
+        again = errors_of(problem, held_out_fit(problem, fitted, fold).theta, fitted.names)
+        for run, into, errors in zip(problem.runs, out, again, strict=True):
+            held = fold_of(run)[start_rows(run)] == fold
+            into[held] = errors[held]
     return out
 
 
-def nominal_errors(problem: Problem, fitted: Fit | None) -> list[np.ndarray]:
+def without_effects(problem: Problem, fitted: Fit | None) -> list[np.ndarray]:
     """The same under the car without effects; its tolerances as fitted beside the effects, or nominal with None."""
-    problem = halves(problem)
-    tolerances = np.zeros(len(NUISANCES)) if fitted is None else fitted.theta[: len(NUISANCES)]
-    out = []
-    for run in problem.runs:
-        alone = coarse(problem.replace(runs=[run]))
-        out.append(np.minimum(predictions(alone, _assemble(tolerances, 1, np.zeros(0)), (), 0).squares, WORST))
-    return out
+    theta = np.zeros(problem.nuisances) if fitted is None else fitted.theta[: problem.nuisances]
+    return errors_of(problem, theta, ())
 
 
 def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> Reduction:
@@ -101,9 +74,9 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> R
     """
     if not fitted.names:
         return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
-    before = nominal_errors(problem, fitted)
-    after = square_errors(problem, fitted.names, fitted, held_out=True)
-    floor = square_errors(problem, floor_fit.names, floor_fit, held_out=False)
+    before = without_effects(problem, fitted)
+    after = held_out_errors(problem, fitted)
+    floor = errors_of(problem, floor_fit.theta, floor_fit.names)
     blocks = np.concatenate([_blocks(b, a, f) for b, a, f in zip(before, after, floor, strict=True)])
     rng = np.random.default_rng(seed)
     draws = rng.integers(0, len(blocks), (RESAMPLES, len(blocks)))

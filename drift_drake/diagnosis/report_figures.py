@@ -11,7 +11,7 @@ from drift_drake.diagnosis.commands import without_actuators
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.filter import CHANNELS, MEASURED, SIZE
 from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.horizons import EVERY, HORIZONS, JUDGED, STATES, predictions, roll_out
+from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, roll_out, start_rows
 from drift_drake.diagnosis.isolability import Isolability
 from drift_drake.diagnosis.problem import Problem, car, filter_case, observe, run_commands
 from drift_drake.diagnosis.search import coarse
@@ -65,7 +65,7 @@ def half_second_ahead(problem: Problem, fit: Fit, index: int) -> tuple[np.ndarra
     observe(rough, filter_case(rough, fit.theta, fit.names), fit.theta, fit.names, index, states=states)
     delta, torque = run_commands(rough, index, fit.theta, effects)
     ahead = round(HORIZONS[JUDGED] / run.period)
-    starts = np.flatnonzero(run.counted)[::EVERY]
+    starts = start_rows(run)
     starts = starts[starts + ahead < len(run.y)]
     out = np.empty((len(starts), 1, MEASURED))
     dynamic = without_actuators(effects)
@@ -123,7 +123,7 @@ def time_line(d: Diagnosis, before: Sequence[np.ndarray], after: Sequence[np.nda
     def draw(axes: np.ndarray) -> None:
         for i, run in enumerate(problem.runs):
             ax: Axes = axes[0, i]
-            t = np.flatnonzero(run.counted)[::EVERY] * run.period
+            t = start_rows(run) * run.period
             ax.semilogy(t, np.sqrt(before[i]), color=NOMINAL, lw=0.9, label="nominal")
             ax.semilogy(t, np.sqrt(after[i]), color=CORRECTED, lw=0.9, label="corrected")
             onset = d.answer.where["onset"].get(run.name)
@@ -143,7 +143,7 @@ def heat_maps(d: Diagnosis, before: Sequence[np.ndarray], after: Sequence[np.nda
     problem = d.problem
     places = []
     for run in problem.runs:
-        rows = np.flatnonzero(run.counted)[::EVERY]
+        rows = start_rows(run)
         y = run.y[rows]
         slip = (y[:, 3] - y[:, 1] * np.cos(y[:, 2])) / np.maximum(y[:, 3], 0.5)
         places.append(np.column_stack([y[:, 1], y[:, 1] * y[:, 0], y[:, 2], slip]))

@@ -96,6 +96,11 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> R
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
 
 
+def share_removed(before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> float:
+    """Share of the gap at half a second that `after` removes, from the squared errors of all runs."""
+    return _share(np.array([sum(float(np.nansum(run[:, JUDGED])) for run in part) for part in (before, after, floor)]))
+
+
 def _blocks(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:
     """Sums of squares [blocks, 3] over a second of restarts each."""
     sums = np.stack([np.nansum(part[:, JUDGED], axis=-1) for part in (before, after, floor)], axis=-1)

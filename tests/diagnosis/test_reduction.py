@@ -1,0 +1,44 @@
+"""How far the gap shrinks: folds, shares, predictions of a right model."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.horizons import HORIZONS, predictions, start_rows
+from drift_drake.diagnosis.problem import make_problem
+from drift_drake.diagnosis.reduction import FOLDS, HELD_OUT, fold_of, share_removed
+from drift_drake.vehicle.parameters import VehicleParameters
+
+NAMES = ("rear_stiffness_error",)
+
+
+@pytest.fixture(scope="module")
+def problem(stiffness_case):
+    return make_problem(stiffness_case[1], VehicleParameters())
+
+
+def test_blocks_take_turns_in_being_held_out(problem):
+    run = problem.runs[0]
+    folds = fold_of(run)
+    assert set(folds) == set(range(min(FOLDS, int(np.ceil(len(folds) * run.period / HELD_OUT)))))
+    changes = np.flatnonzero(np.diff(folds))
+    assert np.all(np.diff(changes) == round(HELD_OUT / run.period))
+
+
+def test_shares_count_from_the_floor():
+    def part(value):
+        return [np.full((5, len(HORIZONS), 4), value)]
+
+    assert share_removed(part(11.0), part(2.0), part(1.0)) == pytest.approx(0.9)
+    assert share_removed(part(11.0), part(21.0), part(1.0)) == pytest.approx(-1.0)
+    assert share_removed(part(1.0), part(1.0), part(1.0)) == 0.0
+
+
+def test_a_right_model_predicts_to_the_noise(problem, stiffness_case):
+    theta = np.append(np.zeros(problem.nuisances), stiffness_case[0].effects[NAMES[0]])
+    theta[5], theta[0] = 1.0, -1.0  # torque and mass, in tolerances: as in the case
+    right, wrong = (predictions(problem, t, n, 2) for t, n in ((theta, NAMES), (theta[:-1] * 0.0, ())))
+    assert len(right.rows) == len(start_rows(problem.runs[2]))
+    one_step = np.nanmean(right.squares[:, 0])
+    assert 0.8 < one_step < 1.5
+    assert np.nanmean(wrong.squares[:, 2]) > 2.0 * np.nanmean(right.squares[:, 2])
+    assert np.isnan(right.squares[-1, 3]).all()

@@ -1,0 +1,48 @@
+"""Where the gap is: shares, regions, lags."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.horizons import HORIZONS, STATES, start_rows
+from drift_drake.diagnosis.problem import make_problem
+from drift_drake.diagnosis.where import _correlation, locate, region_names, region_of
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+@pytest.fixture(scope="module")
+def problem(stiffness_case):
+    return make_problem(stiffness_case[1], VehicleParameters())
+
+
+def test_a_gap_in_one_state_of_one_run_is_put_there(problem):
+    rows = [start_rows(run) for run in problem.runs]
+    excess = [np.zeros((len(first), len(HORIZONS), len(STATES))) for first in rows]
+    excess[3][10:, :, 2] = 7.0
+    where = locate(problem, excess, rows, None)
+    assert where.states == {"r": 0.0, "v": 0.0, "beta": 1.0, "omega_r": 0.0}
+    assert where.runs["run_3"] == 1.0
+    assert list(where.onset) == ["run_3"]
+    assert where.onset["run_3"] == pytest.approx(rows[3][10] * 0.01, abs=0.15)
+    assert all(region.startswith("slide") for region in where.regions)
+
+
+def test_without_a_gap_nothing_is_named(problem):
+    rows = [start_rows(run) for run in problem.runs]
+    where = locate(problem, [np.zeros((len(first), len(HORIZONS), len(STATES))) for first in rows], rows, None)
+    assert sum(where.states.values()) == 0.0
+    assert where.regions == []
+    assert where.onset == {}
+
+
+def test_each_row_has_a_region(problem):
+    names = region_names()
+    assert len(names) == len(set(names))
+    for i in range(len(problem.runs)):
+        assert region_of(problem, i).max() < len(names)
+
+
+def test_the_lag_between_two_signals_is_found():
+    rng = np.random.default_rng(0)
+    signal = np.convolve(rng.standard_normal(600), np.ones(20) / 20.0, "same")
+    scores = _correlation(np.roll(signal, 7), signal, 30)
+    assert max(scores, key=lambda k: scores[k]) == 7

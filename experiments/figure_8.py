@@ -126,8 +126,9 @@ def main(config: Figure8Config) -> None:
         for seed in range(config.noise_seeds)
     ]
     context = multiprocessing.get_context("spawn")
-    # Drake keeps Python systems for ever, so a worker is replaced after some runs.
-    with concurrent.futures.ProcessPoolExecutor(config.workers, context, max_tasks_per_child=12) as executor:
+    # Workers live for all their runs: replacing them (max_tasks_per_child) can hang in Python 3.11. What Drake keeps of
+    # each diagram, some megabytes, is affordable.
+    with concurrent.futures.ProcessPoolExecutor(config.workers, context) as executor:
         futures = [executor.submit(drive, job) for job in jobs]
         for future in tqdm(concurrent.futures.as_completed(futures), total=len(jobs), unit="run"):
             future.result()

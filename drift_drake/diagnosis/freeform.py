@@ -21,6 +21,7 @@ FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment",
 SENSORS = len(FORCE_CHANNELS)  # index of the group of the sensors' offsets, behind the force channels
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in
 PULSE = 0.5  # [s] width of a pulse
+MOST_PULSES = 40  # in one run
 EM_STEPS = 30
 
 
@@ -30,6 +31,7 @@ class Regression:
 
     gain: float  # [nats] of evidence over the hypothesis alone
     weights: np.ndarray  # run by run and channel by channel, in FORCE_UNIT
+    channel_of: np.ndarray  # index of each weight's force channel (or SENSORS)
     scales: np.ndarray  # [channels, and the sensors] prior standard deviation of the weights
     removed: float  # share of the squared innovations that the regressors take away
 
@@ -85,10 +87,11 @@ def state_functions(problem: Problem, fit: Fit, states: np.ndarray, index: int) 
 
 
 def pulses(rows: int, period: float) -> np.ndarray:
-    """Triangles of `PULSE` width in time, next to each other [rows, pulses]."""
+    """Triangles in time, next to each other [rows, pulses]; wider than `PULSE` in a long run."""
     t = np.arange(rows) * period
-    centres = np.arange(0.0, t[-1] + PULSE, PULSE)
-    return np.maximum(1.0 - np.abs(t[:, None] - centres) / PULSE, 0.0)
+    width = max(PULSE, t[-1] / MOST_PULSES)
+    centres = np.arange(0.0, t[-1] + width, width)
+    return np.maximum(1.0 - np.abs(t[:, None] - centres) / width, 0.0)
 
 
 def pushed(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
@@ -184,7 +187,7 @@ def _evidence(
     without = _log_evidence(hessian[:own, :own] + np.diag(prior), gradient[:own], np.zeros(0))
     groups = SENSORS + 1
     scales = np.full(groups, 1.0)
-    best = Regression(-np.inf, np.zeros(0), scales, 0.0)
+    best = Regression(-np.inf, np.zeros(0), channel_of, scales, 0.0)
     for _ in range(EM_STEPS):
         precision = np.concatenate([prior, 1.0 / scales[channel_of] ** 2])
         matrix = hessian + np.diag(precision)
@@ -195,7 +198,7 @@ def _evidence(
             step = mean.copy()
             left = squares + 2.0 * float((gradient[:own] - prior * fit.theta) @ step[:own])
             left += 2.0 * float(gradient[own:] @ step[own:]) + float(step @ hessian @ step)
-            best = Regression(gain, mean[own:], scales.copy(), 1.0 - left / squares)
+            best = Regression(gain, mean[own:], channel_of, scales.copy(), 1.0 - left / squares)
         spread = mean[own:] ** 2 + np.diag(covariance)[own:]
         new = np.array([np.sqrt(np.mean(spread[channel_of == c])) if c in channel_of else 1.0 for c in range(groups)])
         # Expectation maximisation is slow towards zero; a step and a half is still stable.

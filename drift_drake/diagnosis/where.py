@@ -51,15 +51,9 @@ def locate(
             onset[run.name] = float(first[int(np.searchsorted(total, ONSET * total[-1]))] * run.period)
     channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
     if pushes is not None and len(pushes.weights):
-        weights = pushes.weights.reshape(-1, len(FORCE_CHANNELS), _per_channel(problem, pushes))
-        power = np.sum(weights**2, axis=(0, 2))
-        channels = _shares({name: float(p) for name, p in zip(FORCE_CHANNELS, power, strict=True)})
+        power = [float(np.sum(pushes.weights[pushes.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
+        channels = _shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
     return Where(by_state, by_run, channels, regions(problem, judged, rows), onset, lags(problem))
-
-
-def _per_channel(problem: Problem, pushes: Regression) -> int:
-    """Weights a channel in each run; runs of unequal length have blocks of unequal size."""
-    return len(pushes.weights) // (len(FORCE_CHANNELS) * len(problem.runs))
 
 
 def _shares(parts: dict[str, float]) -> dict[str, float]:

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from drift_drake.diagnosis.fit import fit
+from drift_drake.diagnosis.freeform import misfit
 from drift_drake.diagnosis.horizons import HORIZONS, STATES, start_rows
 from drift_drake.diagnosis.problem import make_problem
 from drift_drake.diagnosis.where import _correlation, locate, region_names, region_of
@@ -32,6 +34,16 @@ def test_without_a_gap_nothing_is_named(problem):
     assert sum(where.states.values()) == 0.0
     assert where.regions == []
     assert where.onset == {}
+
+
+def test_runs_of_unequal_length_share_the_force_channels(stiffness_case):
+    runs = [stiffness_case[1][0].rows(0, 180), stiffness_case[1][2]]
+    problem = make_problem(runs, VehicleParameters())
+    nothing = fit(problem, (), np.zeros(problem.nuisances))
+    rows = [start_rows(run) for run in problem.runs]
+    excess = [np.ones((len(first), len(HORIZONS), len(STATES))) for first in rows]
+    where = locate(problem, excess, rows, misfit(problem, nothing))
+    assert sum(where.channels.values()) == pytest.approx(1.0)
 
 
 def test_each_row_has_a_region(problem):

@@ -36,6 +36,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 DT = 0.1  # [s]
+SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
+SLIP_SOFTENING = 5.0  # [m/s], likewise
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +50,7 @@ class GatheringConfig:
     half_width: float = 3.0  # [m] of the lane
     margin: float = 0.5  # [m] that plans keep from the lane's edge
     max_slip: float = 8.0  # [m/s] of the rear rim over the ground in plans
-    max_sideslip: float = 0.5  # [rad] in plans
+    max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
     alpha: float = 2.0  # weight of the first round's information [1/nat]; see `round_alpha`
     starts: int = 2  # first guesses of Info-OCP: the straight line, and random ones
     updated: bool = False  # covariance updated along the horizon
@@ -82,15 +84,24 @@ def problem_data(config: GatheringConfig, lateral: Array | None = None) -> OcpDa
 
 
 def bound_slip(problem: OptimalControlProblem, config: GatheringConfig) -> None:
-    """Keeps plans where the features were trained and the car can be caught: bounds on wheel spin and sideslip."""
-    states = 6 * (config.steps + 1)
-    x = problem.program.decision_variables()[:states].reshape(-1, 6)[1:]
-    beta_limit = np.full(config.steps, config.max_sideslip / STATE_SCALE[2])
-    problem.program.AddBoundingBoxConstraint(-beta_limit, beta_limit, x[:, 2])
-    eye = np.eye(config.steps)
-    slip = np.concatenate([STATE_SCALE[3] * eye, -STATE_SCALE[1] * eye], axis=1)
-    limit = np.full(config.steps, config.max_slip)
-    problem.program.AddLinearConstraint(slip, -limit, limit, np.concatenate([x[:, 3], x[:, 1]]))
+    """Bounds wheel spin and sideslip: plans stay where the features were trained and the car can be caught.
+
+    Softened by the lane's slack, so that a linearised problem always has a solution.
+    """
+    n = config.steps
+    variables = problem.program.decision_variables()
+    x, slack = variables[: 6 * (n + 1)].reshape(-1, 6)[1:], variables[-n:]
+    eye, unbounded = np.eye(n), np.full(n, np.inf)
+    beta, rim, speed = STATE_SCALE[2] * eye, STATE_SCALE[3] * eye, STATE_SCALE[1] * eye
+    for states, quantity, limit, softening in (
+        (x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING),
+        (x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING),
+    ):
+        for sign in (1.0, -1.0):
+            row = np.concatenate([*(sign * block for block in quantity), -softening * eye], axis=1)
+            problem.program.AddLinearConstraint(
+                row, -unbounded, np.full(n, limit), np.concatenate([states.ravel(order="F"), slack])
+            )
 
 
 def plan(

@@ -51,8 +51,8 @@ Array = NDArray[np.float64]
 DRIFTING = 0.2  # [rad] of sideslip from which on a sample of the held-out drives counts as drifting
 ROLLOUT_STEPS = 20  # 2 s
 # The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
-RANDOM_STEERING, RANDOM_PERIOD = 0.08, 0.4  # [rad], [s]
-SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 2.25  # [m], [s]
+RANDOM_STEERING, RANDOM_PERIOD = 0.05, 0.4  # [rad], [s]
+SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 1.5  # [m], [s]
 
 
 @dataclasses.dataclass(frozen=True)

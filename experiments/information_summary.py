@@ -138,7 +138,7 @@ def markdown(summary: dict[str, Any]) -> str:
         lines.append(f"| {name} | {_cell(model['one_step_scaled'])} | {_cell(model['rollout_scaled'])} | {safety} |")
     lines += [
         "",
-        "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) [m] | abs(beta) [rad] | broken off |",
+        "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | broken off |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for k, found in enumerate(summary["rounds"]):

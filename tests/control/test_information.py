@@ -1,0 +1,150 @@
+"""The information objective against the paper's formulas, and Info-OCP's solutions against SNOPT and IPOPT."""
+
+import numpy as np
+import pytest
+from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
+
+from diagrams.information_gathering import GatheringConfig, problem_data
+from drift_drake.control.information import InformationCost
+from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import update
+
+ALPHA = 1.7
+
+
+@pytest.fixture(scope="module")
+def model() -> BayesianModel:
+    return load()
+
+
+def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    x = np.array([0.0, 12.0, 0.0, 13.0, 0.0, 0.0]) + rng.normal(size=(count, 6)) * [0.6, 2.0, 0.2, 2.0, 0.5, 0.1]
+    u = np.array([0.0, 150.0]) + rng.normal(size=(count + 1, 2)) * [0.2, 80.0]
+    return x, u[:-1], u[1:]
+
+
+def cost(model: BayesianModel, updated: bool) -> InformationCost:
+    return InformationCost(model.network, model.prior().covariance, ALPHA, updated)
+
+
+def test_the_value_is_equation_8(model: BayesianModel) -> None:
+    x, u, u_next = stages(5, 0)
+    covariance = model.prior().covariance
+    expected = 0.0
+    for k in range(5):
+        phi = features(model.network, network_inputs(x[k], u[k], u_next[k]))
+        for i in range(4):
+            expected += 0.5 * np.log(1.0 + phi[i] @ covariance[i] @ phi[i])
+    assert cost(model, False).information(x, u, u_next) == pytest.approx(expected, rel=1e-12)
+    assert cost(model, False).value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-12)
+
+
+def test_the_updated_value_is_the_recursion_of_equation_5(model: BayesianModel) -> None:
+    x, u, u_next = stages(7, 1)
+    belief, expected = model.prior(), 0.0
+    for k in range(7):
+        phi = features(model.network, network_inputs(x[k], u[k], u_next[k]))
+        for i in range(4):
+            expected += 0.5 * np.log(1.0 + phi[i] @ belief.covariance[i] @ phi[i])
+        belief = update(belief, phi, np.zeros(4))
+    assert cost(model, True).information(x, u, u_next) == pytest.approx(expected, rel=1e-8)
+    before, after = (np.linalg.slogdet(c)[1] for c in (model.prior().covariance, belief.covariance))
+    assert expected == pytest.approx(0.5 * np.sum(before - after), rel=1e-7)
+    assert expected < cost(model, False).information(x, u, u_next)
+
+
+@pytest.mark.parametrize("updated", [False, True])
+def test_the_gradient_is_exact(model: BayesianModel, updated: bool) -> None:
+    objective = cost(model, updated)
+    x, u, u_next = stages(4, 2)
+    gradient = objective.gradient_at(x, u, u_next)(x, u, u_next)
+    assert gradient.shape == (4, 10)
+    assert (gradient[:, 4:6] == 0.0).all()
+    point = np.concatenate([x, u, u_next], axis=1)
+    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0])
+    for k in range(4):
+        for j in range(10):
+            values = []
+            for sign in (1.0, -1.0):
+                moved = point.copy()
+                moved[k, j] += sign * 1e-5 * scale[j]
+                values.append(objective.value(moved[:, :6], moved[:, 6:8], moved[:, 8:]))
+            numeric = (values[0] - values[1]) / 2e-5
+            assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=1e-5)
+
+
+def test_a_models_own_states_carry_no_information(model: BayesianModel) -> None:
+    objective = cost(model, False)
+    x, u, u_next = stages(3, 3)
+    longer = np.concatenate([x, np.ones((3, 2))], axis=1)
+    assert objective.value(longer, u, u_next) == objective.value(x, u, u_next)
+    gradient = objective.gradient_at(longer, u, u_next)(longer, u, u_next)
+    plain = objective.gradient_at(x, u, u_next)(x, u, u_next)
+    np.testing.assert_array_equal(gradient[:, :6], plain[:, :6])
+    np.testing.assert_array_equal(gradient[:, 6:8], 0.0)
+    np.testing.assert_array_equal(gradient[:, 8:], plain[:, 6:])
+
+
+def info_ocp(model: BayesianModel, steps: int, updated: bool = False) -> tuple[OptimalControlProblem, list[np.ndarray]]:
+    """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
+    config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
+    prior = model.prior()
+    information = InformationCost(model.network, model.sample_weight * prior.covariance, 0.3, updated)
+    step_model = BayesianStepModel(model.network, prior.mean, model.vehicle.constants())
+    problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
+    data = problem_data(config)
+    problem.set(data)
+    straight = problem.initial_guess(data)
+    guesses = [straight]
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        x, u, _ = problem.unstack(straight)
+        u[1:] = rng.normal(size=(steps, 2)) * [0.1, 60.0] + [0.0, 100.0]
+        guesses.append(problem.stack(x, u))
+    return problem, guesses
+
+
+@pytest.mark.parametrize("updated", [False, True])
+def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, updated: bool) -> None:
+    """There are several local optima: what is compared is the best value of the same first guesses."""
+    problem, guesses = info_ocp(model, 6, updated)
+    solver = LineSearchSqp(problem, SqpOptions(max_iterations=150, tolerance=1e-5))
+    results = [solver.solve(guess) for guess in guesses]
+    feasible = [result.cost for result in results if not result.failed and result.primal_residual < 1e-5]
+    best = min(feasible)
+    options = SolverOptions()
+    options.SetOption(IpoptSolver.id(), "max_iter", 400)
+    referees = []
+    for referee in (SnoptSolver(), IpoptSolver()):
+        solved = [referee.Solve(problem.program, guess, options) for guess in guesses]
+        referees += [result.get_optimal_cost() for result in solved if result.is_success()]
+    assert referees
+    assert best <= min(referees) + 1e-3 * abs(min(referees))
+
+
+def test_each_qp_is_convex(model: BayesianModel) -> None:
+    """The objective's own curvature is negative; what goes to OSQP is not."""
+    problem, guesses = info_ocp(model, 6)
+    solver = LineSearchSqp(problem)
+    assert problem.extra_cost is not None
+    for guess in guesses:
+        z = guess + 0.02 * np.random.default_rng(1).normal(size=guess.size)
+        raw = problem.stage_hessian() + problem.extra_cost.curvature_blocks(z)
+        assert np.linalg.eigvalsh(raw).min() < -1e-3
+        blocks = solver._lagrangian_blocks(z, np.zeros(solver.multiplier_count))
+        assert np.linalg.eigvalsh(blocks).min() > -1e-9
+
+
+def test_information_draws_the_plan_from_the_straight_line(model: BayesianModel) -> None:
+    problem, guesses = info_ocp(model, 8)
+    result = LineSearchSqp(problem, SqpOptions(max_iterations=60, tolerance=1e-4)).solve(guesses[1])
+    x, u, _ = problem.unstack(result.z)
+    straight_x, straight_u, _ = problem.unstack(guesses[0])
+    objective = InformationCost(model.network, model.sample_weight * model.prior().covariance, 1.0)
+    straight = objective.information(straight_x[:-1], straight_u[:-1], straight_u[1:])
+    assert objective.information(x[:-1], u[:-1], u[1:]) > 1.5 * straight

@@ -1,0 +1,120 @@
+"""Information gathering end to end: plans, drives, learning, and the weight of later rounds."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagrams.information_gathering import (
+    GatheringConfig,
+    Options,
+    Trajectory,
+    gather,
+    information,
+    learn,
+    main,
+    plan,
+    problem_data,
+    round_alpha,
+)
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.posterior import covariance_norms
+from drift_drake.vehicle.parameters import VehicleParameters
+
+CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=3, max_iterations=60)
+PARAMETERS = VehicleParameters()
+EFFECTS = draw_effects("validation", 0, 0)
+
+
+@pytest.fixture(scope="module")
+def model() -> BayesianModel:
+    return load()
+
+
+@pytest.fixture(scope="module")
+def ocp(model: BayesianModel) -> Trajectory:
+    return plan(model, model.prior(), CONFIG, 0.0)
+
+
+@pytest.fixture(scope="module")
+def info(model: BayesianModel) -> Trajectory:
+    return plan(model, model.prior(), CONFIG, CONFIG.alpha)
+
+
+def test_the_problem_is_the_papers() -> None:
+    data = problem_data(GatheringConfig())
+    np.testing.assert_array_equal(data.x_init, [0.0, 7.5, 0.0, 7.5, 0.0, 0.0])
+    assert data.x_ref.shape == (46, 6)
+    np.testing.assert_array_equal(data.x_ref[-1], [0.0, 20.0, 0.0, 20.0, 0.0, 0.0])
+    np.testing.assert_allclose(np.diff(data.x_ref[:, 1]), 12.5 / 45)
+
+
+def test_the_ocp_drives_straight_and_info_ocp_does_not(ocp: Trajectory, info: Trajectory) -> None:
+    assert ocp.status == "converged"
+    assert np.abs(ocp.x[:, 4]).max() < 0.05
+    assert info.information > 1.5 * ocp.information
+    assert np.abs(info.u[:, 0]).max() > 0.02
+
+
+def test_plans_keep_their_bounds(info: Trajectory) -> None:
+    lane = CONFIG.half_width - CONFIG.margin
+    assert np.abs(info.x[:, 4]).max() < lane + 1e-3
+    assert np.abs(info.x[:, 2]).max() < CONFIG.max_sideslip + 1e-3
+    assert np.abs(info.x[:, 3] - info.x[:, 1]).max() < CONFIG.max_slip + 1e-2
+    assert np.abs(info.u[:, 0]).max() <= PARAMETERS.steering_limit + 1e-6
+    assert info.u[:, 1].max() <= PARAMETERS.torque_max + 1e-3
+
+
+def test_a_bound_that_binds_is_kept(model: BayesianModel, info: Trajectory) -> None:
+    """Half the wheel spin of the free plan."""
+    free = np.abs(info.x[:, 3] - info.x[:, 1]).max()
+    tight = plan(model, model.prior(), dataclasses.replace(CONFIG, max_slip=0.5 * free), CONFIG.alpha)
+    assert np.abs(tight.x[:, 3] - tight.x[:, 1]).max() < 0.5 * free + 0.02
+
+
+def test_what_is_driven_is_learnt(model: BayesianModel, ocp: Trajectory, info: Trajectory) -> None:
+    prior, totals = model.prior(), {}
+    for name, trajectory in (("ocp", ocp), ("info", info)):
+        samples, table, ending = gather(trajectory, EFFECTS, PARAMETERS, CONFIG, 0)
+        assert ending == "time"
+        assert table["e"].abs().max() < CONFIG.half_width
+        assert len(samples.x) == CONFIG.steps
+        np.testing.assert_allclose(samples.x[0], trajectory.x[0], atol=0.3)
+        after = learn(model, prior, samples)
+        totals[name] = covariance_norms(after)[1]
+        # What is obtained is what the covariances tell.
+        obtained = information(model, prior, samples.x, samples.u, samples.u_next, updated=True)
+        logs = [np.linalg.slogdet(belief.covariance)[1].sum() for belief in (prior, after)]
+        assert obtained == pytest.approx(0.5 * (logs[0] - logs[1]), rel=1e-6)
+    assert totals["info"] < totals["ocp"] < covariance_norms(prior)[1]
+
+
+def test_a_drive_replays_to_the_bit(info: Trajectory) -> None:
+    first, again, other = (gather(info, EFFECTS, PARAMETERS, CONFIG, seed)[0] for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.x, again.x)
+    assert np.abs(first.x - other.x).max() > 0.0
+
+
+def test_a_later_rounds_repeat_of_the_first_drive_keeps_its_worth(model: BayesianModel, info: Trajectory) -> None:
+    prior = model.prior()
+    assert round_alpha(model, prior, info, CONFIG) == pytest.approx(CONFIG.alpha)
+    after = learn(model, prior, gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    alpha = round_alpha(model, after, info, CONFIG)
+    again = information(model, after, info.x[:-1], info.u[:-1], info.u[1:])
+    assert alpha > 2.0 * CONFIG.alpha
+    assert alpha * again == pytest.approx(CONFIG.alpha * info.information)
+
+
+def test_the_command_prints_four_models(capsys: pytest.CaptureFixture[str]) -> None:
+    main(Options(gathering=CONFIG))
+    lines = capsys.readouterr().out.splitlines()
+    totals = {line.split()[0]: float(line.split()[-1]) for line in lines[1:] if "planned" not in line}
+    assert list(totals) == ["prior", "Once-OCP", "Once-Info", "Twice-Info"]
+    assert totals["Twice-Info"] < totals["Once-Info"] < totals["Once-OCP"] < totals["prior"]
+
+
+def test_the_graph_is_drawn(tmp_path: Path) -> None:
+    main(Options(gathering=CONFIG, graph=True, out=tmp_path))
+    assert list(tmp_path.glob("information_gathering.*"))

@@ -35,6 +35,7 @@ from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.plant import POSE
+from drift_drake.vehicle.vehicle_file import read_vehicle
 
 Array = NDArray[np.float64]
 MAX_STEP = 0.01  # [s] of the integrator
@@ -205,7 +206,7 @@ class ClosedLoopConfig:
     """Drives a reference with the nominal model, from errors in lateral position and sideslip, with sensor noise."""
 
     vehicle: Path | None = None
-    """Vehicle file; the default coupe without."""
+    """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
     reference: Literal["figure_8", "loops"] = "figure_8"
     seed: int = 0
     lateral_error: float = 0.5
@@ -220,14 +221,18 @@ class ClosedLoopConfig:
 
     def parameters(self) -> VehicleParameters:
         """The vehicle that the config names."""
-        return VehicleParameters.from_yaml(self.vehicle) if self.vehicle else VehicleParameters()
+        return read_vehicle(self.vehicle)[0] if self.vehicle else VehicleParameters()
+
+    def effects(self) -> Effects:
+        """The effects of the plant that the vehicle file names; the controller does not know of them."""
+        return read_vehicle(self.vehicle)[1] if self.vehicle else Effects()
 
 
 def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
     parameters = config.parameters()
     reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
-    return ClosedLoop(parameters, reference, NominalStepModel(parameters), control=config.control)
+    return ClosedLoop(parameters, reference, NominalStepModel(parameters), config.effects(), control=config.control)
 
 
 def simulate(config: ClosedLoopConfig) -> Run:

@@ -10,10 +10,11 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo test test-slow lint format clean
+.PHONY: help demo blind test test-slow lint format clean
 
 help:
 	@echo "make demo       drive the figure-8 in simulation; pictures and numbers go to runs/"
+	@echo "make blind      the diagnosis's blind check on a few new cases (BLIND_CASES=200 for the full one)"
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-slow  the long checks too"
 	@echo "make lint       linters and type checker alone"
@@ -22,6 +23,15 @@ help:
 
 demo: .venv/installed
 	$(BIN)/python -m diagrams.closed_loop
+
+BLIND_CASES ?= 12
+BLIND_OUT ?= runs/gap_blind-$(shell date +%Y%m%d-%H%M%S)
+
+blind: .venv/installed
+	out=$(BLIND_OUT); \
+	$(BIN)/python -m experiments.gap_blind make --out $$out --count $(BLIND_CASES) && \
+	$(BIN)/python -m experiments.gap_blind answer --out $$out && \
+	$(BIN)/python -m experiments.gap_blind score --out $$out
 
 test: lint
 	$(BIN)/python -m pytest -n 2 -m "not slow"

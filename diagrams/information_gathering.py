@@ -36,6 +36,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 DT = 0.1  # [s]
+QP_RHO = 10.0  # OSQP's, for the information's weight makes these costs larger than the controller's
+FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs
 SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
 SLIP_SOFTENING = 5.0  # [m/s], likewise
 
@@ -54,7 +56,7 @@ class GatheringConfig:
     alpha: float = 2.0  # weight of the first round's information [1/nat]; see `round_alpha`
     starts: int = 2  # first guesses of Info-OCP: the straight line, and random ones
     updated: bool = False  # covariance updated along the horizon
-    max_iterations: int = 60
+    max_iterations: int = 80
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
@@ -130,7 +132,7 @@ def plan(
     data = problem_data(config, lateral)
     problem.set(data)
     options = SqpOptions(
-        max_iterations=config.max_iterations, tolerance=1e-4, qp_tolerance=1e-7, qp_max_iterations=4000
+        max_iterations=config.max_iterations, tolerance=1e-4, qp_tolerance=1e-7, qp_max_iterations=1000, qp_rho=QP_RHO
     )
     solver = LineSearchSqp(problem, options)
     straight = problem.initial_guess(data)
@@ -144,7 +146,7 @@ def plan(
             u[1:, 1] = rng.uniform(50.0, 250.0)
             guess = problem.stack(x, u)
         result = solver.solve(guess)
-        if not result.failed and result.primal_residual < 1e-3 and (best is None or result.cost < best.cost):
+        if not result.failed and result.primal_residual < FEASIBLE and (best is None or result.cost < best.cost):
             best = result
     if best is None:
         raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")

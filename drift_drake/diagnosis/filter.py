@@ -97,7 +97,7 @@ def _start(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: An
     """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
     z[0] = y[first, 0] - effects.gyro_bias
     z[1] = max(y[first, 1], MIN_FILTER_SPEED)
-    z[2] = y[first, 2] - effects.sideslip_bias if used[2] else 0.0
+    z[2] = y[first, 2] - effects.sideslip_bias if used[2] else y[first, 2]
     z[3] = y[first, 3] / (1.0 + effects.wheel_radius_error) if used[3] else z[1]
     for i in range(3):
         z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0

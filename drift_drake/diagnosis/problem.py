@@ -40,6 +40,7 @@ START_MATTERS = (  # effects under which the commands before the first row act o
     frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
     frozenset({"torque_lag", "sensor_latency"}),
 )
+COURSE_TIME = 0.6  # [s] of positions that a first sideslip is taken from
 SETTLING_TIME = 0.35  # [s] at a run's start whose innovations do not count: commands before it are unknown
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
 
@@ -77,6 +78,7 @@ class Problem:
     tolerance: np.ndarray  # standard deviations of NUISANCES
     noise: np.ndarray  # [9] standard deviations of the channels
     process: np.ndarray  # [9] variances a second of the first nine filter states
+    rim_fed: bool = False  # no torque is logged: the rim speed is fed as measured, and the axle's dynamics are left out
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
 
     def replace(self, **changes: object) -> "Problem":
@@ -95,8 +97,8 @@ class Problem:
 
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
 PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
-FED_ROWS = 9  # over which measured motion is averaged where it stands in for a torque that is not logged
-UNKNOWN_TORQUE = 3.0  # [m/s per root s] that the rim speed wanders by then
+FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
+FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
 
 
 def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
@@ -121,36 +123,27 @@ def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale:
             0.7,
         ]
     )
-    data = [prepare_run(run, vehicle) for run in runs]
+    data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2
-    if any(run.tau_cmd is None for run in runs):
-        process[FILTER_STATES.index("omega_r")] = UNKNOWN_TORQUE**2
-    return Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process)
+    fed = any(run.tau_cmd is None for run in runs)
+    if fed:
+        process[FILTER_STATES.index("omega_r")] = FED_RIM**2
+    return Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process, rim_fed=fed)
 
 
-def fed_torque(run: Run, vehicle: VehicleParameters) -> np.ndarray:
-    """Engine torque [N m] that the measured motion asks for, where none is logged.
-
-    What turns the rear axle as measured against the longitudinal force that the measured acceleration takes (the front
-    tyres' part of it, by the lateral acceleration's share of the front axle, left out of the rear's).
-    """
-    p = vehicle
-    smooth = np.ones(FED_ROWS) / FED_ROWS
-    edge = FED_ROWS // 2
-
-    def smoothed(values: np.ndarray) -> np.ndarray:
-        return np.convolve(np.pad(values, edge, mode="edge"), smooth, "valid")
-
-    rim = run.omega_r if run.omega_r is not None else run.v
-    a_x = run.ax if run.ax is not None else np.gradient(smoothed(run.v), run.period)
-    a_y = run.ay if run.ay is not None else run.v * run.r
-    front = p.mass * a_y * p.rear_axle_distance / (p.front_axle_distance + p.rear_axle_distance)
-    force = p.mass * a_x + front * np.tan(run.delta_cmd)
-    spin = p.rear_axle_inertia / p.wheel_radius * np.gradient(smoothed(rim), run.period)
-    return np.asarray((smoothed(force) * p.wheel_radius + smoothed(spin)) / p.gear_ratio)
+def first_sideslip(run: Run) -> float:
+    """Sideslip [rad] at a run's start where none is logged: the course that positions show less the heading."""
+    if run.x is None or run.y is None or run.psi is None:
+        return 0.0
+    rows = max(round(COURSE_TIME / run.period), 2)
+    t = run.t[:rows] - run.t[0]
+    # The turning course at the first row: the slope there of a parabola through the first positions.
+    v_x, v_y = (np.polyfit(t, position[:rows], 2)[1] for position in (run.x, run.y))
+    turn = np.arctan2(v_y, v_x) - np.polyfit(t, np.unwrap(run.psi)[:rows], 2)[2]
+    return float(np.arctan2(np.sin(turn), np.cos(turn)))
 
 
-def prepare_run(run: Run, vehicle: VehicleParameters) -> RunData:
+def prepare_run(run: Run) -> RunData:
     """Channels as an array, the heading unwrapped, the rows that count."""
     y = np.zeros((len(run), MEASURED))
     used = np.zeros(MEASURED, dtype=np.bool_)
@@ -159,7 +152,9 @@ def prepare_run(run: Run, vehicle: VehicleParameters) -> RunData:
         if values is not None:
             y[:, i] = np.unwrap(values) if name == "psi" else values
             used[i] = True
-    tau = run.tau_cmd if run.tau_cmd is not None else fed_torque(run, vehicle)
+    if run.beta is None:
+        y[:, CHANNELS.index("beta")] = first_sideslip(run)  # where the filter starts; no measurement
+    tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
     counted = run.t - run.t[0] >= SETTLING_TIME
     return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)
 
@@ -185,7 +180,7 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
         p.front_axle_distance + n["front_axle_distance"],
         p.rear_axle_distance - n["front_axle_distance"],
         p.wheel_radius * (1.0 + n["wheel_radius"]),
-        p.rear_axle_inertia * (1.0 + n["rear_axle_inertia"]),
+        p.rear_axle_inertia * (1.0 + n["rear_axle_inertia"]) * (FED_INERTIA if problem.rim_fed else 1.0),
         p.gear_ratio * (1.0 + n["torque"]),
         p.friction * (1.0 + n["friction"]),
         p.front_stiffness * (1.0 + n["front_stiffness"]),

@@ -1,16 +1,19 @@
 """Drifts the figure-8 with each of the controllers' models on vehicles that no model was trained on.
 
-    python -m experiments.figure_8 --vehicles 20 --models nominal prior online oracle
+    python -m experiments.figure_8 --vehicles 20 --models nominal prior once_ocp once_info twice_info online oracle
 
-Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `online` (the same, adapting while it
-drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the same for all of them.
-A run starts in the drift, as the paper's hand-brake start does. Broken off, the experiment goes on where it was.
+Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
+(adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
+while it drives) and `oracle` (the true car with its true effects). Only `online` adapts during the run. All else, the
+MPC's weights too, is the same for all of them. A run starts in the drift, as the paper's hand-brake start does. Broken
+off, the experiment goes on where it was.
 """
 
 import concurrent.futures
 import dataclasses
 import json
 import multiprocessing
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -19,19 +22,25 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, learn, plan, round_alpha
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-Model = Literal["nominal", "prior", "online", "oracle"]
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle"]
+
+
+SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +55,7 @@ class Figure8Config:
     vehicle_seed: int = 0  # of the draw of the vehicles
     checkpoint: Path | None = None  # the shipped one without
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     workers: int = 2
     out: Path | None = None
 
@@ -78,12 +88,33 @@ def build(job: Job, reference: Reference) -> ClosedLoop:
         model = EffectsStepModel(parameters, effects)
     else:
         learnt = load(config.checkpoint)
-        model = BayesianStepModel(
-            learnt.network, learnt.prior().mean, learnt.vehicle.constants(), path_step="trapezoid"
-        )
+        mean = believed(job, learnt, effects).mean
+        model = BayesianStepModel(learnt.network, mean, learnt.vehicle.constants(), path_step="trapezoid")
         if job.model == "online":
             adapter = BayesianAdapter(learnt)
     return ClosedLoop(parameters, reference, model, effects=effects, control=config.control, adapter=adapter)
+
+
+@cache
+def prior_plan(learnt: Path | None, config: GatheringConfig, informative: bool) -> Trajectory:
+    """The first drive's plan: the same for all vehicles, since nothing is known of them yet."""
+    model = load(learnt)
+    return plan(model, model.prior(), config, config.alpha if informative else 0.0)
+
+
+def believed(job: Job, learnt: BayesianModel, effects: Effects) -> Posterior:
+    """What is believed of the vehicle before the run: the prior, or what information gathering has taught."""
+    belief, config, parameters = learnt.prior(), job.config.gathering, VehicleParameters()
+    if job.model not in ("once_ocp", "once_info", "twice_info"):
+        return belief
+    first = prior_plan(job.config.checkpoint, config, job.model != "once_ocp")
+    samples, _, _ = gather(first, effects, parameters, config, job.noise_seed)
+    belief = learn(learnt, belief, samples)
+    if job.model == "twice_info":
+        second = plan(learnt, belief, config, round_alpha(learnt, belief, first, config))
+        samples, _, _ = gather(second, effects, parameters, config, SECOND_ROUND + job.noise_seed)
+        belief = learn(learnt, belief, samples)
+    return belief
 
 
 def drive(job: Job) -> None:

@@ -31,7 +31,7 @@ from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, ru
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-SLOWEST = 3.0  # [m/s] below which a run is cut: the model's slips have no meaning at standstill
+SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which a run is cut: slips have no meaning at standstill
 SPUN = 1.1  # [rad] of sideslip beyond which a run is cut: the car has spun
 LEAST_ROWS = 150  # of a run after cutting
 BLIND = {  # effects that need a column to be seen
@@ -62,15 +62,17 @@ class Diagnosis:
     lacking: Regression  # pulses that the car without effects lacks
 
 
-def usable(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
+def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
     """Runs cut where they spin or stand, and warnings about it.
 
     Raises:
         InvalidLogError: nothing is left.
     """
+    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
+    slowest = SLOWEST * float(np.sqrt(vehicle.gravity * wheelbase))
     kept, warnings = [], []
     for run in runs:
-        bad = run.v < SLOWEST
+        bad = run.v < slowest
         if run.beta is not None:
             bad = bad | (np.abs(run.beta) > SPUN)
         first = int(np.argmax(~bad)) if not np.all(bad) else len(run)
@@ -123,7 +125,7 @@ def diagnose(
     began = time.perf_counter()
     calibration = calibration or read_calibration()
     tell = progress or (lambda _stage, _share: None)
-    runs, warnings = usable(runs)
+    runs, warnings = usable(runs, vehicle)
     names, more = seen_effects(runs, catalogue)
     warnings += more
     problem = make_problem(runs, vehicle, process_scale)

@@ -26,7 +26,7 @@ CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
 
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
-MIN_FILTER_SPEED = 1.0  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
+MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
 
 
 @jitable

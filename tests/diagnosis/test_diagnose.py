@@ -101,11 +101,11 @@ def test_spins_and_standstill_are_cut_with_a_warning(stiffness_case):
     run = stiffness_case[1][0]
     beta = run.beta.copy()
     beta[200:] = 1.5
-    kept, warnings = usable([dataclasses.replace(run, beta=beta)])
+    kept, warnings = usable([dataclasses.replace(run, beta=beta)], VehicleParameters())
     assert len(kept[0]) == 200
     assert "spin or standstill" in warnings[0]
     with pytest.raises(InvalidLogError, match="no run has"):
-        usable([dataclasses.replace(run, v=np.full(len(run), 0.5))])
+        usable([dataclasses.replace(run, v=np.full(len(run), 0.5))], VehicleParameters())
 
 
 def test_missing_columns_narrow_the_catalogue(stiffness_case):

@@ -40,6 +40,9 @@ START_MATTERS = (  # effects under which the commands before the first row act o
     frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
     frozenset({"torque_lag", "sensor_latency"}),
 )
+FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] that are tried where nothing tells it
+TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
+WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
 COURSE_TIME = 0.6  # [s] of positions that a first sideslip is taken from
 SETTLING_TIME = 0.35  # [s] at a run's start whose innovations do not count: commands before it are unknown
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
@@ -128,13 +131,39 @@ def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale:
     fed = any(run.tau_cmd is None for run in runs)
     if fed:
         process[FILTER_STATES.index("omega_r")] = FED_RIM**2
-    return Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process, rim_fed=fed)
+    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process, rim_fed=fed)
+    return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 
 
-def first_sideslip(run: Run) -> float:
-    """Sideslip [rad] at a run's start where none is logged: the course that positions show less the heading."""
+def started(problem: Problem, index: int, run: Run) -> RunData:
+    """A run whose first sideslip, where no column tells it, is the one that the nominal car's filter likes best."""
+    data = problem.runs[index]
+    if run.beta is not None or first_sideslip(run) is not None:
+        return data
+    rows = min(round(TRIAL_TIME / run.period), len(run))
+    trials = []
+    for sideslip in FIRST_SIDESLIPS:
+        y = data.y[:rows].copy()
+        y[:, CHANNELS.index("beta")] = sideslip
+        trial = dataclasses.replace(
+            data, y=y, delta=data.delta[:rows], tau=data.tau[:rows], counted=np.arange(rows) > 0
+        )
+        alone = problem.replace(runs=[trial])
+        e = filter_case(alone, np.zeros(alone.nuisances), ()).innovations[0]
+        trials.append((float(np.sum(np.minimum(e**2, WORST_INNOVATION))), sideslip))
+    y = data.y.copy()
+    y[:, CHANNELS.index("beta")] = min(trials, key=lambda trial: trial[0])[1]
+    counted = data.counted & (np.arange(len(y)) * run.period >= TRIAL_TIME)
+    return dataclasses.replace(data, y=y, counted=counted)
+
+
+def first_sideslip(run: Run) -> float | None:
+    """Sideslip [rad] at a run's start where none is logged: the course that positions show less the heading.
+
+    None without positions or heading.
+    """
     if run.x is None or run.y is None or run.psi is None:
-        return 0.0
+        return None
     rows = max(round(COURSE_TIME / run.period), 2)
     t = run.t[:rows] - run.t[0]
     # The turning course at the first row: the slope there of a parabola through the first positions.
@@ -153,7 +182,7 @@ def prepare_run(run: Run) -> RunData:
             y[:, i] = np.unwrap(values) if name == "psi" else values
             used[i] = True
     if run.beta is None:
-        y[:, CHANNELS.index("beta")] = first_sideslip(run)  # where the filter starts; no measurement
+        y[:, CHANNELS.index("beta")] = first_sideslip(run) or 0.0  # where the filter starts; no measurement
     tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
     counted = run.t - run.t[0] >= SETTLING_TIME
     return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)

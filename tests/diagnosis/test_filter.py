@@ -60,6 +60,17 @@ def test_a_missing_column_drops_its_channel_only(stiffness_case):
     assert np.mean(e[:, [0, 1, 2, 5, 6, 7, 8]] ** 2) == pytest.approx(1.0, abs=0.08)
 
 
+@pytest.mark.parametrize("lost", [("beta",), ("beta", "x", "y", "psi", "ax", "ay")])
+def test_a_first_sideslip_is_found_where_none_is_logged(stiffness_case, lost):
+    truth, runs = stiffness_case
+    problem = make_problem([run.without(*lost) for run in runs], VehicleParameters())
+    for run, data in zip(runs, problem.runs, strict=True):
+        assert data.y[0, 2] == pytest.approx(run.beta[0], abs=0.12)
+    gains = filter_case(problem, true_theta(problem, truth), NAMES)
+    e = flat(problem, gains.innovations)
+    assert np.mean(e**2) == pytest.approx(1.0, abs=0.1)
+
+
 def test_noise_level_of_white_noise_on_a_smooth_signal():
     rng = np.random.default_rng(3)
     t = np.arange(4000) * 0.01

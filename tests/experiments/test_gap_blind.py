@@ -1,0 +1,47 @@
+"""The blind check's books: labels stay sealed until the answers are there, and cannot be changed."""
+
+import json
+
+import numpy as np
+import pytest
+
+from drift_drake.logs.table import read_case
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.gap_blind import Make, case_truth, make, opened
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory):
+    out = tmp_path_factory.mktemp("blind")
+    make(Make(out, count=2, workers=1, compiled=True, seed=7))
+    return out
+
+
+def test_cases_are_runs_and_labels_are_not_readable(cases):
+    manifest = json.loads((cases / "manifest.json").read_text())
+    assert len(manifest["cases"]) == 2
+    for name in manifest["cases"]:
+        assert len(read_case(cases / "cases" / name)) == 4
+    sealed = (cases / "labels.sealed").read_bytes()
+    assert b"effects" not in sealed
+    assert not any(name.encode() in sealed for name in CATALOGUE)
+
+
+def test_labels_open_only_after_all_answers_and_only_as_sealed(cases):
+    with pytest.raises(SystemExit, match="2 cases have no answer yet"):
+        opened(cases)
+    (cases / "answers").mkdir()
+    for name in json.loads((cases / "manifest.json").read_text())["cases"]:
+        (cases / "answers" / f"{name}.json").write_text("{}")
+    assert len(opened(cases)) == 2
+    sealed = cases / "labels.sealed"
+    sealed.write_bytes(sealed.read_bytes() + b"x")
+    with pytest.raises(SystemExit, match="not what the manifest's hash"):
+        opened(cases)
+
+
+def test_a_removed_effect_is_named_for_the_catalogue():
+    truth, without = case_truth("removed", np.random.default_rng(0), VehicleParameters())
+    assert list(truth.effects) == without
+    assert case_truth("pair", np.random.default_rng(0), VehicleParameters())[1] == []

@@ -90,7 +90,9 @@ def test_a_models_own_states_carry_no_information(model: BayesianModel) -> None:
     np.testing.assert_array_equal(gradient[:, 8:], plain[:, 6:])
 
 
-def info_ocp(model: BayesianModel, steps: int, updated: bool = False) -> tuple[OptimalControlProblem, list[np.ndarray]]:
+def info_ocp(
+    model: BayesianModel, steps: int, updated: bool = False, count: int = 4
+) -> tuple[OptimalControlProblem, list[np.ndarray]]:
     """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
     config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
     prior = model.prior()
@@ -102,7 +104,7 @@ def info_ocp(model: BayesianModel, steps: int, updated: bool = False) -> tuple[O
     straight = problem.initial_guess(data)
     guesses = [straight]
     rng = np.random.default_rng(0)
-    for _ in range(3):
+    for _ in range(count - 1):
         x, u, _ = problem.unstack(straight)
         u[1:] = rng.normal(size=(steps, 2)) * [0.1, 60.0] + [0.0, 100.0]
         guesses.append(problem.stack(x, u))
@@ -112,7 +114,15 @@ def info_ocp(model: BayesianModel, steps: int, updated: bool = False) -> tuple[O
 @pytest.mark.parametrize("updated", [False, True])
 def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, updated: bool) -> None:
     """There are several local optima: what is compared is the best value of the same first guesses."""
-    problem, guesses = info_ocp(model, 6, updated)
+    check_against_referees(*info_ocp(model, 6, updated))
+
+
+@pytest.mark.slow
+def test_the_sqp_finds_what_snopt_and_ipopt_find_of_ten_starts(model: BayesianModel) -> None:
+    check_against_referees(*info_ocp(model, 12, count=10))
+
+
+def check_against_referees(problem: OptimalControlProblem, guesses: list[np.ndarray]) -> None:
     solver = LineSearchSqp(problem, SqpOptions(max_iterations=150, tolerance=1e-5))
     results = [solver.solve(guess) for guess in guesses]
     feasible = [result.cost for result in results if not result.failed and result.primal_residual < 1e-5]

@@ -8,7 +8,6 @@ hand. Every model is judged by its covariance norms and by its error on the vehi
 has seen nothing. Broken off, the experiment goes on with the vehicles that are missing (give --out).
 """
 
-import concurrent.futures
 import dataclasses
 import json
 import multiprocessing
@@ -226,8 +225,9 @@ class _Vehicle:
         return result
 
 
-def run_vehicle(config: InformationConfig, shared: Shared, folder: Path, index: int) -> None:
+def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
     """One vehicle; its numbers and logs go into the folder, unless they are there already."""
+    config, shared, folder, index = job
     numbers = folder / f"vehicle-{index:03d}.json"
     if not numbers.exists():
         write_json(numbers, _Vehicle(config, index).run(shared, folder))
@@ -244,12 +244,11 @@ def main(config: InformationConfig) -> None:
     write_versions(folder)
     shared = make_shared(config)
     indices = range(config.first, config.first + config.vehicles)
+    jobs = [(config, shared, folder, index) for index in indices]
     # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
-    context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(config.workers, context, max_tasks_per_child=5) as executor:
-        futures = [executor.submit(run_vehicle, config, shared, folder, index) for index in indices]
-        for future in tqdm(concurrent.futures.as_completed(futures), total=len(futures), unit="vehicle"):
-            future.result()
+    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=5) as pool:
+        for _ in tqdm(pool.imap_unordered(run_vehicle, jobs), total=len(jobs), unit="vehicle"):
+            pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
     summary = summarise(results, config.stop_below)
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}

@@ -13,6 +13,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
 from drift_drake.compilation import compiled
+from drift_drake.diagnosis.prior import TOLERANCE_OF
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.effects import CATALOGUE, Effects, Memory, make_effects, motion_with_effects, settled_memory
@@ -288,17 +289,6 @@ def drawn_deviations(rng: np.random.Generator, tolerance: Tolerance) -> dict[str
     return out
 
 
-TOLERATED = {  # effects that are a tolerance, only larger: name of the tolerance
-    "friction_level": "friction",
-    "front_stiffness_error": "front_stiffness",
-    "rear_stiffness_error": "rear_stiffness",
-    "mass_error": "mass",
-    "yaw_inertia_error": "yaw_inertia",
-    "cg_shift": "front_axle_distance",
-    "steering_offset": "steering_offset",
-    "torque_gain_error": "torque",
-    "drivetrain_inertia_error": "rear_axle_inertia",
-}
 LEAST_TOLERANCES = 4.0  # a deviation of a tolerance's size is no gap to report
 
 
@@ -312,8 +302,8 @@ def drawn_magnitude(rng: np.random.Generator, name: str, tolerance: Tolerance) -
         return float(rng.uniform(info.low, info.high))
     end = info.low if rng.uniform() < 0.5 else info.high
     least = 0.125 * abs(end)
-    if name in TOLERATED:
-        least = max(least, LEAST_TOLERANCES * getattr(tolerance, TOLERATED[name]))
+    if name in TOLERANCE_OF:
+        least = max(least, LEAST_TOLERANCES * getattr(tolerance, TOLERANCE_OF[name]))
     return float(np.sign(end) * rng.uniform(least, abs(end)))
 
 

@@ -1,6 +1,7 @@
 """From runs of a car and the file of its simulator to where the gap is, which effect causes it, how far it shrinks."""
 
 import dataclasses
+import multiprocessing
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -251,7 +252,8 @@ def diagnose_all(
     """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given)."""
     folders = case_folders(folder)
     if executor is None:
-        with ProcessPoolExecutor() as own:
+        # Fresh processes: a fork of one that runs threads may hang.
+        with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as own:
             return diagnose_all(folder, vehicle, own, progress)
     jobs = {executor.submit(_answer_folder, path, vehicle): path for path in folders}
     answers = {}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import log_ndtr
 
-from drift_drake.diagnosis.prior import bounds, log_density, scale
+from drift_drake.diagnosis.prior import bounds, is_gap, log_density, scale
 from drift_drake.diagnosis.problem import (
     NUISANCES,
     START_MATTERS,
@@ -215,7 +215,9 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     mode = theta - covariance @ (jacobian.T @ e + prior * theta)
     log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names)
     log_evidence -= TOLERANCES * float(np.log(problem.exactness))
-    if not np.isfinite(log_evidence):  # a filter that diverged
+    magnitudes = zip(names, theta[problem.nuisances :], strict=True)
+    known = all(is_gap(name, float(q), problem.vehicle.tolerance) for name, q in magnitudes)
+    if not known or not np.isfinite(log_evidence):  # within tolerance, or a filter that diverged
         log_evidence = -np.inf
     return Fit(
         tuple(names), theta, at.cost, covariance, log_evidence, float(np.mean(e**2)), at.iterations, problem.exactness

@@ -3,9 +3,22 @@
 import numpy as np
 
 from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import Tolerance
 
 REACH = 1.5  # magnitudes are believed up to this many times the ends of the practical range
 LEAST = 0.5  # and unsigned ones down to this part of its low end
+TOLERANCE_OF = {  # effects that are a tolerance of the vehicle file, only larger: name of the tolerance
+    "friction_level": "friction",
+    "front_stiffness_error": "front_stiffness",
+    "rear_stiffness_error": "rear_stiffness",
+    "mass_error": "mass",
+    "yaw_inertia_error": "yaw_inertia",
+    "cg_shift": "front_axle_distance",
+    "steering_offset": "steering_offset",
+    "torque_gain_error": "torque",
+    "drivetrain_inertia_error": "rear_axle_inertia",
+}
+NO_GAP = 1.5  # tolerances up to which such an effect is none: a deviation of a tolerance's size is no gap to report
 LOG_SCALED = (
     "steering_lag",
     "steering_delay",
@@ -27,6 +40,13 @@ def scale(name: str) -> float:
     """Unit of a magnitude in the solver: the far end of its practical range."""
     info = CATALOGUE[name]
     return max(abs(info.low), abs(info.high))
+
+
+def is_gap(name: str, magnitude: float, tolerance: Tolerance) -> bool:
+    """Whether a magnitude is more than the vehicle file's own tolerance allows for."""
+    if name not in TOLERANCE_OF:
+        return True
+    return abs(magnitude) > NO_GAP * float(getattr(tolerance, TOLERANCE_OF[name]))
 
 
 def starts(name: str) -> list[float]:

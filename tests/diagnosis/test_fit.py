@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from drift_drake.diagnosis.fit import fit, laplace_terms, sensitivity
-from drift_drake.diagnosis.prior import bounds, log_density, starts
+from drift_drake.diagnosis.prior import NO_GAP, bounds, is_gap, log_density, starts
 from drift_drake.diagnosis.problem import NUISANCES, filter_case, make_problem, observe_case
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -76,3 +76,12 @@ def test_starts_lie_within_bounds():
     for name in CATALOGUE:
         low, high = bounds(name)
         assert all(low < q < high for q in starts(name))
+
+
+def test_a_deviation_within_tolerance_is_no_gap(problem):
+    tolerance = VehicleParameters().tolerance
+    assert not is_gap("mass_error", 0.9 * NO_GAP * tolerance.mass, tolerance)
+    assert is_gap("mass_error", -1.1 * NO_GAP * tolerance.mass, tolerance)
+    assert is_gap("gyro_bias", 1e-6, tolerance)
+    start = np.append(np.zeros(problem.nuisances), 0.5 * tolerance.yaw_inertia)
+    assert fit(problem, ("yaw_inertia_error",), start, iterations=0).log_evidence == -np.inf

@@ -25,8 +25,8 @@ from drift_drake.diagnosis.fit import (
     prior_precision,
     sensitivity,
 )
-from drift_drake.diagnosis.prior import scale, starts
-from drift_drake.diagnosis.problem import TOLERANCES, Gains, Problem, filter_case, flat, observe_case
+from drift_drake.diagnosis.prior import TOLERANCE_OF, bounds, scale, starts
+from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
 
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and fits are started
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
@@ -36,6 +36,7 @@ NEAR = 100.0  # [nats] behind the best, under coarse process noise, within which
 HOPELESS = 40.0  # [nats] by which an exact vehicle file may be predicted to be worse and yet be tried
 STEPPED_SINGLES, LEAST_SINGLES, FULL_SINGLES = 10, 3, 6  # additions that get re-linearised steps, full fits
 SEEDS, STEPPED_PAIRS, LEAST_PAIRS, FULL_PAIRS = 3, 5, 2, 4  # singles that pairs are grown from; as above
+STRETCHED, MOST_HANDED_OVER = 2.5, 3  # tolerances beyond which an effect is tried in a deviation's place; how many
 FEW_SEEDS, FEW_PAIRS = 1, 3  # where the best single may be the whole story
 
 Progress = Callable[[str, float], None]
@@ -236,6 +237,20 @@ def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: P
     return Found(fits)
 
 
+def handed_over(problem: Problem, seed: Fit, names: Sequence[str]) -> list[Candidate]:
+    """A seed whose vehicle's deviations are stretched, with each such deviation taken over by the effect that it is."""
+    out = []
+    for name, tolerance in TOLERANCE_OF.items():
+        at = NUISANCES.index(tolerance)
+        stretched = seed.theta[at]
+        if name in names and name not in seed.names and abs(stretched) > STRETCHED:
+            theta = seed.theta.copy()
+            theta[at] = 0.0
+            magnitude = float(np.clip(stretched * problem.tolerance[at], *bounds(name)))
+            out.append(Candidate((*seed.names, name), np.append(theta, magnitude), -abs(stretched)))
+    return sorted(out, key=lambda c: c.cost)[:MOST_HANDED_OVER]
+
+
 def search_pairs(
     problem: Problem, names: Sequence[str], fits: dict[tuple[Names, float], Fit], pool: ThreadPoolExecutor
 ) -> dict[tuple[Names, float], Fit]:
@@ -257,4 +272,8 @@ def search_pairs(
     for seed in seeds[: FEW_SEEDS if adequate else SEEDS]:
         grown = additions(rough, make_base(rough, seed.names, seed.theta), names, exactnesses, STEPPED_PAIRS, pool)
         pairs = [best_of([*some, *more]) for some, more in zip(pairs, grown, strict=True)]
-    return full_all(problem, pairs, LEAST_PAIRS, FEW_PAIRS if adequate else FULL_PAIRS, pool)
+    found = full_all(problem, pairs, LEAST_PAIRS, FEW_PAIRS if adequate else FULL_PAIRS, pool)
+    new = [c for c in handed_over(problem, best, names) if tuple(sorted(c.names)) not in {key for key, _ in found}]
+    for result in pool.map(lambda c: full(problem, c.names, c.theta), new):
+        found |= result
+    return found

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.search import Candidate, Found, best_of, canonical
+from drift_drake.diagnosis.problem import NUISANCES, make_problem
+from drift_drake.diagnosis.search import Candidate, Found, best_of, canonical, handed_over
+from drift_drake.vehicle.parameters import VehicleParameters
 
 
 def test_the_best_candidate_of_each_set_of_effects_survives():
@@ -33,3 +35,16 @@ def test_evidence_is_the_mean_over_exactnesses():
     ((best, evidence),) = found.hypotheses()
     assert best.exactness == 0.05
     assert evidence == pytest.approx(np.log(0.5 * (np.exp(2.0) + np.exp(3.0))))
+
+
+def test_a_stretched_deviation_is_handed_over_to_its_effect(stiffness_case):
+    problem = make_problem(stiffness_case[1], VehicleParameters())
+    theta = np.zeros(problem.nuisances + 1)
+    at = NUISANCES.index("friction")
+    theta[at], theta[-1] = -20.0, 0.05
+    seed = Fit(("steering_lag",), theta, 0.0, np.eye(len(theta)), 0.0, 1.0, 1)
+    (candidate,) = handed_over(problem, seed, ["friction_level", "mass_error"])
+    assert candidate.names == ("steering_lag", "friction_level")
+    assert candidate.theta[at] == 0.0
+    np.testing.assert_allclose(candidate.theta[-2:], [0.05, -0.2])
+    assert handed_over(problem, seed, ["mass_error"]) == []

@@ -123,9 +123,12 @@ def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int) ->
             if command.json is not None:
                 answer.write(command.json / f"{answer.case}.json")
 
-        answers = diagnose_all(command.case, vehicle, progress=done)
+        refused: list[InvalidLogError] = []
+        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append)
     for answer in answers:
         _say(answer)
+    if refused:
+        raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
 
 
 def _say(answer: Answer) -> None:

@@ -248,17 +248,28 @@ def diagnose_all(
     vehicle: VehicleParameters,
     executor: Executor | None = None,
     progress: Callable[[Answer], None] | None = None,
+    refused: Callable[[InvalidLogError], None] | None = None,
 ) -> list[Answer]:
-    """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given)."""
+    """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given).
+
+    A case whose logs cannot be used is told to `refused` and left out; without `refused`, its error ends the work.
+    """
     folders = case_folders(folder)
     if executor is None:
         # Fresh processes: a fork of one that runs threads may hang.
         with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as own:
-            return diagnose_all(folder, vehicle, own, progress)
+            return diagnose_all(folder, vehicle, own, progress, refused)
     jobs = {executor.submit(_answer_folder, path, vehicle): path for path in folders}
     answers = {}
     for job in as_completed(jobs):
-        answers[jobs[job]] = job.result()
+        try:
+            answer = job.result()
+        except InvalidLogError as error:
+            if refused is None:
+                raise
+            refused(error)
+            continue
+        answers[jobs[job]] = answer
         if progress is not None:
-            progress(answers[jobs[job]])
-    return [answers[path] for path in folders]
+            progress(answer)
+    return [answers[path] for path in folders if path in answers]

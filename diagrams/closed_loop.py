@@ -27,6 +27,8 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import load
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder
@@ -203,11 +205,14 @@ class Run:
 
 @dataclasses.dataclass(frozen=True)
 class ClosedLoopConfig:
-    """Drives a reference with the nominal model, from errors in lateral position and sideslip, with sensor noise."""
+    """Drives a reference under MPC, from errors in lateral position and sideslip, with sensor noise."""
 
     vehicle: Path | None = None
     """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
     reference: Literal["figure_8", "loops"] = "figure_8"
+    model: Literal["nominal", "prior", "online"] = "nominal"
+    """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
+    coupe) as it is, or adapting as it drives."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -232,7 +237,14 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
     parameters = config.parameters()
     reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
-    return ClosedLoop(parameters, reference, NominalStepModel(parameters), config.effects(), control=config.control)
+    model: StepModel = NominalStepModel(parameters)
+    adapter: BayesianAdapter | None = None
+    if config.model != "nominal":
+        learnt = load()
+        constants = learnt.vehicle.constants()
+        model = BayesianStepModel(learnt.network, learnt.prior().mean, constants, path_step="trapezoid")
+        adapter = BayesianAdapter(learnt) if config.model == "online" else None
+    return ClosedLoop(parameters, reference, model, config.effects(), control=config.control, adapter=adapter)
 
 
 def simulate(config: ClosedLoopConfig) -> Run:

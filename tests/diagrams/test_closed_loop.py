@@ -120,9 +120,20 @@ def test_main_writes_a_run_folder(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(ClosedLoopConfig(out=tmp_path, graph=True))
+    main(ClosedLoopConfig(out=tmp_path, model="online", graph=True))
     svg = (tmp_path / "closed_loop.svg").read_text()
-    for name in ("controller", "actuator", "plant", "sampler", "measured_state", "plan", "command"):
+    for name in (
+        "adapter",
+        "posterior_mean",
+        "theta",
+        "controller",
+        "actuator",
+        "plant",
+        "sampler",
+        "measured_state",
+        "plan",
+        "command",
+    ):
         assert name in svg
     assert (tmp_path / "closed_loop.png").stat().st_size > 10_000
     assert "closed_loop.svg" in capsys.readouterr().out

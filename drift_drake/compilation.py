@@ -1,6 +1,7 @@
 """Compiled functions: numba, cached on disk, without numba's stale-cache trap."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,8 +17,10 @@ def _drop_stale_caches() -> None:
     package = Path(__file__).parent
     newest = max(source.stat().st_mtime for source in package.rglob("*.py"))
     for index in package.rglob("*.nbi"):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
+        # Another process may be dropping the same caches at the same time.
+        with suppress(FileNotFoundError):
+            if index.stat().st_mtime < newest:
+                index.unlink()
 
 
 def compiled(function: Function) -> Function:

@@ -27,8 +27,8 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
-from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder
@@ -241,8 +241,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     adapter: BayesianAdapter | None = None
     if config.model != "nominal":
         learnt = load()
-        constants = learnt.vehicle.constants()
-        model = BayesianStepModel(learnt.network, learnt.prior().mean, constants, path_step="trapezoid")
+        model = step_model(learnt, learnt.prior(), "trapezoid")
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
     return ClosedLoop(parameters, reference, model, config.effects(), control=config.control, adapter=adapter)
 

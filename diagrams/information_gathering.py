@@ -22,10 +22,9 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.bayesian_step import BayesianStepModel, residual
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.features import features, network_inputs
-from drift_drake.model.posterior import Posterior, covariance_norms, update_all
+from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import straight_line
@@ -122,11 +121,11 @@ def plan(
     Raises:
         RuntimeError: no first guess led to a feasible trajectory.
     """
-    step_model = BayesianStepModel(model.network, belief.mean, model.vehicle.constants())
+    believed = step_model(model, belief)
     # The information is what the regression will make of a sample, weight included.
     cost = InformationCost(model.network, model.sample_weight * belief.covariance, alpha, config.updated)
     problem = OptimalControlProblem(
-        step_model, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
+        believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
     bound_slip(problem, config)
     data = problem_data(config, lateral)
@@ -192,13 +191,6 @@ def gather(
     drive = execution(trajectory, effects, parameters, config)
     table, ending = drive.run(trajectory.x[0], 0.0, config.steps * DT, seed)
     return samples_from_log(table, None, 0, 0), table, ending
-
-
-def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
-    """The belief after samples."""
-    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
-    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
-    return update_all(belief, phi, y, model.sample_weight)
 
 
 @dataclasses.dataclass(frozen=True)

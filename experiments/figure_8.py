@@ -22,14 +22,14 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, learn, plan, round_alpha
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, plan, round_alpha
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import learn, step_model
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference, figure_8
@@ -88,8 +88,7 @@ def build(job: Job, reference: Reference) -> ClosedLoop:
         model = EffectsStepModel(parameters, effects)
     else:
         learnt = load(config.checkpoint)
-        mean = believed(job, learnt, effects).mean
-        model = BayesianStepModel(learnt.network, mean, learnt.vehicle.constants(), path_step="trapezoid")
+        model = step_model(learnt, believed(job, learnt, effects), "trapezoid")
         if job.model == "online":
             adapter = BayesianAdapter(learnt)
     return ClosedLoop(parameters, reference, model, effects=effects, control=config.control, adapter=adapter)

@@ -28,7 +28,6 @@ from diagrams.information_gathering import (
     Trajectory,
     gather,
     information,
-    learn,
     plan,
     round_alpha,
 )
@@ -37,7 +36,7 @@ from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.features import INPUT_SCALE, STATE_COUNT
 from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import rollout_errors, step_errors, step_model
+from drift_drake.model.quality import learn, rollout_errors, step_errors, step_model
 from drift_drake.model.samples import Samples, load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects

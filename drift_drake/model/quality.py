@@ -53,11 +53,16 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
     return Split(adaptation.where(np.arange(points)), drives[used:])
 
 
-def adapted(model: BayesianModel, samples: Samples) -> Posterior:
-    """The model's posterior after samples."""
+def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
+    """The belief after samples."""
     phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
     y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
-    return update_all(model.prior(), phi, y, model.sample_weight)
+    return update_all(belief, phi, y, model.sample_weight)
+
+
+def adapted(model: BayesianModel, samples: Samples) -> Posterior:
+    """The model's posterior after samples."""
+    return learn(model, model.prior(), samples)
 
 
 def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Samples) -> tuple[Array, Array]:

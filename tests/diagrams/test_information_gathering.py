@@ -12,7 +12,6 @@ from diagrams.information_gathering import (
     Trajectory,
     gather,
     information,
-    learn,
     main,
     plan,
     problem_data,
@@ -21,6 +20,7 @@ from diagrams.information_gathering import (
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import covariance_norms
+from drift_drake.model.quality import learn
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=3, max_iterations=60)

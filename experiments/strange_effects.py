@@ -77,7 +77,7 @@ def strange_wrench(
     m_z = m_z - p.rear_axle_distance * (moved_y - plain_y)
     # Aligning moment: a pneumatic trail that vanishes as the front slides.
     v_x, v_y = front_contact_velocity(r, v, beta, delta, p.front_axle_distance)
-    sigma_f = front_slip(v_x, v_y)
+    _, sigma_f = front_slip(v_x, v_y, omega_r, p.front_coupling)
     _, f_yf = brush_force(0.0 * v_x, sigma_f, p.front_stiffness, p.friction, f_zf)
     full = 3.0 * p.friction * f_zf / p.front_stiffness
     grip = maximum(1.0 - absolute(sigma_f) / full, 0.0)

@@ -215,6 +215,7 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
         p.front_stiffness * (1.0 + n["front_stiffness"]),
         p.rear_stiffness * (1.0 + n["rear_stiffness"]),
         p.gravity,
+        p.front_coupling,
     )
     magnitudes = dict(zip(names, (float(q) for q in theta[problem.nuisances :]), strict=True))
     magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + n["steering_offset"]

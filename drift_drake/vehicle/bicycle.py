@@ -39,9 +39,14 @@ def front_contact_velocity(r: Any, v: Any, beta: Any, delta: Any, a: Any) -> tup
 
 
 @jitable
-def front_slip(v_x: Any, v_y: Any) -> Any:
-    """Lateral slip of the (undriven) front axle from its contact velocity [m/s]."""
-    return v_y / maximum(v_x, MIN_SLIP_SPEED)
+def front_slip(v_x: Any, v_y: Any, omega_r: Any, coupling: Any) -> tuple[Any, Any]:
+    """Longitudinal and lateral slip (sigma_x, sigma_y) of the front axle from its contact velocity [m/s].
+
+    Its rim rolls freely (coupling 0: no longitudinal slip), turns with the rear's (1), or in between.
+    """
+    excess = coupling * (omega_r - v_x)
+    rolling = maximum(v_x + excess, MIN_SLIP_SPEED)
+    return excess / rolling, v_y / rolling
 
 
 @jitable
@@ -75,9 +80,9 @@ def planar_motion(r: Any, v: Any, beta: Any, a_x: Any, a_y: Any) -> tuple[Any, A
 
 
 @jitable
-def wheel_acceleration(axle_torque: Any, f_xr: Any, wheel_radius: Any, axle_inertia: Any) -> Any:
-    """d(omega_r)/dt [m/s^2] of the rim: (axle torque - F_xr R_w) / I_w * R_w."""
-    return (axle_torque - f_xr * wheel_radius) / axle_inertia * wheel_radius
+def wheel_acceleration(axle_torque: Any, f_x: Any, wheel_radius: Any, axle_inertia: Any) -> Any:
+    """d(omega_r)/dt [m/s^2] of the rim: (axle torque - F_x R_w) / I_w * R_w, F_x that of all driven wheels."""
+    return (axle_torque - f_x * wheel_radius) / axle_inertia * wheel_radius
 
 
 @jitable
@@ -86,14 +91,14 @@ def motion(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Con
     """The nominal car's motion under its own tyres and an optional body-frame force [N] and yaw moment [N m]."""
     f_zf, f_zr = static_loads(p)
     v_x, v_y = front_contact_velocity(r, v, beta, delta, p.front_axle_distance)
-    # An undriven axle has no longitudinal slip; 0 * v_x is a zero of v_x's own type.
-    _, f_yf = brush_force(0.0 * v_x, front_slip(v_x, v_y), p.front_stiffness, p.friction, f_zf)
+    sigma_xf, sigma_yf = front_slip(v_x, v_y, omega_r, p.front_coupling)
+    f_xf, f_yf = brush_force(sigma_xf, sigma_yf, p.front_stiffness, p.friction, f_zf)
     sigma_x, sigma_y = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     f_xr, f_yr = brush_force(sigma_x, sigma_y, p.rear_stiffness, p.friction, f_zr)
-    f_x, f_y, m_z = body_wrench(delta, 0.0, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
+    f_x, f_y, m_z = body_wrench(delta, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
-    omega_r_dot = wheel_acceleration(p.gear_ratio * tau, f_xr, p.wheel_radius, p.rear_axle_inertia)
+    omega_r_dot = wheel_acceleration(p.gear_ratio * tau, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
     return Motion((m_z + moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y)
 
 

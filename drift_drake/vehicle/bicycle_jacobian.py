@@ -46,10 +46,12 @@ def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a:
     du_y = (0.0, sb, u_x, 0.0, 0.0)
     front_y = u_y + lf * r
     v_x, v_y = u_x * cd + front_y * sd, -u_x * sd + front_y * cd
-    floor_f = v_x <= MIN_SLIP_SPEED
-    den_f = MIN_SLIP_SPEED if floor_f else v_x
-    slip_f = v_y / den_f
-    _, f_yf, _, _, _, k_f = brush_gradient(0.0, slip_f, p.front_stiffness, p.friction * f_zf)
+    share = p.front_coupling
+    rim_f = v_x + share * (omega_r - v_x)
+    floor_f = rim_f <= MIN_SLIP_SPEED
+    den_f = MIN_SLIP_SPEED if floor_f else rim_f
+    slip_xf, slip_yf = share * (omega_r - v_x) / den_f, v_y / den_f
+    f_xf, f_yf, k_fxx, k_fxy, k_fyx, k_fyy = brush_gradient(slip_xf, slip_yf, p.front_stiffness, p.friction * f_zf)
     floor_r = omega_r <= MIN_SLIP_SPEED
     den_r = MIN_SLIP_SPEED if floor_r else omega_r
     slip_x, slip_y = (omega_r - u_x) / den_r, (u_y - lr * r) / den_r
@@ -62,21 +64,25 @@ def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a:
         steer = 1.0 if j == 4 else 0.0
         dv_x = du_x[j] * cd + dfront_y * sd + steer * v_y
         dv_y = -du_x[j] * sd + dfront_y * cd - steer * v_x
-        df_yf = k_f * (dv_y - (0.0 if floor_f else slip_f * dv_x)) / den_f
         spin = 1.0 if j == 3 else 0.0
+        dexcess = share * (spin - dv_x)
+        dden_f = 0.0 if floor_f else dv_x + dexcess
+        dslip_xf, dslip_yf = (dexcess - slip_xf * dden_f) / den_f, (dv_y - slip_yf * dden_f) / den_f
+        df_xf = k_fxx * dslip_xf + k_fxy * dslip_yf
+        df_yf = k_fyx * dslip_xf + k_fyy * dslip_yf
         dden_r = 0.0 if floor_r else spin
         dslip_x = (spin - du_x[j] - slip_x * dden_r) / den_r
         dslip_y = (du_y[j] - (lr if j == 0 else 0.0) - slip_y * dden_r) / den_r
         df_xr = k_xx * dslip_x + k_xy * dslip_y
         df_yr = k_yx * dslip_x + k_yy * dslip_y
-        dlateral = df_yf * cd - steer * f_yf * sd
-        da_x = (-df_yf * sd - steer * f_yf * cd + df_xr) / p.mass
+        dlateral = df_yf * cd - steer * f_yf * sd + df_xf * sd + steer * f_xf * cd
+        da_x = (df_xf * cd - steer * f_xf * sd - df_yf * sd - steer * f_yf * cd + df_xr) / p.mass
         da_y = (dlateral + df_yr) / p.mass
         turn = 1.0 if j == 2 else 0.0
         dv_dot = da_x * cb + da_y * sb + turn * course
         dcourse = da_y * cb - da_x * sb - turn * rates.v_dot
         dbeta_dot = dcourse / v_floor - (0.0 if slow or j != 1 else course / (v * v)) - (1.0 if j == 0 else 0.0)
-        drim = -df_xr * p.wheel_radius * p.wheel_radius / p.rear_axle_inertia
+        drim = -(df_xr + df_xf) * p.wheel_radius * p.wheel_radius / p.rear_axle_inertia
         ds_dot = s_dot / v if j == 1 else 0.0
         ddphi_dot = dbeta_dot + (1.0 if j == 0 else 0.0) - curvature * ds_dot
         column = (

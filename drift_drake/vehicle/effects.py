@@ -20,7 +20,7 @@ from drift_drake.vehicle.bicycle import (
     wheel_acceleration,
 )
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.scalar import absolute, clip, cos, exp, jitable, maximum, norm2, select, sin, tanh
+from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, norm2, select, sin, tanh
 from drift_drake.vehicle.tires import brush_force
 
 SLIDING_SPEED_SCALE = 3.0  # [m/s] over which sliding friction drops
@@ -139,6 +139,7 @@ def changed_constants(p: Constants, q: Effects) -> Constants:
         p.front_stiffness * (1.0 + q.front_stiffness_error),
         p.rear_stiffness * (1.0 + q.rear_stiffness_error),
         p.gravity,
+        p.front_coupling,
     )
 
 
@@ -181,20 +182,21 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
 
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
-    kinematic_front = front_slip(v_x, v_y)
+    sigma_xf, kinematic_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
     sigma_x, kinematic_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     sigma_front = select(0.0, q.tyre_relaxation, memory.front_slip, kinematic_front)
     sigma_rear = select(0.0, q.tyre_relaxation, memory.rear_slip, kinematic_rear)
-    front_sliding, rear_sliding = absolute(v_y), norm2(omega_r - u_x, rear_v_y)
+    front_sliding = norm2(p.front_coupling * (omega_r - v_x), v_y)
+    rear_sliding = norm2(omega_r - u_x, rear_v_y)
 
     mu_front = p.friction * (1.0 + q.front_rear_friction_split)
     mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
     mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
     mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
-    _, f_yf = brush_force(0.0 * v_x, sigma_front, p.front_stiffness, mu_front, f_zf)
+    f_xf, f_yf = brush_force(sigma_xf, sigma_front, p.front_stiffness, mu_front, f_zf)
     f_xr, f_yr = brush_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear, f_zr)
 
-    f_x, f_y, m_z = body_wrench(wheel_angle, 0.0, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
+    f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
     f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - uphill * cos(psi) + force_x
     f_y = f_y - drag * sin(beta) + uphill * sin(psi) + force_y
@@ -203,7 +205,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     a_x, a_y = f_x / p.mass, f_y / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
-    omega_r_dot = wheel_acceleration(axle_torque, f_xr, p.wheel_radius, p.rear_axle_inertia)
+    omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
     relaxation = maximum(q.tyre_relaxation, 1e-3)
     rates = Memory(
@@ -214,7 +216,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         * (kinematic_front - memory.front_slip)
         * select(0.0, q.tyre_relaxation, 1.0, 0.0),
         maximum(u_x, 1.0) / relaxation * (kinematic_rear - memory.rear_slip) * select(0.0, q.tyre_relaxation, 1.0, 0.0),
-        absolute(f_yf) * front_sliding / HEAT_UNIT - memory.front_heat / COOLING_TIME,
+        norm2(f_xf, f_yf) * front_sliding / HEAT_UNIT - memory.front_heat / COOLING_TIME,
         norm2(f_xr, f_yr) * rear_sliding / HEAT_UNIT - memory.rear_heat / COOLING_TIME,
         (a_x - memory.a_x) / LOAD_FILTER_TIME,
         (a_y - memory.a_y) / LOAD_FILTER_TIME,
@@ -231,7 +233,8 @@ def settled_memory(
     v_x, v_y = front_contact_velocity(r, v, beta, delta + q.steering_offset, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     zero = 0.0 * v_x
-    memory = Memory(delta + zero, tau + zero, front_slip(v_x, v_y), sigma_rear + zero, zero, zero, zero, zero)
+    _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
+    memory = Memory(delta + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero, zero, zero)
     motion, _ = motion_with_effects(r, v, beta, omega_r, psi, memory, delta, tau, nominal, q)
     return Memory(
         memory.steering, memory.torque, memory.front_slip, memory.rear_slip, zero, zero, motion.a_x, motion.a_y

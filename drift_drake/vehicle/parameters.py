@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
+OPTIONAL = ("front_coupling", "tolerance")  # keys that a vehicle file may leave out
+
 
 class InvalidVehicleError(ValueError):
     """A vehicle file that cannot be used; the message names the file, the key and the mend."""
@@ -26,6 +28,7 @@ class Constants(NamedTuple):
     front_stiffness: Any
     rear_stiffness: Any
     gravity: Any
+    front_coupling: Any
 
 
 def _entry(unit: str, symbol: str, default: float, positive: bool = True) -> Any:
@@ -54,7 +57,12 @@ class Tolerance:
 
 @dataclasses.dataclass(frozen=True)
 class VehicleParameters:
-    """A rear-wheel-drive single-track car. Defaults: a plausible coupe (they describe no measured vehicle)."""
+    """A single-track car, driven at the rear or at both axles. Defaults: a plausible coupe, no measured vehicle.
+
+    `front_coupling` ties the front rim to the rear's: 0 is rear-wheel drive (the front rolls freely), 1 one shaft for
+    both axles; in between, the front rim takes over that share of the difference in speed. `rear_axle_inertia` and the
+    torque are then those of the whole driveline. A file may leave it out.
+    """
 
     mass: float = _entry("kg", "m", 1650.0)
     yaw_inertia: float = _entry("kg m^2", "I_z", 2350.0)
@@ -67,6 +75,7 @@ class VehicleParameters:
     front_stiffness: float = _entry("N per unit slip", "C_f", 1.4e5)
     rear_stiffness: float = _entry("N per unit slip", "C_r", 2.2e5)
     gravity: float = _entry("m/s^2", "g", 9.81)
+    front_coupling: float = _entry("-", "c_f", 0.0, positive=False)
     steering_limit: float = _entry("rad", "delta_max", 0.66)
     torque_min: float = _entry("N m", "tau_min", -50.0, positive=False)
     torque_max: float = _entry("N m", "tau_max", 450.0, positive=False)
@@ -80,6 +89,10 @@ class VehicleParameters:
         if self.torque_min >= self.torque_max:
             raise InvalidVehicleError(
                 f"torque_min ({self.torque_min:g} N m) must lie below torque_max ({self.torque_max:g} N m)"
+            )
+        if not 0.0 <= self.front_coupling <= 1.0:
+            raise InvalidVehicleError(
+                f"front_coupling is {self.front_coupling:g}; give 0 (rear-wheel drive) to 1 (one shaft for both axles)"
             )
         if self.steering_limit >= math.pi / 2:
             raise InvalidVehicleError(f"steering_limit is {self.steering_limit:g} rad; give it in radians, below pi/2")
@@ -104,7 +117,7 @@ class VehicleParameters:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "vehicle") -> "VehicleParameters":
-        """Parameters from plain data; every parameter must be there, none may be unknown.
+        """Parameters from plain data; every parameter but those of `OPTIONAL` must be there, none may be unknown.
 
         Raises:
             InvalidVehicleError: names `source`, the key and the mend.
@@ -112,7 +125,7 @@ class VehicleParameters:
         if not isinstance(data, dict):
             raise InvalidVehicleError(f"{source}: expected 'name: value' lines, found {type(data).__name__}")
         known = {field.name: field for field in dataclasses.fields(cls)}
-        _check_keys(source, "", data, set(known), required=set(known) - {"tolerance"})
+        _check_keys(source, "", data, set(known), required=set(known) - set(OPTIONAL))
         tolerance = data.get("tolerance", {})
         if not isinstance(tolerance, dict):
             raise InvalidVehicleError(f"{source}: 'tolerance' must hold 'name: standard deviation' lines")

@@ -95,12 +95,12 @@ def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: 
 # tuples of numbers.
 @compiled
 def _nominal_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array) -> Array:
-    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*to_fixed_tuple(p, 11))))
+    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*to_fixed_tuple(p, 12))))
 
 
 @compiled
 def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    constants, effects = Constants(*to_fixed_tuple(p, 11)), Effects(*to_fixed_tuple(q, 28))
+    constants, effects = Constants(*to_fixed_tuple(p, 12)), Effects(*to_fixed_tuple(q, 28))
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
 
 

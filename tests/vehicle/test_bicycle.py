@@ -10,12 +10,21 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.symbolic import Expression, MakeVectorVariable
 
 from drift_drake.compilation import compiled
-from drift_drake.vehicle.bicycle import derivatives, motion, path_rates, static_loads, world_rates
+from drift_drake.vehicle.bicycle import (
+    derivatives,
+    front_contact_velocity,
+    front_slip,
+    motion,
+    path_rates,
+    static_loads,
+    world_rates,
+)
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.tires import brush_force
 
 P = VehicleParameters().constants()
+COUPLED = VehicleParameters(front_coupling=0.7).constants()
 SPEC = Path(__file__).resolve().parents[3] / "shared" / "spec"
 
 # (r, v, beta, omega_r, e, dphi), (delta, tau), curvature
@@ -85,6 +94,28 @@ def test_equations_are_appendix_a_at_random_points():
     np.testing.assert_allclose(derivatives(x, u, curvature, P), expected, rtol=1e-9, atol=1e-9)
 
 
+def test_a_coupled_front_axle_pulls_and_turns_with_the_rear_one():
+    """Rims of one shaft on a straight: both axles slip alike, and the shaft bears both forces."""
+    p = P._replace(front_coupling=1.0)
+    v, omega_r, tau = 12.0, 12.5, 100.0
+    load_front, load_rear = static_loads(p)
+    slip = (omega_r - v) / omega_r
+    front, _ = brush_force(slip, 0.0, p.front_stiffness, p.friction, load_front)
+    rear, _ = brush_force(slip, 0.0, p.rear_stiffness, p.friction, load_rear)
+    rates = motion(0.0, v, 0.0, omega_r, 0.0, tau, p)
+    assert rates.a_x == pytest.approx((front + rear) / p.mass)
+    wheel = (p.gear_ratio * tau - (front + rear) * p.wheel_radius) / p.rear_axle_inertia * p.wheel_radius
+    assert rates.omega_r_dot == pytest.approx(wheel)
+
+
+def test_without_coupling_the_front_rolls_freely_to_the_bit():
+    x, u, _ = random_points(300, seed=6)
+    v_x, v_y = front_contact_velocity(*x.T[:3], u.T[0], P.front_axle_distance)
+    sigma_x, sigma_y = front_slip(v_x, v_y, x.T[3], P.front_coupling)
+    assert not np.any(sigma_x)
+    np.testing.assert_array_equal(sigma_y, v_y / np.maximum(v_x, 0.5))
+
+
 def test_momentum_is_conserved_in_the_fixed_frame():
     """Newton's and Euler's laws for the tyre forces at the contact points, all written in world coordinates."""
     x, u, _ = random_points(100, seed=1)
@@ -124,16 +155,17 @@ def test_momentum_is_conserved_in_the_fixed_frame():
     np.testing.assert_allclose(P.yaw_inertia * rates.r_dot, moment, rtol=1e-9, atol=1e-6)
 
 
-def test_energy_only_leaves_through_sliding_contact():
+@pytest.mark.parametrize("p", [P, COUPLED])
+def test_energy_only_leaves_through_sliding_contact(p):
     x, u, _ = random_points(300, seed=2)
     r, v, beta, omega_r = x.T[:4]
     delta, tau = u.T
-    rates = motion(r, v, beta, omega_r, delta, tau, P)
-    omega, omega_dot = omega_r / P.wheel_radius, rates.omega_r_dot / P.wheel_radius
-    body_power = P.mass * v * rates.v_dot + P.yaw_inertia * r * rates.r_dot
-    lost = P.gear_ratio * tau * omega - body_power - P.rear_axle_inertia * omega * omega_dot
+    rates = motion(r, v, beta, omega_r, delta, tau, p)
+    omega, omega_dot = omega_r / p.wheel_radius, rates.omega_r_dot / p.wheel_radius
+    body_power = p.mass * v * rates.v_dot + p.yaw_inertia * r * rates.r_dot
+    lost = p.gear_ratio * tau * omega - body_power - p.rear_axle_inertia * omega * omega_dot
     # With floors out of play, a force opposes its contact's sliding, so it can only take energy.
-    forwards = v * np.cos(beta - delta) + P.front_axle_distance * r * np.sin(delta) > 0.5
+    forwards = v * np.cos(beta - delta) + p.front_axle_distance * r * np.sin(delta) > 0.5
     assert forwards.sum() > 200
     assert np.all(lost[forwards] > 0.0)
 
@@ -168,26 +200,28 @@ def test_path_coordinates_are_those_of_a_circle():
     assert psi_dot == r
 
 
+@pytest.mark.parametrize("p", [P, COUPLED], ids=["rear driven", "both driven"])
 @pytest.mark.parametrize("name", POINTS)
-def test_analytic_jacobians_match_drakes(name):
+def test_analytic_jacobians_match_drakes(name, p):
     x, u, curvature = POINTS[name]
-    x_dot, a, b = linearize(np.array(x), np.array(u), curvature, P)
+    x_dot, a, b = linearize(np.array(x), np.array(u), curvature, p)
     point = InitializeAutoDiff(np.concatenate([x, u])).ravel()
-    drake = derivatives(point[:6], point[6:], curvature, P)
+    drake = derivatives(point[:6], point[6:], curvature, p)
     gradient = ExtractGradient(drake)
     np.testing.assert_allclose(x_dot, ExtractValue(drake).ravel(), rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(a, gradient[:, :6], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(b, gradient[:, 6:], rtol=1e-9, atol=1e-9)
 
 
-def test_analytic_jacobians_match_the_complex_step_over_a_batch():
+@pytest.mark.parametrize("p", [P, COUPLED], ids=["rear driven", "both driven"])
+def test_analytic_jacobians_match_the_complex_step_over_a_batch(p):
     x, u, curvature = random_points(400, seed=4)
-    x_dot, a, b = linearize(x, u, curvature, P)
-    np.testing.assert_allclose(x_dot, derivatives(x, u, curvature, P), rtol=1e-12, atol=1e-12)
+    x_dot, a, b = linearize(x, u, curvature, p)
+    np.testing.assert_allclose(x_dot, derivatives(x, u, curvature, p), rtol=1e-12, atol=1e-12)
     for j in range(8):
         step = np.zeros(8, dtype=complex)
         step[j] = 1e-30j
-        column = derivatives(x + step[:6], u + step[6:], curvature, P).imag / 1e-30
+        column = derivatives(x + step[:6], u + step[6:], curvature, p).imag / 1e-30
         np.testing.assert_allclose(a[..., j] if j < 6 else b[..., j - 6], column, rtol=1e-9, atol=1e-9)
 
 

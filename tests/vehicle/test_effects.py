@@ -96,10 +96,12 @@ def test_names_that_are_not_in_the_catalogue():
         make_effects({"wind": 1.0})
 
 
+@pytest.mark.parametrize("coupling", [0.0, 0.7])
 @pytest.mark.parametrize("state", [COASTING, WHEELSPIN, SIDEWAYS, DRIFTING])
-def test_without_effects_it_is_the_nominal_car(state):
-    nominal = rates_of({}, state, (0.1, 120.0))
-    plant = plant_of({"mass_error": 0.1})
+def test_without_effects_it_is_the_nominal_car(state, coupling):
+    car = VehicleParameters(front_coupling=coupling)
+    bare, plant = VehiclePlant(car), VehiclePlant(car, make_effects({"mass_error": 0.1}))
+    nominal = bare.EvalTimeDerivatives(at_rest_of(bare, state, (0.1, 120.0))).CopyToVector()
     context = at_rest_of(plant, state, (0.1, 120.0))
     context.get_mutable_numeric_parameter(1).SetFromVector(Effects())
     switched_off = plant.EvalTimeDerivatives(context).CopyToVector()[: len(PLANT_STATES)]

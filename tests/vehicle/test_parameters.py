@@ -76,6 +76,12 @@ def test_a_parameter_that_is_no_finite_number(value):
     assert text == f"mass (m) is {value!r}; give a finite number in kg"
 
 
+def test_a_file_may_leave_the_coupling_of_the_front_axle_out(tmp_path):
+    path = write(tmp_path, drop=("front_coupling",))
+    assert VehicleParameters.from_yaml(path).front_coupling == 0.0
+    assert "front_coupling is 2; give 0" in message_of(VehicleParameters, front_coupling=2)
+
+
 def test_torque_limits_in_the_wrong_order():
     text = message_of(VehicleParameters, torque_min=500.0)
     assert text == "torque_min (500 N m) must lie below torque_max (450 N m)"

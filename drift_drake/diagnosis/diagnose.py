@@ -28,12 +28,11 @@ from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter
 from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, without_effects
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.where import locate
+from drift_drake.logs.driving import driven
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which a run is cut: slips have no meaning at standstill
-SPUN = 1.1  # [rad] of sideslip beyond which a run is cut: the car has spun
 LEAST_ROWS = 150  # of a run after cutting
 BLIND = {  # effects that need a column to be seen
     "gyro_bias": ("psi",),
@@ -69,13 +68,9 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     Raises:
         InvalidLogError: nothing is left.
     """
-    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-    slowest = SLOWEST * float(np.sqrt(vehicle.gravity * wheelbase))
     kept, warnings = [], []
     for run in runs:
-        bad = run.v < slowest
-        if run.beta is not None:
-            bad = bad | (np.abs(run.beta) > SPUN)
+        bad = ~driven(run, vehicle)
         first = int(np.argmax(~bad)) if not np.all(bad) else len(run)
         after = np.flatnonzero(bad[first:])
         stop = first + int(after[0]) if len(after) else len(run)

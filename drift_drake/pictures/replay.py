@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
+import jinja2
 import numpy as np
 import pandas as pd
 from matplotlib.colors import to_rgb
@@ -27,7 +29,9 @@ GHOST_OPACITY = 0.45
 # [m] heights that keep what lies on the ground from flickering through each other.
 GROUND, LANE, LINE, TRACE = -0.05, 0.0, 0.04, 0.08
 LINE_WIDTH, TRACE_WIDTH = 0.18, 0.24  # [m]
+GRID, GRID_MARGIN = 10.0, 40.0  # [m] between the ground's lines, and beyond where runs go
 FIELD_OF_VIEW = 45.0  # [deg], vertical
+PANEL = Path(__file__).parent / "replay_panel.html"
 
 
 def replay(
@@ -35,16 +39,23 @@ def replay(
     path: str | Path,
     reference: Reference | None = None,
     parameters: VehicleParameters | None = None,
+    title: str = "",
+    note: str = "",
+    camera: Literal["follow", "overview"] = "overview",
 ) -> Path:
     """Writes a Meshcat replay of runs, all starting together; the first is solid, the others are ghosts.
 
-    The cars are `/runs/0`, `/runs/1`, ... in the scene tree of the controls, in the colours of the overhead picture.
+    The cars are `/runs/0`, `/runs/1`, ... in the scene tree of the controls, in the colours of the overhead picture;
+    a panel names them, lets the camera follow them or see all of the ground, and scrubs through time. A car stands
+    where its pose is NaN.
 
     Args:
         runs: tables with t, x, y, psi, delta (SI) by name.
         path: of the HTML file; its folder is made.
         reference: its path and lane are drawn on the ground.
         parameters: the car whose shape is drawn; the default car without.
+        title, note: lines of the panel.
+        camera: where it is at first.
 
     Returns:
         The file's path.
@@ -64,7 +75,7 @@ def replay(
     shape = CarShape.of(parameters or VehicleParameters())
     meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
     for index, run in enumerate(runs.values()):
-        colour = to_rgb(RUNS[index % len(RUNS)])
+        colour = to_rgb(_colour(index))
         _draw_trace(meshcat, f"/traces/{index}", run, TRACE + 0.02 * index, colour)
         _build_car(meshcat, f"/runs/{index}", shape, colour, 1.0 if index == 0 else GHOST_OPACITY)
         _record(meshcat, f"/runs/{index}", run, shape)
@@ -75,8 +86,16 @@ def replay(
     meshcat.PublishRecording()
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(meshcat.StaticHtml())
+    cars = [{"name": name, "colour": _colour(index)} for index, name in enumerate(runs)]
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    panel = environment.from_string(PANEL.read_text()).render(cars=cars, title=title, note=note, camera=camera)
+    page, end, rest = meshcat.StaticHtml().rpartition("</body>")
+    path.write_text(page + panel + end + rest)
     return path
+
+
+def _colour(index: int) -> str:
+    return RUNS[index % len(RUNS)]
 
 
 def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None) -> tuple[Array, Array]:
@@ -92,8 +111,8 @@ def _set_scene(meshcat: Meshcat, low: Array, high: Array) -> None:
     """Daylight, a plain ground, and a camera that sees all of it from the south and above."""
     for thing in ("/Grid", "/Axes", "/Lights/PointLightNegativeX", "/Lights/PointLightPositiveX"):
         meshcat.SetProperty(thing, "visible", False)
-    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 2.4)
-    meshcat.SetProperty("/Lights/DirectionalLight/<object>", "intensity", 1.6)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.7)
+    meshcat.SetProperty("/Lights/FillLight/<object>", "intensity", 1.8)
     for edge in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background", edge, [0.93, 0.94, 0.95])
     centre, size = 0.5 * (low + high), high - low
@@ -101,11 +120,22 @@ def _set_scene(meshcat: Meshcat, low: Array, high: Array) -> None:
     corners = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]]) * reach[:, None] + centre[:, None]
     vertices = np.vstack([corners, np.full(4, GROUND)])
     meshcat.SetTriangleMesh("/ground", vertices, np.array([[0, 0], [1, 2], [2, 3]]), Rgba(0.88, 0.89, 0.87, 1.0))
+    _draw_grid(meshcat, low - GRID_MARGIN, high + GRID_MARGIN)
     # Far enough back for the width on a wide screen and for the height.
     half = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
     distance = max(0.5 * size[0] / (1.3 * half), 0.5 * size[1] / half) + 12.0
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW, aspect=1.5, near=0.5, far=2000.0, zoom=1.0))
     meshcat.SetCameraPose(np.array([centre[0], centre[1] - 0.6 * distance, 0.8 * distance]), np.array([*centre, 0.0]))
+
+
+def _draw_grid(meshcat: Meshcat, low: Array, high: Array) -> None:
+    """Lines on the ground, against which motion is seen."""
+    x, y = (np.arange(np.floor(a / GRID), np.ceil(b / GRID) + 1.0) * GRID for a, b in zip(low, high, strict=True))
+    along_y = [[[v, y[0]], [v, y[-1]]] for v in x]
+    along_x = [[[x[0], v], [x[-1], v]] for v in y]
+    ends = np.array(along_y + along_x)  # [lines, 2, 2]
+    ends = np.concatenate([ends, np.full((*ends.shape[:2], 1), 0.5 * (GROUND + LANE))], axis=-1)
+    meshcat.SetLineSegments("/ground_lines", ends[:, 0].T, ends[:, 1].T, 1.0, Rgba(0.78, 0.79, 0.77, 1.0))
 
 
 def _line_positions(reference: Reference) -> Array:
@@ -141,16 +171,18 @@ def _set_ribbon(meshcat: Meshcat, path: str, right: Array, left: Array, height: 
 
 def _draw_trace(meshcat: Meshcat, path: str, run: pd.DataFrame, height: float,
                 colour: tuple[float, float, float]) -> None:  # fmt: skip
-    """A band along the driven path, a point each half metre or so."""
-    points = run[["x", "y"]].to_numpy(dtype=float).T
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points)))])
-    keep = np.unique(np.searchsorted(driven, np.arange(0.0, driven[-1], LINE_SPACING)))
-    if len(keep) < 2:
-        return
-    points = points[:, keep]
-    along = np.gradient(points, axis=1)
-    across = 0.5 * TRACE_WIDTH * np.stack([-along[1], along[0]]) / np.hypot(*along)
-    _set_ribbon(meshcat, path, points - across, points + across, height, Rgba(*colour, 1.0))
+    """A band along the driven path, a point each half metre or so, broken where the position is NaN."""
+    everywhere = run[["x", "y"]].to_numpy(dtype=float).T
+    for number, piece in enumerate(np.ma.clump_unmasked(np.ma.masked_invalid(everywhere[0]))):
+        points = everywhere[:, piece]
+        driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points)))])
+        keep = np.unique(np.searchsorted(driven, np.append(np.arange(0.0, driven[-1], LINE_SPACING), driven[-1])))
+        points = points[:, keep]
+        if len(keep) < 2:
+            continue
+        along = np.gradient(points, axis=1)
+        across = 0.5 * TRACE_WIDTH * np.stack([-along[1], along[0]]) / np.hypot(*along)
+        _set_ribbon(meshcat, f"{path}/{number}", points - across, points + across, height, Rgba(*colour, 1.0))
 
 
 def _build_car(
@@ -183,6 +215,7 @@ def _set_prism(meshcat: Meshcat, path: str, bottom: Array, top: Array, low: floa
 
 
 def _record(meshcat: Meshcat, path: str, run: pd.DataFrame, shape: CarShape) -> None:
+    run = run.ffill().bfill()
     t = run["t"].to_numpy(dtype=float) - float(run["t"].iloc[0])
     frames = np.arange(0.0, t[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
     x, y, delta = (np.interp(frames, t, run[name].to_numpy(dtype=float)) for name in ("x", "y", "delta"))

@@ -1,0 +1,69 @@
+"""A log beside what the nominal and the corrected simulator make of its commands: one diagram, restarted every second.
+
+python -m diagrams.replay RUN.csv --vehicle car.yaml --corrected corrected.yaml
+python -m diagrams.replay RUN.csv --vehicle car.yaml --corrected corrected.yaml --graph    # draws the diagram
+"""
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from drift_drake.logs.table import InvalidLogError
+from drift_drake.pictures.graph import draw_graph
+from drift_drake.pictures.overhead import overhead
+from drift_drake.pictures.side_by_side import side_by_side
+from drift_drake.playback.command import describe, play, prepare, read_cars, write_replay
+from drift_drake.playback.comparison import compare, drawn, wide_table
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.vehicle.parameters import InvalidVehicleError
+
+
+@dataclasses.dataclass(frozen=True)
+class ReplayConfig:
+    """What to replay."""
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """One run in the log format."""
+    vehicle: Path
+    """What the simulator believes of the car."""
+    corrected: Path | None = None
+    """The corrected vehicle, as `drift-drake apply` writes it."""
+    restart: float = 1.0
+    """[s] after which the simulated cars are put back onto the real one, over and over; 0: never."""
+    out: Path | None = None
+    """Folder for the results; runs/replay-DATE-TIME without."""
+    graph: bool = False
+    """Only draw the diagram."""
+
+
+def main(config: ReplayConfig) -> None:
+    """Replays, and leaves table, errors, pictures and the 3D replay in the run folder."""
+    cars = read_cars(config.vehicle, config.corrected)
+    prepared = prepare(config.log, cars)
+    folder = make_run_folder("replay", config.out)
+    if config.graph:
+        for path in draw_graph(prepared.diagram, folder / "replay"):
+            print(path)
+        return
+    played = play(prepared, config.restart)
+    comparison = compare(played)
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", comparison.to_dict())
+    write_versions(folder)
+    wide_table(played).to_csv(folder / "replay.csv", index=False)
+    runs, parameters = drawn(played), cars["nominal"].parameters
+    side_by_side(runs).savefig(folder / "time_series.png")
+    overhead(runs, parameters=parameters, car_every=1.5).savefig(folder / "overhead.png")
+    write_replay(played, folder / "replay.html", config.log.name, config.restart, parameters)
+    print(describe(config.log.name, comparison, config.restart))
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(ReplayConfig))
+    except (InvalidLogError, InvalidVehicleError) as error:
+        sys.exit(f"error: {error}")

@@ -1,0 +1,230 @@
+"""A log's commands to several cars at once, in one Drake diagram, put back onto the real car every few seconds."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator, SimulatorStatus
+from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drift_drake.car import Car
+from drift_drake.logs.driving import driven
+from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
+from drift_drake.sensors import LOG_ROW, NoiseLevels
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plant import POSE_AT
+
+Array = NDArray[np.float64]
+
+MAX_STEP = 0.01  # [s] of the integrator
+ACCURACY = 1e-5
+LOST_SIDESLIP, LOST_SPEED = 1.4, 1.0  # [rad] beyond, [m/s] below which a simulated car is lost
+FOLLOWING_TIME = 0.02  # [s] in which a car without a logged torque takes on the logged rim speed
+
+
+class CarModel(NamedTuple):
+    """What a vehicle file holds."""
+
+    parameters: VehicleParameters
+    effects: Effects = Effects()  # noqa: B008 (immutable)
+
+
+class RimSpeedFollower(LeafSystem):
+    """The engine torque that makes a car's rear wheels take on a given rim speed, for logs without a torque.
+
+    Input ports: state (6); rim_speed (1) [m/s]. Output port: torque (1) [N m], unlimited.
+    """
+
+    def __init__(self, p: VehicleParameters) -> None:
+        LeafSystem.__init__(self)
+        self._gain = p.rear_axle_inertia / (p.wheel_radius * p.gear_ratio * FOLLOWING_TIME)
+        self._state = self.DeclareVectorInputPort("state", 6)
+        self._rim_speed = self.DeclareVectorInputPort("rim_speed", 1)
+        self.DeclareVectorOutputPort("torque", 1, self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        output[0] = self._gain * (self._rim_speed.Eval(context)[0] - self._state.Eval(context)[3])
+
+
+class SideBySide:
+    """The diagram: the log's commands as a source, cars with perfect sensors, and a logger of what each would log.
+
+    The sensors' effects (biases, latency) are part of a car, so that its rows compare with the log's.
+    """
+
+    def __init__(self, run: Run, cars: Mapping[str, CarModel]) -> None:
+        """Args: cars: by name.
+
+        Raises:
+            InvalidLogError: neither `tau_cmd` nor `omega_r` is logged; or the car stands or spins all the time.
+        """
+        self._log, self.models = run, dict(cars)
+        self._t = run.t - run.t[0]
+        nominal = next(iter(cars.values())).parameters
+        self.motion: MeasuredMotion = measured_motion(run, nominal)
+        self.driven = driven(run, nominal)
+        self.remarks = list(self.motion.remarks)
+        if not self.driven.any():
+            raise InvalidLogError(f"{run.name}: the car stands or spins throughout; log a drive")
+        if run.tau_cmd is None and run.omega_r is None:
+            raise InvalidLogError(
+                f"{run.name}: has neither tau_cmd nor omega_r, so that nothing says what drove the car; log one of them"
+            )
+        builder = DiagramBuilder()
+        followed = run.tau_cmd is None
+        if followed:
+            self.remarks.append("no tau_cmd: the cars' rear wheels follow the measured rim speed")
+        drive = ("measured_rim_speed", self.motion.omega_r) if run.tau_cmd is None else ("torque", run.tau_cmd)
+        sources = {}
+        for name, values in (("steering", run.delta_cmd), drive):
+            trajectory = PiecewisePolynomial.FirstOrderHold(self._t, values[None, :])
+            sources[name] = builder.AddNamedSystem(f"logged_{name}", TrajectorySource(trajectory)).get_output_port()
+        joined = None
+        if not followed:
+            joined = self._join(builder, "commands", sources["steering"], sources["torque"])
+        self.cars, self._loggers = {}, {}
+        for name, model in cars.items():
+            # A follower supplies the torque at the wheel: no lag comes between.
+            effects = model.effects._replace(torque_lag=0.0) if followed else model.effects
+            made = Car(model.parameters, effects, noise=NoiseLevels.none(), period=run.period)
+            car = builder.AddNamedSystem(name, made)
+            command = joined
+            if command is None:
+                follower = builder.AddNamedSystem(f"{name}_wheels", RimSpeedFollower(model.parameters))
+                builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
+                builder.Connect(sources["measured_rim_speed"], follower.GetInputPort("rim_speed"))
+                command = self._join(builder, f"{name}_commands", sources["steering"], follower.get_output_port())
+            builder.Connect(command, car.GetInputPort("command"))
+            sink = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
+            sink.set_name(f"log_of_{name}")
+            self.cars[name], self._loggers[name] = car, sink
+        self.diagram = builder.Build()
+        self.diagram.set_name("side_by_side")
+
+    @staticmethod
+    def _join(builder: DiagramBuilder, name: str, steering: Any, torque: Any) -> Any:
+        joined = builder.AddNamedSystem(name, Multiplexer(2))
+        builder.Connect(steering, joined.get_input_port(0))
+        builder.Connect(torque, joined.get_input_port(1))
+        return joined.get_output_port()
+
+    def run(self, restart: float = 2.0) -> "Played":
+        """Drives all cars, each put back onto the measured motion every `restart` [s] (0: only after a spin).
+
+        A restart sets what the log measures; lags, heat and delayed commands stay as they are. A car that is lost (it
+        spins or stops) has no rows until the next restart.
+        """
+        simulator = Simulator(self.diagram)
+        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(ACCURACY)
+        simulator.set_monitor(self._watch)
+        context = simulator.get_mutable_context()
+        window = np.full(len(self._t), -1)
+        valid = {name: np.zeros(len(self._t), dtype=np.bool_) for name in self.cars}
+        lost: dict[str, list[float]] = {name: [] for name in self.cars}
+        previous = -1
+        for number, (first, last) in enumerate(windows(self.driven, round(restart / self._log.period))):
+            resumed = first == previous  # that row is the last prediction of the window before
+            previous = last
+            if not resumed:
+                context.SetTime(self._t[first])
+            for name in self.cars:
+                self._place(context, name, first, settled=not resumed)
+            if not resumed:
+                simulator.Initialize()
+            ends = self._advance(simulator, last)
+            window[first + resumed : last + 1] = number
+            for name, model in self.models.items():
+                # What a late sensor shows first is from before the start.
+                late = 0 if resumed else round(model.effects.sensor_latency / self._log.period)
+                valid[name][first + resumed + late : ends.get(name, last + 1)] = True
+                if name in ends:
+                    lost[name].append(float(self._t[ends[name]]))
+        cars = {name: self._table(context, name, valid[name], window) for name in self.cars}
+        return Played(self._real(window), cars, lost, tuple(self.remarks))
+
+    def _place(self, context: Context, name: str, row: int, settled: bool) -> None:
+        """Puts a car into the state measured at a row; `settled`: its lags and the like too."""
+        plant = self.cars[name].plant
+        own = plant.GetMyMutableContextFromRoot(context)
+        state, pose = self.motion.state(row, self._log.period, self.models[name].effects)
+        if settled:
+            tau = 0.0 if self._log.tau_cmd is None else float(self._log.tau_cmd[row])
+            plant.set_initial(own, [*state, 0.0, 0.0], pose=pose, actuation=(float(self._log.delta_cmd[row]), tau))
+            return
+        x = own.get_continuous_state_vector().CopyToVector()
+        x[: len(state)], x[POSE_AT : POSE_AT + len(pose)] = state, pose
+        own.SetContinuousState(x)
+
+    def _is_lost(self, context: Context, name: str) -> bool:
+        _, v, beta = self.cars[name].plant.GetMyContextFromRoot(context).get_continuous_state_vector().CopyToVector()[:3]
+        return not (v >= LOST_SPEED and abs(beta) <= LOST_SIDESLIP)  # true for NaN, too
+
+    def _watch(self, context: Context) -> EventStatus:
+        if any(self._is_lost(context, name) for name in self.cars):
+            return EventStatus.ReachedTermination(self.diagram, "a car is lost")
+        return EventStatus.DidNothing()
+
+    def _advance(self, simulator: Simulator, last: int) -> dict[str, int]:
+        """Simulates up to a row; the first row without a prediction of each car that was lost on the way.
+
+        A lost car is put back at once, so that the others can go on; what it does from there does not count.
+        """
+        context, ends = simulator.get_mutable_context(), dict[str, int]()
+        while simulator.AdvanceTo(self._t[last]).reason() == SimulatorStatus.ReturnReason.kReachedTerminationCondition:
+            row = min(int(np.searchsorted(self._t, context.get_time())), last)
+            for name in self.cars:
+                if self._is_lost(context, name):
+                    ends.setdefault(name, row)
+                    self._place(context, name, row, settled=True)
+        return ends
+
+    def _real(self, window: NDArray[np.int_]) -> pd.DataFrame:
+        m = self.motion
+        columns = {name: getattr(m, name) for name in ("x", "y", "psi", "r", "v", "beta", "omega_r")}
+        columns |= {name: values for name in ("ax", "ay") if (values := self._log.column(name)) is not None}
+        return pd.DataFrame({"t": self._t, **columns, "delta": self._log.delta_cmd, "window": window})
+
+    def _table(
+        self, context: Context, name: str, valid: NDArray[np.bool_], window: NDArray[np.int_]
+    ) -> pd.DataFrame:
+        """A car's rows at the log's times, NaN where it has none."""
+        data = self._loggers[name].FindLog(context).data()
+        values = np.full((len(self._t), len(LOG_ROW)), np.nan)
+        values[np.searchsorted(self._t, data[0] - 0.5 * self._log.period)] = data.T
+        values[~valid] = np.nan
+        table = pd.DataFrame(dict(zip(LOG_ROW, values.T, strict=True)))
+        return table.assign(t=self._t, delta=self._log.delta_cmd, window=window)
+
+
+class Played(NamedTuple):
+    """What was driven: a row each row of the log in every table.
+
+    Columns: t [s] from the log's start, x, y, psi, r, v, beta, omega_r, ax, ay, delta (SI; ax and ay of `real` only
+    where logged), `window` (number of the restart that a row was predicted from; -1 where the real car stands or
+    spins). Cars' rows are NaN where they were lost or not driven.
+    """
+
+    real: pd.DataFrame
+    cars: dict[str, pd.DataFrame]
+    lost: dict[str, list[float]]  # times [s] at which each car spun or stopped
+    remarks: tuple[str, ...]
+
+
+def windows(driven: NDArray[np.bool_], rows: int) -> list[tuple[int, int]]:
+    """First and last rows of the stretches that are predicted in one go: at most `rows` after the first (0: no limit).
+
+    Within a driven stretch each begins where the last one ended.
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], driven, [False]]).astype(int)))
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        starts = range(begin, end - 1, rows) if rows > 0 else [begin]
+        found += [(int(first), int(min(first + rows, end - 1) if rows > 0 else end - 1)) for first in starts
+                  if end - begin > 1]  # fmt: skip
+    return found

@@ -1,143 +1,19 @@
-"""One drive of a simulated vehicle: any driver in closed loop with actuator, dither and car, logged at 100 Hz.
+"""Draws the diagram of a drive (`drift_drake.drives.drive`), here that of an LQR hold.
 
-python -m diagrams.drive    # draws the diagram
+python -m diagrams.drive
 """
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 import tyro
-from numpy.typing import NDArray
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput
 
-from drift_drake.actuation import LinearInterpolationActuator
-from drift_drake.car import Car
-from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, interpolate_knots
+from drift_drake.drives.drive import Drive
+from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder
-from drift_drake.sensors import LOG_ROW, MEASURED_STATE
-from drift_drake.vehicle.bicycle import INPUTS
-from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
-
-LOG_PERIOD = 0.01  # [s]
-MAX_STEP = 0.01  # [s] of the integrator
-
-
-class Limits(NamedTuple):
-    """When a drive is given up."""
-
-    sideslip: float = 1.3  # [rad] of a spin
-    min_speed: float = 4.0  # [m/s] of the car and of the rear rim; the models are not meant for standstill
-    max_speed: float = 35.0  # [m/s]
-    lane: float = 8.0  # [m] from the path, where there is one
-
-
-class Dither(LeafSystem):
-    """Adds a given small signal, linear between knots 0.1 s apart, to the command; keeps within the vehicle's limits.
-
-    Input port: command [2]. Output port: command [2], which is what the car gets and the log holds.
-    """
-
-    def __init__(self, parameters: VehicleParameters, knots: Array) -> None:
-        super().__init__()
-        self._knots = knots
-        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
-        self._high = np.array([parameters.steering_limit, parameters.torque_max])
-        self._command = self.DeclareVectorInputPort("command", 2)
-        self.DeclareVectorOutputPort(
-            "dithered_command", 2, self._calc, {self.time_ticket(), self._command.ticket()}
-        )  # fmt: skip
-
-    def _calc(self, context: Context, output: BasicVector) -> None:
-        command = self._command.Eval(context) + interpolate_knots(self._knots, context.get_time())
-        output.SetFromVector(np.clip(command, self._low, self._high))
-
-
-class Drive:
-    """The diagram of one driver and one vehicle.
-
-    Systems: driver (a port measured_state in, where it has one, and a port plan out), actuator, dither, car, loggers.
-    """
-
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        driver: LeafSystem,
-        steps: int,
-        plan_spacing: float,
-        dither: Array,
-        initial_command: tuple[float, float],
-        effects: Effects = Effects(),  # noqa: B008 (immutable)
-        reference: Reference | None = None,
-    ) -> None:
-        """Args: steps, plan_spacing: of the driver's plans; dither: [K, 2]; reference: where the path comes from."""
-        self._initial_command, self._reference = initial_command, reference
-        builder = DiagramBuilder()
-        self.driver = builder.AddNamedSystem("driver", driver)
-        actuator = LinearInterpolationActuator(parameters, steps, plan_spacing, initial_command=initial_command)
-        self.actuator = builder.AddNamedSystem("actuator", actuator)
-        self.dither = builder.AddNamedSystem("dither", Dither(parameters, dither))
-        path = None if reference is None else reference.path
-        self.car = builder.AddNamedSystem("car", Car(parameters, effects, path))
-        if driver.num_input_ports() > 0:
-            builder.Connect(self.car.GetOutputPort("measured_state"), driver.GetInputPort("measured_state"))
-        plan = driver.GetOutputPort("plan") if driver.HasOutputPort("plan") else driver.get_output_port(0)
-        builder.Connect(plan, self.actuator.GetInputPort("plan"))
-        builder.Connect(self.actuator.GetOutputPort("command"), self.dither.GetInputPort("command"))
-        command = self.dither.GetOutputPort("dithered_command")
-        builder.Connect(command, self.car.GetInputPort("command"))
-        self._loggers = []
-        for port, names in (
-            (self.car.GetOutputPort("log_row"), LOG_ROW),
-            (self.car.GetOutputPort("measured_state"), MEASURED_STATE),
-            (command, tuple(f"{name}_cmd" for name in INPUTS)),
-        ):
-            self._loggers.append((LogVectorOutput(port, builder, LOG_PERIOD), names))
-        self.diagram = builder.Build()
-        self.diagram.set_name("drive")
-
-    def run(self, state: Array, s: float, duration: float, seed: int,
-            limits: Limits | None = None) -> tuple[pd.DataFrame, str]:  # fmt: skip
-        """Drives from a state [6] at s [m] for `duration` [s] or until the limits.
-
-        Returns:
-            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time" or what limit).
-        """
-        limits = limits or Limits()
-        context = self.diagram.CreateDefaultContext()
-        plant = self.car.plant
-        plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self._initial_command)
-        self.car.sensors.set_seed(context, seed)
-        simulator = Simulator(self.diagram, context)
-        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(1e-4)
-
-        def monitor(root: Context) -> EventStatus:
-            x = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-            if abs(x[2]) > limits.sideslip:
-                return EventStatus.ReachedTermination(plant, "spin")
-            if min(x[1], x[3]) < limits.min_speed or x[1] > limits.max_speed:
-                return EventStatus.ReachedTermination(plant, "speed")
-            if self._reference is not None and abs(x[4]) > limits.lane:
-                return EventStatus.ReachedTermination(plant, "left the road")
-            return EventStatus.DidNothing()
-
-        simulator.set_monitor(monitor)
-        simulator.Initialize()
-        ending = simulator.AdvanceTo(duration).message() or "time"
-        columns: dict[str, Array] = {}
-        for sink, names in self._loggers:
-            columns |= dict(zip(names, sink.FindLog(context).data(), strict=True))
-        table = pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
-        return table, ending
 
 
 def main(out: Path | None = None) -> None:

@@ -13,7 +13,6 @@ import pandas as pd
 import tyro
 from numpy.typing import NDArray
 
-from diagrams.drive import Drive
 from drift_drake.control.information import InformationCost
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
@@ -21,6 +20,7 @@ from drift_drake.control.stacked import STATE_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior, covariance_norms

@@ -1,4 +1,8 @@
-"""The command line: `drift-drake import`, `drift-drake diagnose`, `drift-drake apply`, `drift-drake train`."""
+"""The command line `drift-drake`: a car's logs in, what its simulator lacks out, and the corrected car driven again.
+
+drift-drake COMMAND --help says what a command does and shows an example. Bad input ends with one sentence and exit
+code 2.
+"""
 
 import dataclasses
 import sys
@@ -12,11 +16,13 @@ from tqdm import tqdm
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
+from drift_drake.drives.command import Simulate, run_simulate
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.samples import InvalidSamplesError
 from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
+from drift_drake.playback.command import Replay, run_replay
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import write_vehicle
 
@@ -34,6 +40,8 @@ BAD_INPUT = 2  # exit code for input that cannot be used
 @dataclasses.dataclass(frozen=True)
 class Diagnose:
     """Say where a simulator is wrong, which effect it lacks and how far the gap shrinks once it is added.
+
+    drift-drake diagnose logs/monday --vehicle car.yaml --json answer.json --report answer.html
 
     CASE is a folder of runs (run_0.csv, run_1.csv, ...) of one car, or a folder of such folders.
     """
@@ -54,7 +62,10 @@ class Diagnose:
 
 @dataclasses.dataclass(frozen=True)
 class Apply:
-    """Write the corrected vehicle: an answer's effects, with magnitudes, added to a vehicle file."""
+    """Write the corrected vehicle: an answer's effects, with magnitudes, added to a vehicle file.
+
+    drift-drake apply answer.json --vehicle car.yaml --out corrected.yaml
+    """
 
     answer: tyro.conf.Positional[Path]
     """Answer of `drift-drake diagnose --json`."""
@@ -68,7 +79,10 @@ class Apply:
 
 @dataclasses.dataclass(frozen=True)
 class Train:
-    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`."""
+    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`.
+
+    drift-drake train --output model.npz --seed 1
+    """
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
     recipe: Recipe = "calibrated"
@@ -149,6 +163,8 @@ Command = (
     Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
     | Annotated[Apply, tyro.conf.subcommand("apply")]
+    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Train, tyro.conf.subcommand("train")]
 )
 
@@ -161,6 +177,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             run_import(command)
         elif isinstance(command, Diagnose):
             run_diagnose(command)
+        elif isinstance(command, Simulate):
+            run_simulate(command)
+        elif isinstance(command, Replay):
+            run_replay(command)
         elif isinstance(command, Train):
             run_train(command)
         else:

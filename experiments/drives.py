@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from pydrake.systems.primitives import ConstantVectorSource
 from tqdm import tqdm
 
-from diagrams.drive import Drive
 from drift_drake.control.mpc import DT, MpcController
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
+from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.logs.table import COLUMNS, Run, write_run

@@ -82,12 +82,41 @@ class Run:
 
 
 def read_run(path: str | Path) -> Run:
-    """Reads one run from a CSV or Parquet file.
+    """Reads one run from a CSV (compressed or not) or Parquet file.
 
     Raises:
         InvalidLogError: unreadable or empty file, missing column, NaN, a clock that is not regular, wrong units.
     """
     path = Path(path)
+    columns = read_columns(path)
+    missing = [name for name in REQUIRED if name not in columns]
+    if missing:
+        raise InvalidLogError(
+            f"{path}: missing column {', '.join(missing)}; a run needs {', '.join(REQUIRED)} "
+            f"and may have {', '.join(OPTIONAL)}"
+        )
+    return make_run(path, columns)
+
+
+def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
+    """A run from the columns of a file, which its errors name.
+
+    Raises:
+        InvalidLogError: a clock that is not regular, wrong units, too few rows.
+    """
+    name = _name(path)
+    try:
+        return Run(name=name, **columns)
+    except InvalidLogError as error:
+        raise InvalidLogError(f"{path}: {str(error).removeprefix(name + ': ')}") from None
+
+
+def read_columns(path: Path) -> dict[str, np.ndarray]:
+    """The log format's columns that a CSV or Parquet file has.
+
+    Raises:
+        InvalidLogError: unreadable or empty file, NaN.
+    """
     try:
         table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
     except FileNotFoundError:
@@ -98,20 +127,7 @@ def read_run(path: str | Path) -> Run:
         reason = str(error).splitlines()[0]
         raise InvalidLogError(f"{path}: cannot be read as a table ({reason}); write a CSV with a header") from None
     table.columns = [str(name).strip() for name in table.columns]
-    missing = [name for name in REQUIRED if name not in table.columns]
-    if missing:
-        raise InvalidLogError(
-            f"{path}: missing column {', '.join(missing)}; a run needs {', '.join(REQUIRED)} "
-            f"and may have {', '.join(OPTIONAL)}"
-        )
-    columns = {}
-    for name in COLUMNS:
-        if name in table.columns:
-            columns[name] = _numbers(path, name, table[name])
-    try:
-        return Run(name=path.stem, **columns)
-    except InvalidLogError as error:
-        raise InvalidLogError(f"{path}: {str(error).removeprefix(path.stem + ': ')}") from None
+    return {name: _numbers(path, name, table[name]) for name in COLUMNS if name in table.columns}
 
 
 def write_run(run: Run, path: str | Path) -> None:
@@ -122,7 +138,7 @@ def write_run(run: Run, path: str | Path) -> None:
 
 
 def read_case(folder: str | Path) -> list[Run]:
-    """Reads all runs (`run_*.csv` or `run_*.parquet`, in the order of their numbers) of one case.
+    """Reads all runs (`run_*.csv`, `.csv.gz` or `.parquet`, in the order of their numbers) of one case.
 
     Raises:
         InvalidLogError: no such folder, no runs in it, or one of them cannot be used.
@@ -138,13 +154,18 @@ def read_case(folder: str | Path) -> list[Run]:
 
 def run_paths(folder: Path) -> list[Path]:
     """Files of a case folder that hold runs, in the order of their numbers."""
-    paths = [path for path in folder.glob("run_*") if path.suffix in (".csv", ".parquet")]
+    paths = [path for path in folder.glob("run_*") if path.name.endswith((".csv", ".csv.gz", ".parquet"))]
 
     def order(path: Path) -> tuple[int, str]:
-        number = path.stem.removeprefix("run_")
-        return (int(number) if number.isdigit() else 10**9, path.stem)
+        number = _name(path).removeprefix("run_")
+        return (int(number) if number.isdigit() else 10**9, path.name)
 
     return sorted(paths, key=order)
+
+
+def _name(path: Path) -> str:
+    """The file's name without its ending."""
+    return Path(path.name.removesuffix(".gz")).stem
 
 
 def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:

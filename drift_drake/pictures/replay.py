@@ -69,7 +69,7 @@ def replay(
         check_columns(run, COLUMNS, name)
     meshcat = Meshcat()
     low, high = _extent(runs, reference)
-    _set_scene(meshcat, low, high)
+    home = _set_scene(meshcat, low, high)
     if reference is not None:
         _draw_reference(meshcat, reference)
     shape = CarShape.of(parameters or VehicleParameters())
@@ -88,7 +88,9 @@ def replay(
     path.parent.mkdir(parents=True, exist_ok=True)
     cars = [{"name": name, "colour": _colour(index)} for index, name in enumerate(runs)]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    panel = environment.from_string(PANEL.read_text()).render(cars=cars, title=title, note=note, camera=camera)
+    panel = environment.from_string(PANEL.read_text()).render(
+        cars=cars, home=home, title=title, note=note, camera=camera
+    )
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
     path.write_text(page + panel + end + rest)
     return path
@@ -107,25 +109,31 @@ def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None) -> tu
     return np.nanmin(everywhere, axis=0), np.nanmax(everywhere, axis=0)
 
 
-def _set_scene(meshcat: Meshcat, low: Array, high: Array) -> None:
-    """Daylight, a plain ground, and a camera that sees all of it from the south and above."""
+def _set_scene(meshcat: Meshcat, low: Array, high: Array) -> list[list[float]]:
+    """Daylight, a plain ground, and a camera that sees all of it from the south and above.
+
+    Returns:
+        The camera's place and what it looks at in the page's own axes (x, up, south) [m].
+    """
     for thing in ("/Grid", "/Axes", "/Lights/PointLightNegativeX", "/Lights/PointLightPositiveX"):
         meshcat.SetProperty(thing, "visible", False)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 1.7)
-    meshcat.SetProperty("/Lights/FillLight/<object>", "intensity", 1.8)
+    meshcat.SetProperty("/Lights/FillLight/<object>", "intensity", 1.6)
     for edge in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background", edge, [0.93, 0.94, 0.95])
     centre, size = 0.5 * (low + high), high - low
     reach = 0.5 * size + 400.0
     corners = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0]]) * reach[:, None] + centre[:, None]
     vertices = np.vstack([corners, np.full(4, GROUND)])
-    meshcat.SetTriangleMesh("/ground", vertices, np.array([[0, 0], [1, 2], [2, 3]]), Rgba(0.88, 0.89, 0.87, 1.0))
+    meshcat.SetTriangleMesh("/ground", vertices, np.array([[0, 0], [1, 2], [2, 3]]), Rgba(0.93, 0.94, 0.92, 1.0))
     _draw_grid(meshcat, low - GRID_MARGIN, high + GRID_MARGIN)
     # Far enough back for the width on a wide screen and for the height.
     half = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
     distance = max(0.5 * size[0] / (1.3 * half), 0.5 * size[1] / half) + 12.0
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=FIELD_OF_VIEW, aspect=1.5, near=0.5, far=2000.0, zoom=1.0))
-    meshcat.SetCameraPose(np.array([centre[0], centre[1] - 0.6 * distance, 0.8 * distance]), np.array([*centre, 0.0]))
+    views = np.array([[centre[0], centre[1] - 0.6 * distance, 0.8 * distance], [*centre, 0.0]])
+    meshcat.SetCameraPose(*views)
+    return [[float(x), float(z), float(-y)] for x, y, z in views]
 
 
 def _draw_grid(meshcat: Meshcat, low: Array, high: Array) -> None:
@@ -135,7 +143,7 @@ def _draw_grid(meshcat: Meshcat, low: Array, high: Array) -> None:
     along_x = [[[x[0], v], [x[-1], v]] for v in y]
     ends = np.array(along_y + along_x)  # [lines, 2, 2]
     ends = np.concatenate([ends, np.full((*ends.shape[:2], 1), 0.5 * (GROUND + LANE))], axis=-1)
-    meshcat.SetLineSegments("/ground_lines", ends[:, 0].T, ends[:, 1].T, 1.0, Rgba(0.78, 0.79, 0.77, 1.0))
+    meshcat.SetLineSegments("/ground_lines", ends[:, 0].T, ends[:, 1].T, 1.0, Rgba(0.92, 0.92, 0.92, 1.0))
 
 
 def _line_positions(reference: Reference) -> Array:
@@ -173,7 +181,7 @@ def _draw_trace(meshcat: Meshcat, path: str, run: pd.DataFrame, height: float,
                 colour: tuple[float, float, float]) -> None:  # fmt: skip
     """A band along the driven path, a point each half metre or so, broken where the position is NaN."""
     everywhere = run[["x", "y"]].to_numpy(dtype=float).T
-    for number, piece in enumerate(np.ma.clump_unmasked(np.ma.masked_invalid(everywhere[0]))):
+    for number, piece in enumerate(_pieces(np.isfinite(everywhere[0]))):
         points = everywhere[:, piece]
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points)))])
         keep = np.unique(np.searchsorted(driven, np.append(np.arange(0.0, driven[-1], LINE_SPACING), driven[-1])))
@@ -183,6 +191,12 @@ def _draw_trace(meshcat: Meshcat, path: str, run: pd.DataFrame, height: float,
         along = np.gradient(points, axis=1)
         across = 0.5 * TRACE_WIDTH * np.stack([-along[1], along[0]]) / np.hypot(*along)
         _set_ribbon(meshcat, f"{path}/{number}", points - across, points + across, height, Rgba(*colour, 1.0))
+
+
+def _pieces(valid: NDArray[np.bool_]) -> list[slice]:
+    """The stretches of rows that are valid."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
+    return [slice(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _build_car(

@@ -96,7 +96,8 @@ def describe(name: str, comparison: Comparison, restart: float) -> str:
     lines = [f"{name}: {comparison.seconds:.1f} s of predictions, {every}", comparison.table()]
     for car, times in comparison.lost.items():
         if times:
-            lines.append(f"the {car} car spun or stopped {len(times)} times, first at {times[0]:.1f} s; not counted above")
+            when = ", ".join(f"{t:.1f}" for t in times[:5]) + (", ..." if len(times) > 5 else "")
+            lines.append(f"the {car} car spun or stopped at {when} s, and is left out from there to the next restart")
     return "\n".join([*lines, *comparison.remarks])
 
 

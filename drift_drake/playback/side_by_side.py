@@ -32,7 +32,7 @@ class CarModel(NamedTuple):
     """What a vehicle file holds."""
 
     parameters: VehicleParameters
-    effects: Effects = Effects()  # noqa: B008 (immutable)
+    effects: Effects = Effects()
 
 
 class RimSpeedFollower(LeafSystem):
@@ -162,7 +162,9 @@ class SideBySide:
         own.SetContinuousState(x)
 
     def _is_lost(self, context: Context, name: str) -> bool:
-        _, v, beta = self.cars[name].plant.GetMyContextFromRoot(context).get_continuous_state_vector().CopyToVector()[:3]
+        _, v, beta = (
+            self.cars[name].plant.GetMyContextFromRoot(context).get_continuous_state_vector().CopyToVector()[:3]
+        )
         return not (v >= LOST_SPEED and abs(beta) <= LOST_SIDESLIP)  # true for NaN, too
 
     def _watch(self, context: Context) -> EventStatus:
@@ -190,9 +192,7 @@ class SideBySide:
         columns |= {name: values for name in ("ax", "ay") if (values := self._log.column(name)) is not None}
         return pd.DataFrame({"t": self._t, **columns, "delta": self._log.delta_cmd, "window": window})
 
-    def _table(
-        self, context: Context, name: str, valid: NDArray[np.bool_], window: NDArray[np.int_]
-    ) -> pd.DataFrame:
+    def _table(self, context: Context, name: str, valid: NDArray[np.bool_], window: NDArray[np.int_]) -> pd.DataFrame:
         """A car's rows at the log's times, NaN where it has none."""
         data = self._loggers[name].FindLog(context).data()
         values = np.full((len(self._t), len(LOG_ROW)), np.nan)

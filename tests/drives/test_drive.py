@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.drive import Drive, Limits
 from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.drive import Drive, Limits
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.logs.table import COLUMNS, read_case

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from diagrams.drive import Drive
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load

@@ -1,0 +1,142 @@
+"""Manoeuvres by name: what drives them, and where they start."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drift_drake.control.mpc import DT, MpcController
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.logs.table import Run
+from drift_drake.playback.measured_motion import measured_motion
+from drift_drake.reference.trajectory import Reference, figure_8, loops
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+SCRIPT_PERIOD = 0.01  # [s] between a script's commands
+SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
+ACCELERATION = 2.5  # [m/s^2] of the straight
+STEP_AT, STEP_RAMP = 1.0, 0.1  # [s] when the steering steps, and how long it takes
+SLALOM_PERIOD = 2.0  # [s]
+HORIZON, PLAN_PERIOD = 25, 0.01  # steps of 0.1 s and [s] between plans of the drifts' model predictive control
+
+
+class Manoeuvre(NamedTuple):
+    """What `drives.drive.Drive` needs of a manoeuvre."""
+
+    driver: LeafSystem
+    steps: int
+    spacing: float  # [s] of its plans
+    state: Array  # [6] at the start
+    command: tuple[float, float]  # at the start
+    duration: float  # [s]
+    reference: Reference | None = None
+
+
+class ScriptDriver(LeafSystem):
+    """Steers as a script says and holds the speed that it says.
+
+    Every 0.01 s it sends a plan of one step of 0.01 s, from the command it gave last to the new one, to begin one
+    period later: the command is continuous, and linear between the rows of a log.
+
+    Input port: measured_state [7]. Output port: plan [5], NaN before the first. State: the plan.
+
+    Args:
+        parameters: the car it believes in, and its limits.
+        script: (delta [rad], speed [m/s], acceleration [m/s^2]) wanted at a time [s].
+    """
+
+    def __init__(self, parameters: VehicleParameters, script: Callable[[float], tuple[float, float, float]]) -> None:
+        LeafSystem.__init__(self)
+        p = parameters
+        self._script = script
+        self._torque_per_acceleration = p.mass * p.wheel_radius / p.gear_ratio
+        self._low = np.array([-p.steering_limit, p.torque_min])
+        self._high = np.array([p.steering_limit, p.torque_max])
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._plan = self.DeclareDiscreteState(np.full(5, np.nan))
+        self.DeclareStateOutputPort("plan", self._plan)
+        self.DeclarePeriodicDiscreteUpdateEvent(SCRIPT_PERIOD, 0.0, self._update)
+
+    def command(self, t: float, speed: float) -> Array:
+        """(delta [rad], tau [N m]) at a time [s] and measured speed [m/s]."""
+        delta, wanted, acceleration = self._script(t)
+        tau = self._torque_per_acceleration * (acceleration + (wanted - speed) / SPEED_TIME)
+        return np.clip([delta, tau], self._low, self._high)
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        start = context.get_time() + SCRIPT_PERIOD
+        plan, speed = context.get_discrete_state(self._plan).value(), float(self._measured.Eval(context)[1])
+        last = self.command(context.get_time(), speed) if np.isnan(plan[0]) else plan[3:]
+        new = self.command(start + SCRIPT_PERIOD, speed)
+        discrete.set_value(self._plan, np.concatenate([[start], last, new]))
+
+
+def straight(p: VehicleParameters, speed: float, _steering: float) -> Manoeuvre:
+    """Accelerates straight on from `speed`, for 5 s, then holds the speed."""
+    top = speed + 5.0 * ACCELERATION
+    return _scripted(p, speed, lambda t: (0.0, min(speed + ACCELERATION * t, top), ACCELERATION * (t < 5.0)), 8.0)
+
+
+def step_steer(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
+    """Steers in at once after a second, at a held speed."""
+    return _scripted(p, speed, lambda t: (steering * float(np.clip((t - STEP_AT) / STEP_RAMP, 0, 1)), speed, 0.0), 5.0)
+
+
+def slalom(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
+    """Steers to and fro, two seconds a turn and growing over five turns, at a held speed."""
+
+    def script(t: float) -> tuple[float, float, float]:
+        return steering * min(t / (5.0 * SLALOM_PERIOD), 1.0) * float(np.sin(2.0 * np.pi * t / SLALOM_PERIOD)), speed, 0
+
+    return _scripted(p, speed, script, 12.0)
+
+
+def drift_figure_8(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
+    """Drifts a figure-8 under model predictive control that believes in the vehicle file without effects."""
+    return _tracked(p, figure_8(p))
+
+
+def drift_loops(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
+    """Accelerates straight on, then drifts loops, likewise."""
+    return _tracked(p, loops(p))
+
+
+MANOEUVRES: dict[str, Callable[[VehicleParameters, float, float], Manoeuvre]] = {
+    "straight": straight,
+    "step_steer": step_steer,
+    "slalom": slalom,
+    "figure_8": drift_figure_8,
+    "loops": drift_loops,
+}
+
+
+def logged(run: Run, p: VehicleParameters, effects: Effects) -> Manoeuvre:
+    """A log's commands, from the state that it shows at its start; it needs `tau_cmd`."""
+    commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
+    state, _ = measured_motion(run, p).state(0, run.period, effects)
+    source = ConstantVectorSource(np.concatenate([[0.0], commands.ravel()]))
+    low, high = np.array([-p.steering_limit, p.torque_min]), np.array([p.steering_limit, p.torque_max])
+    delta_0, tau_0 = np.clip(commands[0], low, high)
+    return Manoeuvre(source, len(run) - 1, run.period, np.array([*state, 0.0, 0.0]), (float(delta_0), float(tau_0)),
+                     float(run.t[-1] - run.t[0]))  # fmt: skip
+
+
+def _scripted(p: VehicleParameters, speed: float, script: Callable[[float], tuple[float, float, float]],
+              duration: float) -> Manoeuvre:  # fmt: skip
+    driver = ScriptDriver(p, script)
+    delta, tau = driver.command(0.0, speed)
+    state = np.array([0.0, speed, 0.0, speed, 0.0, 0.0])
+    return Manoeuvre(driver, 1, SCRIPT_PERIOD, state, (float(delta), float(tau)), duration)
+
+
+def _tracked(p: VehicleParameters, reference: Reference) -> Manoeuvre:
+    delta, tau = (float(value) for value in reference.input(0.0))
+    driver = MpcController(NominalStepModel(p), p, reference, HORIZON, period=PLAN_PERIOD, delay=PLAN_PERIOD,
+                           initial_command=(delta, tau))  # fmt: skip
+    return Manoeuvre(driver, HORIZON, DT, reference.state(0.0), (delta, tau), reference.duration, reference)

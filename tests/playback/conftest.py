@@ -1,0 +1,35 @@
+"""A car with two effects, its vehicle files, and logs of it."""
+
+from pathlib import Path
+
+import pytest
+
+from drift_drake.drives.command import Simulate, simulate
+from drift_drake.logs.table import Run, write_run
+from drift_drake.playback.side_by_side import CarModel
+from drift_drake.vehicle.effects import make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import write_vehicle
+
+NOMINAL = CarModel(VehicleParameters())
+TRUE = CarModel(VehicleParameters(), make_effects({"steering_lag": 0.12, "gyro_bias": 0.03, "sensor_latency": 0.04}))
+
+
+@pytest.fixture(scope="session")
+def cars() -> dict[str, CarModel]:
+    return {"nominal": NOMINAL, "corrected": TRUE}
+
+
+@pytest.fixture(scope="session")
+def slalom() -> Run:
+    command = Simulate("slalom", Path("car.yaml"), Path("run_0.csv"), duration=4.0, steering=0.4)
+    return simulate(command, *TRUE)[0]
+
+
+@pytest.fixture
+def files(tmp_path: Path, slalom: Run) -> Path:
+    """A folder with car.yaml, true.yaml and run_0.csv."""
+    write_vehicle(tmp_path / "car.yaml", *NOMINAL)
+    write_vehicle(tmp_path / "true.yaml", *TRUE)
+    write_run(slalom, tmp_path / "run_0.csv")
+    return tmp_path

@@ -85,7 +85,7 @@ class Train:
     """
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
-    recipe: Recipe = "calibrated"
+    recipe: Recipe = "transfer"
     """The paper's plain recipe, or a network that never adapts, in place of the calibrated one."""
 
 

@@ -29,7 +29,7 @@ from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.logs.table import COLUMNS, Run, write_run
-from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples, save_samples
+from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, content_hash, load_samples, save_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.vehicle.effects import Effects, changed_constants
@@ -49,7 +49,6 @@ SCHEDULE = (
 )
 HORIZON = 20
 PERIOD = 0.02  # [s] between plans
-PHASE_STRIDE = 1000  # between the vehicle numbers of two phases
 DRIVING_STREAM = 1  # of a vehicle's random numbers; its effects come from another
 STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive starts
 
@@ -88,22 +87,28 @@ def main(config: DrivesConfig) -> None:
     print(json.dumps(summary, indent=1))
 
 
+def join_vehicles(folders: list[Path], name: str, drives: int | None = None) -> Samples:
+    """One table of the vehicles' tables `name`.npz.
+
+    Args:
+        drives: of a vehicle; without, as many as its drives.json holds.
+    """
+    parts, numbered = [], 0
+    for folder in folders:
+        samples = load_samples(folder / f"{name}.npz")
+        count = drives or len(json.loads((folder / "drives.json").read_text())["drives"])
+        # One vehicle per phase: windows that run on through a vehicle's drives shall not meet the same drive again.
+        vehicle = samples.vehicle + PHASE_STRIDE * (samples.drive // count)
+        parts.append(samples._replace(drive=samples.drive + numbered, vehicle=vehicle))
+        numbered += int(samples.drive.max()) + 1
+    return concatenate(parts)
+
+
 def _join(output: Path, population: str, folders: list[Path]) -> dict[str, Any]:
     """The population's tables from its vehicles', and what they hold."""
-    for name in ("samples", "phases"):
-        parts, numbered = [], 0
-        for folder in folders:
-            samples = load_samples(folder / f"{name}.npz")
-            # One vehicle per phase: windows that run on through a vehicle's drives shall not meet the same drive again.
-            phase = samples.drive // len(json.loads((folder / "drives.json").read_text())["drives"])
-            parts.append(
-                samples._replace(drive=samples.drive + numbered, vehicle=samples.vehicle + PHASE_STRIDE * phase)
-            )
-            numbered += int(samples.drive.max()) + 1
-        table = concatenate(parts)
-        save_samples(table, output / (f"{population}.npz" if name == "samples" else f"{population}_phases.npz"))
-        if name == "samples":
-            found = table
+    save_samples(join_vehicles(folders, "phases"), output / f"{population}_phases.npz")
+    found = join_vehicles(folders, "samples")
+    save_samples(found, output / f"{population}.npz")
     drives = [drive for folder in folders for drive in json.loads((folder / "drives.json").read_text())["drives"]]
     frame = pd.DataFrame(drives)
     return {

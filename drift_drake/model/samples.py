@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+PHASE_STRIDE = 1000  # between the vehicle numbers of two phases of the same drives
 MIRROR_STATE = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, -1.0])  # (r, v, beta, omega_r, e, dphi) seen in a mirror
 MIRROR_INPUT = np.array([-1.0, 1.0])
 

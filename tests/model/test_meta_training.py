@@ -10,7 +10,7 @@ from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import load
 from drift_drake.model.features import FEATURE_COUNT, feature_jacobian, features, network_inputs
 from drift_drake.model.posterior import predict, update
-from drift_drake.model.samples import Samples, save_samples
+from drift_drake.model.samples import Samples, load_samples, save_samples
 from drift_drake.model.training_config import TrainingConfig, with_recipe
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -18,6 +18,9 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
 from drift_drake.model.meta_training import train  # noqa: E402
+from drift_drake.model.torch_network import initial_parameters, torch_features  # noqa: E402
+from drift_drake.model.transfer_objective import Tasks, predictive_nll  # noqa: E402
+from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -49,20 +52,21 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def config(table: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainingConfig:
     output = tmp_path_factory.mktemp("model") / "model.npz"
     return TrainingConfig(
-        data=table, output=output, validation=table, epochs=30, batch=128, threads=1, horizons=(5, 20), temper=False
-    )
+        data=table, output=output, validation=table, lane=None, epochs=30, batch=128, threads=1, horizons=(5, 20),
+        temper=False, learning_rate=1e-3,
+    )  # fmt: skip
 
 
 def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
     generator = torch.Generator().manual_seed(1)
-    parameters = meta_training.initial_parameters(generator)
+    parameters = initial_parameters(generator)
     scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
     model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
     phi = np.random.default_rng(2).normal(size=(2, 12, 4, FEATURE_COUNT))
     y = np.random.default_rng(3).normal(size=(2, 12, 4)) * scale.numpy()
     mask = np.ones((2, 12), dtype=bool)
     mask[1, 7:] = False  # a window cut short by the end of its drive
-    loss = meta_training.window_nll(
+    loss = window_nll(
         parameters, torch.as_tensor(phi), torch.as_tensor(y) / scale, torch.as_tensor(mask)
     ).detach().numpy()  # fmt: skip
     for w, length in enumerate((12, 7)):
@@ -75,7 +79,7 @@ def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
 
 
 def test_parameters_number_as_in_the_paper() -> None:
-    parameters = meta_training.initial_parameters(torch.Generator().manual_seed(0))
+    parameters = initial_parameters(torch.Generator().manual_seed(0))
     assert sum(value.numel() for value in parameters.values()) == 27_012
 
 
@@ -94,11 +98,11 @@ def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network
         name: torch.as_tensor(getattr(stored.network, name)) for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")
     }
     points = torch.as_tensor(z).requires_grad_()
-    phi = meta_training.torch_features(parameters, points)
+    phi = torch_features(parameters, points)
     np.testing.assert_allclose(features(stored.network, z), phi.detach().numpy(), rtol=0, atol=1e-12)
     gradient = torch.autograd.grad(phi[:, 2, 5].sum(), points)[0].numpy()
     np.testing.assert_allclose(feature_jacobian(stored.network, z)[1][:, 2, 5], gradient, rtol=0, atol=1e-12)
-    single = meta_training.torch_features(
+    single = torch_features(
         {name: value.float() for name, value in parameters.items()}, torch.as_tensor(z, dtype=torch.float32)
     )
     np.testing.assert_allclose(features(stored.network, z), single.numpy(), rtol=0, atol=3e-6)
@@ -108,18 +112,18 @@ def test_a_broken_off_run_goes_on_to_the_same_model(config: TrainingConfig, monk
     whole = train(dataclasses.replace(config, output=config.output.with_name("whole.npz")))
     broken = dataclasses.replace(config, output=config.output.with_name("broken.npz"))
     calls = iter(range(10_000))
-    step = meta_training._batch_loss
+    step = WindowObjective._loss
 
     def interrupted(*arguments):
         if next(calls) == 120:
             raise KeyboardInterrupt
         return step(*arguments)
 
-    monkeypatch.setattr(meta_training, "_batch_loss", interrupted)
+    monkeypatch.setattr(WindowObjective, "_loss", interrupted)
     monkeypatch.setattr(meta_training, "SAVE_EVERY", 5)
     with pytest.raises(KeyboardInterrupt):
         train(broken)
-    monkeypatch.setattr(meta_training, "_batch_loss", step)
+    monkeypatch.setattr(WindowObjective, "_loss", step)
     assert broken.output.with_name("broken.npz.resume").exists()
     resumed = train(broken)
     np.testing.assert_array_equal(resumed.network.w2, whole.network.w2)
@@ -133,7 +137,7 @@ def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
     assert not plain.temper
     assert plain.epoch_samples is None
     assert not with_recipe(config, "fixed").adaptive
-    assert with_recipe(config, "calibrated") == config
+    assert with_recipe(config, "transfer") == config
     assert (plain.epochs, plain.learning_rate, plain.decay) == (1000, 1e-3, 0.9975)
 
 
@@ -145,3 +149,58 @@ def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> 
     np.testing.assert_allclose(prediction.variance, model.sigma**2, rtol=1e-6)
     after = update(prior, phi, prediction.mean + 5.0 * model.sigma)
     np.testing.assert_allclose(after.mean, prior.mean, rtol=0, atol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def transfer(config: TrainingConfig) -> TrainingConfig:
+    return dataclasses.replace(
+        config, lane=config.data, validation_lane=config.data, epoch_batches=5, batch_tasks=8, learning_rate=2e-3,
+        output=config.output.with_name("transfer.npz"),
+    )  # fmt: skip
+
+
+def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> None:
+    parameters = initial_parameters(torch.Generator().manual_seed(1))
+    parameters["logit_weight"] = torch.tensor(-0.5, dtype=torch.float64)
+    scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
+    model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
+    assert model.sample_weight == pytest.approx(1.0 / (1.0 + np.exp(0.5)))
+    generator = np.random.default_rng(2)
+    phi, y = generator.normal(size=(2, 9, 4, FEATURE_COUNT)), generator.normal(size=(2, 9, 4)) * scale.numpy()
+    mask = np.ones((2, 9), dtype=bool)
+    mask[1, 5:] = False  # a shorter context
+    target_phi, target_y = generator.normal(size=(2, 3, 4, FEATURE_COUNT)), generator.normal(size=(2, 3, 4))
+    loss = predictive_nll(
+        parameters,
+        (torch.as_tensor(phi), torch.as_tensor(y) / scale, torch.as_tensor(mask)),
+        (torch.as_tensor(target_phi), torch.as_tensor(target_y) / scale, torch.ones(2, 3)),
+    ).detach().numpy()  # fmt: skip
+    for task, length in enumerate((9, 5)):
+        posterior = model.prior()
+        for k in range(length):
+            posterior = update(posterior, phi[task, k], y[task, k], model.sample_weight)
+        prediction = predict(posterior, model.sigma, target_phi[task])
+        expected = (target_y[task] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
+        np.testing.assert_allclose(loss[task] + 2.0 * np.log(scale.numpy()), expected, rtol=1e-8)
+
+
+def test_targets_are_of_the_contexts_vehicle_and_never_in_the_context(table: Path) -> None:
+    drift = load_samples(table)
+    tasks = Tasks(drift, drift._replace(x=drift.x + 0.001), VehicleParameters())
+    rows_of = len(drift.x)
+    vehicle = np.concatenate([drift.vehicle, drift.vehicle, drift.vehicle + 10, drift.vehicle + 10])
+    kinds = set()
+    for seed in range(200):
+        context, targets = tasks.draw(np.random.default_rng(seed))
+        assert len(targets) > 0
+        assert not set(context) & set(targets[(targets // rows_of) % 2 == 0])
+        assert len(set(vehicle[np.concatenate([context, targets])])) == 1
+        kinds.add("none" if not len(context) else "lane" if context[0] // rows_of % 2 else "drift")
+    assert kinds == {"none", "lane", "drift"}
+
+
+def test_training_on_tasks_lowers_their_objective_and_goes_on_where_it_was(transfer: TrainingConfig) -> None:
+    model = train(transfer)
+    first = train(dataclasses.replace(transfer, epochs=1, output=transfer.output.with_name("one.npz")))
+    assert model.record["history"][-1]["validation"] < first.record["history"][-1]["validation"] - 1.0
+    assert 0.0 < load(transfer.output).sample_weight < 1.0

@@ -1,0 +1,64 @@
+"""Torch's twin of the feature network and of the prior, for training alone (extra `train`)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from drift_drake.model.checkpoint import PRECISION_FLOOR
+from drift_drake.model.features import (
+    FEATURE_COUNT,
+    HIDDEN_COUNT,
+    INPUT_COUNT,
+    INPUT_OFFSET,
+    INPUT_SCALE,
+    STATE_COUNT,
+)
+
+Parameters = dict[str, torch.Tensor]
+
+
+def initial_parameters(generator: torch.Generator) -> Parameters:
+    """The 27,012 trainable numbers: uniform weights of width 1/sqrt(inputs), identity precision."""
+
+    def uniform(*shape: int, inputs: int) -> torch.Tensor:
+        return (2.0 * torch.rand(shape, generator=generator) - 1.0) / math.sqrt(inputs)
+
+    parameters = {
+        "w1": uniform(INPUT_COUNT, HIDDEN_COUNT, inputs=INPUT_COUNT),
+        "b1": uniform(HIDDEN_COUNT, inputs=INPUT_COUNT),
+        "w2": uniform(HIDDEN_COUNT, HIDDEN_COUNT, inputs=HIDDEN_COUNT),
+        "b2": uniform(HIDDEN_COUNT, inputs=HIDDEN_COUNT),
+        "w_out": uniform(STATE_COUNT, HIDDEN_COUNT, FEATURE_COUNT, inputs=HIDDEN_COUNT),
+        "b_out": uniform(STATE_COUNT, FEATURE_COUNT, inputs=HIDDEN_COUNT),
+        "prior_mean": (0.3 * torch.randn((STATE_COUNT, FEATURE_COUNT), generator=generator)).double(),
+        "precision_factor": torch.eye(FEATURE_COUNT, dtype=torch.float64).repeat(STATE_COUNT, 1, 1),
+        "log_sigma": torch.full((STATE_COUNT,), math.log(0.3), dtype=torch.float64),
+    }
+    return {name: value.requires_grad_() for name, value in parameters.items()}
+
+
+def torch_features(parameters: Parameters, z: torch.Tensor) -> torch.Tensor:
+    """phi [n, 4, 16] at z [n, 8]: torch's twin of `features.features`."""
+    scaled = (z - torch.as_tensor(INPUT_OFFSET, dtype=z.dtype)) / torch.as_tensor(INPUT_SCALE, dtype=z.dtype)
+    hidden = torch.tanh(torch.addmm(parameters["b1"], scaled, parameters["w1"]))
+    hidden = torch.tanh(torch.addmm(parameters["b2"], hidden, parameters["w2"]))
+    w_out = parameters["w_out"].permute(1, 0, 2).reshape(HIDDEN_COUNT, -1)
+    return torch.addmm(parameters["b_out"].reshape(-1), hidden, w_out).reshape(-1, STATE_COUNT, FEATURE_COUNT)
+
+
+def prior_precision(parameters: Parameters) -> torch.Tensor:
+    """Lambda_0 [4, 16, 16]."""
+    factor = parameters["precision_factor"]
+    return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(FEATURE_COUNT, dtype=factor.dtype)
+
+
+def padded(rows: Sequence[NDArray[np.int64]]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Index arrays of several lengths as one [rows, longest], and which entries count."""
+    longest = max(1, max(len(row) for row in rows))
+    index, mask = np.zeros((len(rows), longest), dtype=np.int64), np.zeros((len(rows), longest), dtype=bool)
+    for place, row in enumerate(rows):
+        index[place, : len(row)], mask[place, : len(row)] = row, True
+    return torch.as_tensor(index), torch.as_tensor(mask)

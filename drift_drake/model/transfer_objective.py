@@ -1,0 +1,168 @@
+"""What the car is used for, as the objective: after a context of a vehicle's samples, predict others of its samples.
+
+A task is one vehicle, a context (nothing, drives along a straight lane, or some of its drifting) and targets out of
+its other drifting drives. With the posterior of eq. (5) after the context, each sample of it counting with a weight w,
+the loss is -2 log of the predictive density (6) of each target by itself. So the prior learns what a lane tells of a
+drift, which windows of consecutive samples never ask; and w, which is trained along, learns how much less n samples of
+one drive tell than n independent ones.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from drift_drake.model.bayesian_step import residual
+from drift_drake.model.features import STATE_COUNT, network_inputs
+from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
+from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
+from drift_drake.model.training_config import TrainingConfig
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Rows = NDArray[np.int64]
+
+CONTEXTS = {"none": 0.1, "lane": 0.55, "drift": 0.35}  # how often a task's context is which
+LANE_DRIVES = 3  # of a context, at most
+LONGEST = 160  # [samples] of a context
+TARGETS = 96  # of a task, at most
+SHUFFLED = 0.2  # of drift contexts: samples in no order
+LANE_TARGETS = 0.2  # of tasks whose context is not of drifting: targets include a lane drive
+WATCHED_TASKS = 256
+
+
+class Vehicle(NamedTuple):
+    """Rows of one vehicle's drives, [phase][drive]."""
+
+    drift: list[list[Rows]]
+    lane: list[list[Rows]]
+
+
+def drives_by_phase(samples: Samples, first_row: int) -> dict[int, list[list[Rows]]]:
+    """Rows of each drive, {vehicle: [phase][drive]}, counted from `first_row`."""
+    found: dict[int, dict[int, list[Rows]]] = {}
+    for rows in np.split(np.arange(len(samples.drive)), np.flatnonzero(np.diff(samples.drive)) + 1):
+        phase, vehicle = divmod(int(samples.vehicle[rows[0]]), PHASE_STRIDE)
+        found.setdefault(vehicle, {}).setdefault(phase, []).append(rows + first_row)
+    return {vehicle: [phases[k] for k in sorted(phases)] for vehicle, phases in found.items()}
+
+
+class Tasks:
+    """The samples of drifts and of lane drives on torch's side, mirrored too, and how a task is drawn from them."""
+
+    def __init__(self, drift: Samples, lane: Samples, vehicle: VehicleParameters) -> None:
+        tables = [drift, lane, mirrored(drift), mirrored(lane)]
+        offsets = np.concatenate([[0], np.cumsum([len(table.x) for table in tables])])
+        together = concatenate(tables)
+        self.z = torch.as_tensor(network_inputs(together.x, together.u, together.u_next), dtype=torch.float32)
+        self.y = torch.as_tensor(residual(together.x, together.u, together.x_next, vehicle.constants()))
+        drifts, lanes = drives_by_phase(drift, 0), drives_by_phase(lane, 0)
+
+        def moved(phases: list[list[Rows]], offset: int) -> list[list[Rows]]:
+            return [[rows + offset for rows in drives] for drives in phases]
+
+        self._vehicles = [
+            Vehicle(moved(drifts[k], offsets[2 * side]), moved(lanes[k], offsets[2 * side + 1]))
+            for side in (0, 1)
+            for k in sorted(set(drifts) & set(lanes))
+        ]
+
+    def draw(self, generator: np.random.Generator) -> tuple[Rows, Rows]:
+        """Rows of a task's context and of its targets."""
+        vehicle = self._vehicles[generator.integers(len(self._vehicles))]
+        kind = generator.choice(list(CONTEXTS), p=list(CONTEXTS.values()))
+        drives = generator.permutation(len(vehicle.drift[0]))
+
+        def picked(phases: list[list[Rows]], which: NDArray[np.int64]) -> Rows:
+            return np.concatenate([phases[generator.integers(len(phases))][k] for k in which])
+
+        context = np.zeros(0, dtype=np.int64)
+        if kind == "lane":
+            count = generator.integers(1, LANE_DRIVES + 1)
+            context = picked(vehicle.lane, generator.permutation(len(vehicle.lane[0]))[:count])[:LONGEST]
+        elif kind == "drift" and len(drives) > 1:
+            used = generator.integers(1, len(drives))
+            context = picked(vehicle.drift, drives[:used])
+            if generator.random() < SHUFFLED:
+                context = generator.permutation(context)
+            context = context[: int(np.exp(generator.uniform(np.log(5.0), np.log(LONGEST))))]
+            drives = drives[used:]
+        targets = picked(vehicle.drift, drives)
+        if kind != "drift" and generator.random() < LANE_TARGETS:
+            targets = np.concatenate([targets, picked(vehicle.lane, generator.integers(len(vehicle.lane[0]), size=1))])
+        return context, generator.permutation(targets)[:TARGETS]
+
+
+def predictive_nll(
+    parameters: Parameters,
+    context: tuple[torch.Tensor, torch.Tensor, torch.Tensor],
+    targets: tuple[torch.Tensor, torch.Tensor, torch.Tensor],
+) -> torch.Tensor:
+    """-2 log of the predictive density of each target (without the 2 pi), after the context.
+
+    Args:
+        context, targets: (features [b, n, 4, 16], residuals in units of the output scale [b, n, 4], which entries are
+            samples [b, n]); the numbers n of the two differ.
+
+    Returns:
+        [b, n, 4], zero where there is no sample.
+    """
+    phi, y, mask = context
+    weight = torch.sigmoid(parameters["logit_weight"])
+    phi = (phi.to(y.dtype) * mask[..., None, None]).permute(0, 2, 1, 3)  # [b, 4, n, 16]
+    error = y.permute(0, 2, 1) - torch.einsum("bitf,if->bit", phi, parameters["prior_mean"])
+    factor = torch.linalg.cholesky(prior_precision(parameters) + weight * phi.transpose(-1, -2) @ phi)
+    projected = weight * torch.einsum("bitf,bit->bif", phi, error)
+    mean = parameters["prior_mean"] + torch.cholesky_solve(projected[..., None], factor)[..., 0]
+    phi, y, mask = targets
+    phi = phi.to(y.dtype).permute(0, 2, 1, 3)
+    error = y.permute(0, 2, 1) - torch.einsum("bitf,bif->bit", phi, mean)
+    spread = (torch.linalg.solve_triangular(factor, phi.transpose(-1, -2), upper=False) ** 2).sum(-2)
+    log_variance = 2.0 * parameters["log_sigma"][:, None] + torch.log1p(spread)
+    return (error**2 * torch.exp(-log_variance) + log_variance).permute(0, 2, 1) * mask[..., None]
+
+
+class TransferObjective:
+    """Tasks of the training vehicles, and of others that are watched."""
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        samples: tuple[Samples, Samples],
+        watched: tuple[Samples, Samples] | None,
+        vehicle: VehicleParameters,
+    ) -> None:
+        """Args: samples, watched: (drifting drives, lane drives)."""
+        self._config = config
+        self._tasks = Tasks(*samples, vehicle)
+        self._watched = None if watched is None else Tasks(*watched, vehicle)
+        self.scale = self._tasks.y.std(dim=0)
+
+    def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
+        """(objective per target, number of targets) of an epoch's batches."""
+        for _ in range(self._config.epoch_batches):
+            yield self._loss(parameters, self._tasks, self._config.batch_tasks, generator)
+
+    def watch(self, parameters: Parameters) -> dict[str, float]:
+        """The objective of the watched vehicles, over always the same tasks."""
+        if self._watched is None:
+            return {}
+        with torch.no_grad():
+            loss, _ = self._loss(parameters, self._watched, WATCHED_TASKS, np.random.default_rng(0))
+        return {"validation": float(loss), "weight": float(torch.sigmoid(parameters["logit_weight"].detach()))}
+
+    def _loss(
+        self, parameters: Parameters, tasks: Tasks, count: int, generator: np.random.Generator
+    ) -> tuple[torch.Tensor, int]:
+        contexts, targets = zip(*(tasks.draw(generator) for _ in range(count)), strict=True)
+        index, mask = zip(padded(contexts), padded(targets), strict=True)
+        phi = torch_features(parameters, tasks.z[torch.cat([rows.reshape(-1) for rows in index])])
+        parts = [
+            (part.reshape(*rows.shape, STATE_COUNT, -1), tasks.y[rows] / self.scale, valid)
+            for part, rows, valid in zip(phi.split([rows.numel() for rows in index]), index, mask, strict=True)
+        ]
+        total = predictive_nll(parameters, parts[0], parts[1]).sum()
+        number = int(mask[1].sum())
+        # In the density of the physical units, as the objective over windows.
+        return total / number + 2.0 * torch.log(self.scale).sum(), number

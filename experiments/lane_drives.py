@@ -1,0 +1,122 @@
+"""Makes the short lane drives that meta-training takes its contexts from: what the car is told before it must drift.
+
+    python -m experiments.lane_drives --vehicles 100
+
+Information gathering teaches the model on a straight lane and asks it to drift. So that the prior learns how the one
+tells of the other, each training vehicle is driven along the same lane: slaloms of random sizes, Info-OCP's plans from
+random first guesses under random weights and bounds, and random steering. Written: one table of samples for each
+population, every tenth row (`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`).
+"""
+
+import dataclasses
+import json
+import multiprocessing
+from pathlib import Path
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from diagrams.information_gathering import DT, GatheringConfig, Trajectory, execution, plan
+from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
+from drift_drake.drives.drivers import wander
+from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.model.checkpoint import load
+from drift_drake.model.samples import Samples, concatenate, save_samples
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drives import join_vehicles
+
+DRIVES = 6  # of a vehicle
+PLANS = 48  # in the pool that the vehicles' drives are drawn from
+LANE_STREAM = 2  # of a vehicle's random numbers
+
+
+@dataclasses.dataclass(frozen=True)
+class LaneDrivesConfig:
+    """What to drive."""
+
+    seed: int = 0
+    train: int = 100  # vehicles
+    validation: int = 10
+    checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
+    workers: int = 2
+    output: Path = Path("runs/drives")
+
+
+def lane_plan(job: tuple[Path | None, int, int]) -> Trajectory | None:
+    """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
+    checkpoint, index, seed = job
+    model, generator = load(checkpoint), np.random.default_rng([seed, LANE_STREAM, index])
+    config = GatheringConfig(
+        v_start=float(generator.uniform(7.0, 9.0)),
+        v_end=float(generator.uniform(12.0, 22.0)),
+        max_sideslip=float(generator.uniform(0.15, 0.5)),
+        max_slip=float(generator.uniform(4.0, 10.0)),
+        starts=2,
+        max_iterations=40,
+    )
+    try:
+        if index % 3 == 0:
+            t = DT * np.arange(config.steps + 1)
+            size, period = generator.uniform(0.2, 2.0), generator.uniform(1.2, 4.0)
+            lateral = size * np.sin(2.0 * np.pi * t / period + generator.uniform(0.0, 2.0 * np.pi))
+            return plan(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
+        return plan(model, model.prior(), config, float(generator.choice([1.0, 2.0, 4.0])), seed=index)
+    except RuntimeError:
+        return None
+
+
+def lane_drives(job: tuple[Path, Population, int, int, list[Trajectory]]) -> dict[str, int]:
+    """Drives one vehicle along the lane; its samples go into its folder, unless they are there. How drives ended."""
+    output, population, index, seed, pool = job
+    folder = output / population / f"vehicle_{index:02d}"
+    if (folder / "lane.json").exists():
+        return dict(json.loads((folder / "lane.json").read_text()))
+    folder.mkdir(parents=True, exist_ok=True)
+    parameters, effects = VehicleParameters(), draw_effects(population, index, seed)
+    generator = np.random.default_rng([seed, POPULATIONS.index(population), index, LANE_STREAM])
+    phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
+    endings: dict[str, int] = {}
+    for number, chosen in enumerate(generator.choice(len(pool), DRIVES, replace=False)):
+        trajectory = pool[chosen]
+        config = GatheringConfig(v_start=float(trajectory.x[0, 1]), v_end=float(trajectory.x[-1, 1]))
+        if number % 3 == 2:
+            shake = wander(config.steps * DT, generator, np.array([generator.uniform(0.0, 0.08), 30.0]), 0.4)
+            low = [-parameters.steering_limit, parameters.torque_min]
+            high = [parameters.steering_limit, parameters.torque_max]
+            trajectory = trajectory._replace(u=np.clip(trajectory.u + shake[: config.steps + 1], low, high))
+        drive = execution(trajectory, effects, parameters, config)
+        table, ending = drive.run(trajectory.x[0], 0.0, config.steps * DT, int(generator.integers(2**31)))
+        endings[ending] = endings.get(ending, 0) + 1
+        for phase in range(DECIMATION):
+            phases[phase].append(samples_from_log(table, None, index, number, phase))
+    save_samples(all_phases(phases), folder / "lane_phases.npz")
+    save_samples(concatenate(phases[0]), folder / "lane.npz")
+    (folder / "lane.json").write_text(json.dumps(endings))
+    return endings
+
+
+def main(config: LaneDrivesConfig) -> None:
+    """Makes the pool of plans and the populations' drives."""
+    counts: list[tuple[Population, int]] = [("train", config.train), ("validation", config.validation)]
+    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=25) as pool:
+        jobs = [(config.checkpoint, index, config.seed) for index in range(PLANS)]
+        plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
+        runs: list[tuple[Path, Population, int, int, list[Trajectory]]] = [
+            (config.output, population, index, config.seed, plans)
+            for population, count in counts
+            for index in range(count)
+        ]
+        total: dict[str, int] = {}
+        for endings in tqdm(pool.imap(lane_drives, runs), total=len(runs), unit="vehicle"):
+            for name, count in endings.items():
+                total[name] = total.get(name, 0) + count
+    for population, count in counts:
+        folders = [config.output / population / f"vehicle_{index:02d}" for index in range(count)]
+        for name in ("lane", "lane_phases") if folders else ():
+            save_samples(join_vehicles(folders, name, DRIVES), config.output / f"{population}_{name}.npz")
+    print(json.dumps({"plans": len(plans), "endings": total}))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(LaneDrivesConfig))

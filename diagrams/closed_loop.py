@@ -83,7 +83,7 @@ class ClosedLoop:
         adapter: BayesianAdapter | None = None,
     ) -> None:
         """Args: model: what the controller believes; adapter: if given, `model` (a `BayesianStepModel`) follows it."""
-        self.reference = reference
+        self.parameters, self.reference, self.adapter = parameters, reference, adapter
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
         builder = DiagramBuilder()
@@ -170,7 +170,7 @@ class ClosedLoop:
         simulator.Initialize()
         status = simulator.AdvanceTo(context.get_time() + limits.time_factor * reference.duration)
         outcome: Outcome = status.message() or "time is up"
-        return Run(self._table(simulator.get_context()), outcome, reference)
+        return Run(self._table(simulator.get_context()), outcome, reference, self.parameters)
 
     def _table(self, context: Context) -> pd.DataFrame:
         names = {
@@ -197,10 +197,11 @@ class Run:
     table: pd.DataFrame
     outcome: Outcome
     reference: Reference
+    parameters: VehicleParameters
 
     def metrics(self) -> RunMetrics:
         """The run in numbers."""
-        return run_metrics(self.table, self.outcome, self.reference)
+        return run_metrics(self.table, self.outcome, self.reference, self.parameters.steering_limit)
 
 
 @dataclasses.dataclass(frozen=True)

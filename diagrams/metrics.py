@@ -7,14 +7,18 @@ import pandas as pd
 
 from drift_drake.reference.trajectory import Reference
 
+GRID = 0.5  # [m] along the path
+STEADY_SIDESLIP = 0.2  # [rad] of the reference from which on it is a drift
+
 
 @dataclasses.dataclass(frozen=True)
 class RunMetrics:
-    """Errors of the true states against the reference at the car's path position, up to the run's end."""
+    """Errors of the true states against the reference at the car's path position, up to the run's end or a spin."""
 
     outcome: str
     completed: bool
     completion: float  # share of the distance driven
+    drifting: float  # share of the distance wanted in a steady drift that was driven in one; see `drifting_share`
     duration: float  # [s]
     rms_e: float  # [m]
     max_e: float  # [m]
@@ -28,23 +32,56 @@ class RunMetrics:
     solve_ms_99: float
 
 
-def run_metrics(table: pd.DataFrame, outcome: str, reference: Reference, s_start: float = 0.0) -> RunMetrics:
-    """Numbers of one run; a run that spun is judged up to the moment of the spin (as in the paper's Appendix B)."""
+def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:
+    """The rows up to the last moment at which the sideslip was within the steering lock.
+
+    Beyond it the front wheels can no longer point along the course: that is where the last spin of a run began.
+    """
+    within = np.flatnonzero(table["beta"].abs().to_numpy() <= steering_limit)
+    return table.iloc[: within[-1] + 1 if len(within) else 1]
+
+
+def drifting_share(table: pd.DataFrame, reference: Reference) -> float:
+    """Share of the reference's steady drifts over which the car drifted too; NaN where none is wanted.
+
+    Drifting means at least half of the sideslip wanted, to the same side. Without this, a car that rounds the course in
+    grip would pass for one that drifts.
+    """
+    grid = np.arange(0.0, reference.distance, GRID)
+    wanted = reference.state(grid)[:, 2]
+    steady = ~reference.transition(grid) & (np.abs(wanted) > STEADY_SIDESLIP)
+    if not steady.any():
+        return float("nan")
+    s, beta = table["s"].to_numpy(dtype=float), table["beta"].to_numpy(dtype=float)
+    driven = np.interp(grid, np.maximum.accumulate(s), beta, right=0.0)
+    return float(np.mean((driven * np.sign(wanted) >= 0.5 * np.abs(wanted))[steady]))
+
+
+def run_metrics(
+    table: pd.DataFrame, outcome: str, reference: Reference, steering_limit: float, s_start: float = 0.0
+) -> RunMetrics:
+    """Numbers of one run.
+
+    Errors of a run that spun are taken up to the beginning of the spin (the paper's Appendix B truncates "before the
+    spin out"), by `before_spin`; how far it came and how long it took are those of the whole run.
+    """
     s = table["s"].to_numpy(dtype=float)
-    wanted = reference.state(s)
+    judged = before_spin(table, steering_limit) if outcome == "spin" else table
+    wanted = reference.state(judged["s"].to_numpy(dtype=float))
     solves = table[table["solve_seconds"] > 0.0]
     milliseconds = 1e3 * solves["solve_seconds"].to_numpy(dtype=float)
 
     def rms(name: str, target: np.ndarray) -> float:
-        return float(np.sqrt(np.mean((table[name].to_numpy(dtype=float) - target) ** 2)))
+        return float(np.sqrt(np.mean((judged[name].to_numpy(dtype=float) - target) ** 2)))
 
     return RunMetrics(
         outcome=outcome,
         completed=outcome == "completed",
         completion=float(np.clip((s[-1] - s_start) / (reference.distance - s_start), 0.0, 1.0)),
+        drifting=drifting_share(table, reference),
         duration=float(table["t"].iloc[-1]),
         rms_e=rms("e", wanted[:, 4]),
-        max_e=float(table["e"].abs().max()),
+        max_e=float(judged["e"].abs().max()),
         rms_sideslip_error=rms("beta", wanted[:, 2]),
         rms_yaw_rate_error=rms("r", wanted[:, 0]),
         rms_speed_error=rms("v", wanted[:, 1]),

@@ -22,8 +22,8 @@ def make_run_folder(name: str, out: Path | None = None) -> Path:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Plain data, dataclasses, paths and NumPy's numbers and arrays as JSON; what is not finite becomes null."""
-    path.write_text(json.dumps(_plain(data), indent=2, allow_nan=False) + "\n")
+    """Anything that `plain` takes, as JSON."""
+    path.write_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
 
 
 def write_versions(folder: Path) -> None:
@@ -43,21 +43,22 @@ def machine() -> str:
     return f"{names[0]}, {len(names)} cores" if names else model
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Dataclasses, paths and NumPy's numbers and arrays as what JSON holds; what is not finite becomes None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _plain(dataclasses.asdict(value))
+        return plain(dataclasses.asdict(value))
     if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
+        return plain(value._asdict())
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class SqpOptions:
     """Settings; residuals are in the program's scaled variables (1e-6 is 1 um in e, 10 um/s in v)."""
 
-    max_iterations: int = 300
+    max_iterations: int = 300  # one or more
     tolerance: float = 1e-6  # on the primal and dual residuals, to call a point converged
     qp_tolerance: float = 1e-9
     qp_max_iterations: int = 20000
@@ -107,11 +107,12 @@ class LineSearchSqp:
         gradient_at_zero, constant, low, high = part.data()
         z = np.asarray(z_guess, dtype=float)
         y = np.zeros(self.multiplier_count) if y_guess is None else y_guess
-        residual = self._dynamics.value(z)
         penalty, status = 0.0, "iterations"
         iterations: list[SqpIteration] = []
         while True:
             start = time.perf_counter()
+            if len(iterations) < options.max_iterations:
+                residual, jacobian = self._dynamics.linearize(z)
             bent = part.hessian @ z
             gradient = bent + gradient_at_zero
             extra_cost = extra.value(z) if extra else 0.0
@@ -122,7 +123,6 @@ class LineSearchSqp:
             primal_residual = float(max(np.abs(residual).max(), _outside(linear, low, high).max()))
             if len(iterations) == options.max_iterations:
                 break
-            residual, jacobian = self._dynamics.linearize(z)
             if not np.isfinite(jacobian).all():
                 status = "not finite"
                 break

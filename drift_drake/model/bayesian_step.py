@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.compilation import compiled
 from drift_drake.model.features import INPUT_COUNT, STATE_COUNT, MeanFunction, Network, network_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
@@ -108,30 +109,42 @@ def _trapezoid_path(x: Array, x_next: Array, curvature: Array, dt: float) -> tup
     Returns:
         ((e, dphi) [n, 2], derivative by x at fixed x_next[:4] [n, 2, 6], derivative by x_next[:4] [n, 2, 4]).
     """
-    # The turn of the course comes from the body; what the path turns by in the meantime is taken from it at the mean
-    # speed and the course at the start.
-    v = 0.5 * (x[:, 1] + x_next[:, 1])
-    e, dphi = x[:, 4], x[:, 5]
-    stretch = 1.0 - curvature * e
-    cos_start, sin_start = np.cos(dphi), np.sin(dphi)
-    s_dot = v * cos_start / stretch
-    turn = x_next[:, 2] - x[:, 2] + 0.5 * dt * (x[:, 0] + x_next[:, 0])
-    dphi_next = dphi + turn - dt * curvature * s_dot
-    mid = 0.5 * (dphi + dphi_next)
-    cos_mid, sin_mid = np.cos(mid), np.sin(mid)
     count = x.shape[0]
-    by_state, by_next = np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
-    d = by_state[:, 1]  # of dphi_next
-    d[:, 0] = 0.5 * dt
-    d[:, 1] = -0.5 * dt * curvature * cos_start / stretch
-    d[:, 2] = -1.0
-    d[:, 4] = -dt * curvature * curvature * s_dot / stretch
-    d[:, 5] = 1.0 + dt * curvature * v * sin_start / stretch
-    by_next[:, 1, 0], by_next[:, 1, 1], by_next[:, 1, 2] = 0.5 * dt, d[:, 1], 1.0
-    by_state[:, 0] = (0.5 * dt * v * cos_mid)[:, None] * d
-    by_state[:, 0, 1] += 0.5 * dt * sin_mid
-    by_state[:, 0, 4] += 1.0
-    by_state[:, 0, 5] += 0.5 * dt * v * cos_mid
-    by_next[:, 0] = (0.5 * dt * v * cos_mid)[:, None] * by_next[:, 1]
-    by_next[:, 0, 1] += 0.5 * dt * sin_mid
-    return np.stack([e + dt * v * sin_mid, dphi_next], axis=-1), by_state, by_next
+    path, by_state, by_next = np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
+    _trapezoid_points(np.ascontiguousarray(x), np.ascontiguousarray(x_next), np.ascontiguousarray(curvature), dt, path,
+                      by_state, by_next)  # fmt: skip
+    return path, by_state, by_next
+
+
+@compiled
+def _trapezoid_points(x: Array, x_next: Array, curvature: Array, dt: float, path: Array, by_state: Array,
+                      by_next: Array) -> None:  # fmt: skip
+    """Writes `_trapezoid_path`'s results into zeroed arrays."""
+    for n in range(x.shape[0]):
+        e, dphi, k = x[n, 4], x[n, 5], curvature[n]
+        # The turn of the course comes from the body; what the path turns by in the meantime is taken from it at the
+        # mean speed and the course at the start.
+        v = 0.5 * (x[n, 1] + x_next[n, 1])
+        stretch = 1.0 - k * e
+        cos_start, sin_start = np.cos(dphi), np.sin(dphi)
+        s_dot = v * cos_start / stretch
+        turn = x_next[n, 2] - x[n, 2] + 0.5 * dt * (x[n, 0] + x_next[n, 0])
+        dphi_next = dphi + turn - dt * k * s_dot
+        mid = 0.5 * (dphi + dphi_next)
+        cos_mid, sin_mid = np.cos(mid), np.sin(mid)
+        path[n, 0], path[n, 1] = e + dt * v * sin_mid, dphi_next
+        by_speed = -0.5 * dt * k * cos_start / stretch
+        d = by_state[n, 1]  # of dphi_next
+        d[0], d[1], d[2] = 0.5 * dt, by_speed, -1.0
+        d[4] = -dt * k * k * s_dot / stretch
+        d[5] = 1.0 + dt * k * v * sin_start / stretch
+        by_next[n, 1, 0], by_next[n, 1, 1], by_next[n, 1, 2] = 0.5 * dt, by_speed, 1.0
+        lever = 0.5 * dt * v * cos_mid
+        for i in range(6):
+            by_state[n, 0, i] = lever * d[i]
+        by_state[n, 0, 1] += 0.5 * dt * sin_mid
+        by_state[n, 0, 4] += 1.0
+        by_state[n, 0, 5] += lever
+        for i in range(4):
+            by_next[n, 0, i] = lever * by_next[n, 1, i]
+        by_next[n, 0, 1] += 0.5 * dt * sin_mid

@@ -117,8 +117,8 @@ class MeanFunction:
         count = z.shape[0]
         if count not in self._work:
             hidden = (count, HIDDEN_COUNT)
-            self._work = {count: (*(np.empty(hidden) for _ in range(4)),
-                                  *(np.empty((STATE_COUNT, *hidden)) for _ in range(2)))}  # fmt: skip
+            self._work[count] = (*(np.empty(hidden) for _ in range(4)),
+                                 *(np.empty((STATE_COUNT, *hidden)) for _ in range(2)))  # fmt: skip
         work = self._work[count]
         h1, h2 = work[0], work[1]
         np.matmul(z, self._w1, out=h1)

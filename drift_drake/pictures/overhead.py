@@ -66,19 +66,19 @@ def overhead(
         check_columns(run, COLUMNS, name)
     colour = colour or ("sideslip" if len(runs) == 1 else "run")
     shape = CarShape.of(parameters or VehicleParameters())
-    low, high = _extent(runs, reference, 0.6 * shape.length)
+    low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low
     figure = new_figure(7.5, float(np.clip(1.0 + 5.8 * height / width, 2.6, 8.5)))
     axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal")
     if reference is not None:
-        _draw_reference(axes, reference)
+        draw_reference(axes, reference)
     mappable = _mappable(colour, runs)
     for index, run in enumerate(runs.values()):
         run_colour = RUNS[index % len(RUNS)]
         _draw_path(axes, run, mappable, colour, run_colour)
         if car_every > 0.0:
-            _draw_cars(axes, run, shape, car_every, INK if mappable else run_colour)
+            draw_cars(axes, run, shape, car_every, INK if mappable else run_colour)
     first = next(iter(runs.values()))
     axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
     axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
@@ -99,7 +99,7 @@ def _lane_edges(reference: Reference) -> tuple[Array, Array, Array]:
     return s, np.stack(reference.path.to_world(s, high), -1), np.stack(reference.path.to_world(s, low), -1)
 
 
-def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None, margin: float) -> tuple[Array, Array]:
+def extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None, margin: float) -> tuple[Array, Array]:
     """Lower left and upper right corner [2] [m] of what is drawn."""
     drawn = [run[["x", "y"]].to_numpy(dtype=float) for run in runs.values()]
     if reference is not None:
@@ -108,7 +108,8 @@ def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None, margi
     return np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
 
 
-def _draw_reference(axes: Axes, reference: Reference) -> None:
+def draw_reference(axes: Axes, reference: Reference) -> None:
+    """The lane as a light strip with its edges, and the path, dashed."""
     s, left, right = _lane_edges(reference)
     # A strip of quads: a single outline would leave a hole where the lane crosses itself.
     quads = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)
@@ -148,7 +149,8 @@ def _draw_path(axes: Axes, run: pd.DataFrame, mappable: ScalarMappable | None, c
     axes.add_collection(lines)
 
 
-def _draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colour: str) -> None:
+def draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colour: str) -> None:
+    """The car's outline along a run, `every` so many seconds (see `overhead`)."""
     t = run["t"].to_numpy(dtype=float)
     rows = np.unique(np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, every)))
     centres: list[tuple[float, float]] = []

@@ -3,6 +3,7 @@
 The MPC's hot path. `tests/vehicle/test_bicycle.py` holds it to Drake's AutoDiffXd on `bicycle.derivatives`.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -120,10 +121,14 @@ def linearize(x: Array, u: Array, curvature: Array, p: Constants) -> tuple[Array
     """
     curvature = np.asarray(curvature, dtype=float)
     batch = np.broadcast_shapes(np.shape(x)[:-1], np.shape(u)[:-1], curvature.shape)
-    flat_x = np.array(np.broadcast_to(x, (*batch, 6)), dtype=float).reshape(-1, 6)
-    flat_u = np.array(np.broadcast_to(u, (*batch, 2)), dtype=float).reshape(-1, 2)
-    flat_curvature = np.array(np.broadcast_to(curvature, batch)).reshape(-1)
-    count = flat_x.shape[0]
+    flat_x, flat_u, flat_curvature = _flat(x, (*batch, 6)), _flat(u, (*batch, 2)), _flat(curvature, batch)
+    count = math.prod(batch)
     x_dot, a, b = np.empty((count, 6)), np.empty((count, 6, 6)), np.empty((count, 6, 2))
-    _linearize(flat_x, flat_u, flat_curvature, p, x_dot, a, b)
+    _linearize(flat_x.reshape(-1, 6), flat_u.reshape(-1, 2), flat_curvature.reshape(-1), p, x_dot, a, b)
     return x_dot.reshape(*batch, 6), a.reshape(*batch, 6, 6), b.reshape(*batch, 6, 2)
+
+
+def _flat(values: Any, shape: tuple[int, ...]) -> Array:
+    """Contiguous floats of a shape, copied only where they are not that already."""
+    array = np.asarray(values, dtype=float)
+    return np.ascontiguousarray(array if array.shape == shape else np.broadcast_to(array, shape))

@@ -1,58 +1,91 @@
 """The figure-8 experiment as a user calls it."""
 
+import dataclasses
 import json
+import sys
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from diagrams.closed_loop import ControlConfig
-from experiments.figure_8 import Figure8Config, main, summarise, table
+from diagrams.information_gathering import GatheringConfig
+from drift_drake.reference.trajectory import figure_8
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments import drift_runs
+from experiments.drift_runs import DriftConfig, OtherExperimentError
+from experiments.executors import ExecutorConfig, NoClusterError, make_executor
+from experiments.figure_8 import main
+
+FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
+SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)
 
 
-def runs() -> pd.DataFrame:
-    return pd.DataFrame({
-        "model": ["prior"] * 3 + ["oracle"] * 3,
-        "completed": [False, True, True, True, True, True],
-        "completion": [0.4, 1.0, 1.0, 1.0, 1.0, 1.0],
-        "rms_e": [2.0, 0.5, 1.0, 0.1, 0.2, 0.3],
-        "rms_sideslip_error": [0.3, 0.1, 0.2, 0.04, 0.05, 0.06],
-        "solve_ms_median": [1.0] * 6,
-        "solver_failures": [3, 0, 1, 0, 0, 0],
-    })  # fmt: skip
-
-
-def test_summary_counts_failures_too() -> None:
-    prior = summarise(runs())["prior"]
-    assert prior["runs"] == 3
-    assert prior["completed"] == pytest.approx(2.0 / 3.0)
-    assert (prior["rms_e_best"], prior["rms_e_median"], prior["rms_e_worst"]) == (0.5, 1.0, 2.0)
-    assert prior["solver_failures"] == 4
-
-
-def test_table_is_markdown() -> None:
-    lines = table(summarise(runs())).splitlines()
-    assert lines[2] == "| prior | 3 | 67% | 0.50 / 1.00 / 2.00 | 0.100 / 0.200 / 0.300 |"
-    assert len(lines) == 4
-
-
-def test_runs_and_resumes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    config = Figure8Config(
+def config(out: Path, run_on: ExecutorConfig) -> DriftConfig:
+    models = ("once_info", "twice_online", "nominal")
+    return DriftConfig(
         vehicles=1,
         population="train",
-        models=("nominal", "online"),
-        control=ControlConfig(horizon=12, period=0.05, delay=0.05),
-        workers=1,
-        out=tmp_path,
+        noise_seeds=1,
+        models=models,
+        control=FAST,
+        gathering=SHORT,
+        run_on=run_on,
+        out=out,
     )
-    main(config)
-    assert "| online | 1 |" in capsys.readouterr().out
-    numbers = json.loads((tmp_path / "numbers.json").read_text())
-    assert set(numbers) == {"nominal", "online"}
-    assert numbers["nominal"]["runs"] == 1
-    assert {"overhead.png", "time_series.png", "runs.csv", "config.json", "versions.json"} <= {
-        path.name for path in tmp_path.iterdir()
-    }
-    before = (tmp_path / "online-000-0.csv").stat().st_mtime_ns
-    main(config)
-    assert (tmp_path / "online-000-0.csv").stat().st_mtime_ns == before
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> ExecutorConfig:
+    """Runs jobs in this process, over the first 20 m."""
+    short = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
+    monkeypatch.setattr(drift_runs, "reference", lambda _: short)
+
+    def run_here(_config, function, jobs, finish, unit):  # type: ignore[no-untyped-def] # noqa: ARG001
+        for job in jobs:
+            finish(job, function(job))
+
+    monkeypatch.setattr(drift_runs, "run_jobs", run_here)
+    return ExecutorConfig(workers=1)
+
+
+def test_runs_and_resumes(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:
+    main(config(tmp_path, here))
+    report = capsys.readouterr().out
+    assert "| Twice-Info, adapting |" in report
+    assert "| best | 1.18 |" in report  # the paper's Once-Info
+    assert set(json.loads((tmp_path / "numbers.json").read_text())) == {"once_info", "twice_online", "nominal"}
+    made = {path.name for path in tmp_path.iterdir()}
+    assert {"overhead.png", "time_series.png", "runs.csv", "config.json", "versions.json", "report.md"} <= made
+    assert {"beliefs-000-0.npz", "once_info-000-0.csv", "twice_online-000-0.json"} <= made
+    assert not any(name.endswith(".partial") for name in made)
+    before = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*-000-*")}
+    # More models join what is there; what is there stays.
+    main(dataclasses.replace(config(tmp_path, here), models=("once_info", "twice_online", "nominal", "prior")))
+    after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*-000-*")}
+    assert {name: after[name] for name in before} == before
+    assert "prior-000-0.json" in after
+
+
+def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:
+    drift_runs.open_folder(tmp_path, config(tmp_path, here))
+    other = dataclasses.replace(config(tmp_path, here), population="wide")
+    with pytest.raises(OtherExperimentError, match="another population; give another folder"):
+        drift_runs.open_folder(tmp_path, other)
+
+
+def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path: Path) -> None:
+    """Once-Info's belief is the one that Twice-Info goes on from, whichever models are asked for."""
+    first = config(tmp_path, here)
+    learnt = drift_runs.load(None)
+    both = drift_runs.gather_all(first, learnt, tmp_path)[0, 0]
+    assert set(both) == {"once_info", "twice_info"}
+    (tmp_path / "one").mkdir()
+    alone = drift_runs.gather_all(dataclasses.replace(first, models=("once_info",)), learnt, tmp_path / "one")[0, 0]
+    assert set(alone) == {"once_info"}
+    assert (alone["once_info"].mean == both["once_info"].mean).all()
+
+
+def test_a_missing_engine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(NoClusterError, match="pip install"), make_executor(ExecutorConfig(executor="dask")):
+        pass

@@ -1,0 +1,90 @@
+"""Where an experiment's jobs run: this machine's cores, or a cluster's.
+
+Either way an experiment sees a `concurrent.futures.Executor`. The cluster's engine is dask.distributed, an extra:
+
+    pip install "drift_drake[cluster]"
+    dask scheduler                                  # on one machine
+    dask worker tcp://SCHEDULER:8786                # on each machine, in the repository's root; no files are shared
+    python -m experiments.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
+
+Jobs and results travel as messages and the experiment's own process writes all files, so machines share no disk.
+"""
+
+import concurrent.futures
+import dataclasses
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Literal, TypeVar
+
+from tqdm import tqdm
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+@dataclasses.dataclass(frozen=True)
+class ExecutorConfig:
+    """Where jobs run."""
+
+    executor: Literal["processes", "dask"] = "processes"
+    workers: int = 2
+    """Processes on this machine; a cluster that `scheduler` names has its own."""
+    scheduler: str | None = None
+    """Address of a dask scheduler, such as tcp://HOST:8786; without, dask runs `workers` processes here."""
+
+
+class NoClusterError(RuntimeError):
+    """A cluster that cannot be used; the message names the mend."""
+
+
+@contextmanager
+def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executor]:
+    """The executor that a config asks for, shut down at the end.
+
+    Raises:
+        NoClusterError: dask.distributed is not installed, or no scheduler answers at the address.
+    """
+    if config.executor == "processes":
+        # Not forked: a fork would copy Drake's and BLAS's threads in whatever state they are.
+        with concurrent.futures.ProcessPoolExecutor(config.workers, multiprocessing.get_context("spawn")) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise NoClusterError(
+            'dask.distributed is missing; install it with pip install "drift_drake[cluster]"'
+        ) from None
+    if config.scheduler is None:
+        with (
+            LocalCluster(n_workers=config.workers, threads_per_worker=1, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+            client.get_executor() as pool,
+        ):
+            yield pool
+        return
+    try:
+        client = Client(config.scheduler)
+    except (OSError, ValueError) as error:
+        raise NoClusterError(
+            f"no dask scheduler answers at {config.scheduler} ({error}); start one with `dask scheduler`"
+        ) from None
+    with client, client.get_executor() as pool:
+        yield pool
+
+
+def run_jobs(
+    config: ExecutorConfig,
+    function: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    finish: Callable[[Job, Result], None],
+    unit: str,
+) -> None:
+    """Runs jobs anywhere, with a progress bar; `finish` is called here with each result as it comes in."""
+    if not jobs:
+        return
+    with make_executor(config) as pool:
+        waiting = {pool.submit(function, job): job for job in jobs}
+        for future in tqdm(concurrent.futures.as_completed(list(waiting)), total=len(jobs), unit=unit):
+            finish(waiting.pop(future), future.result())

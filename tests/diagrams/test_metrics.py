@@ -1,0 +1,61 @@
+"""What is said of a run, on made-up runs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagrams.metrics import before_spin, drifting_share, run_metrics
+from drift_drake.reference.trajectory import Reference, figure_8, straight_line
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PARAMETERS = VehicleParameters()
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    return figure_8(PARAMETERS)
+
+
+def on_the_reference(reference: Reference, share: float = 1.0) -> pd.DataFrame:
+    """A run without any error over the first part of the reference."""
+    s = np.linspace(0.0, share * reference.distance, 2000)
+    columns = dict(zip(("r", "v", "beta", "omega_r", "e", "dphi"), reference.state(s).T, strict=True))
+    zeros = {f"solve_{name}": np.zeros(len(s)) for name in ("failures", "step")}
+    return pd.DataFrame({"t": reference.time(s), "s": s, **columns, **zeros, "solve_seconds": 1e-3})
+
+
+def test_a_run_on_the_reference(reference: Reference) -> None:
+    metrics = run_metrics(on_the_reference(reference), "completed", reference, PARAMETERS.steering_limit)
+    assert metrics.completed
+    assert metrics.completion == metrics.drifting == 1.0
+    assert metrics.rms_e == 0.0
+    assert metrics.rms_sideslip_error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_spin_is_cut_where_the_sideslip_last_was_within_the_steering_lock(reference: Reference) -> None:
+    table = on_the_reference(reference, share=0.5)
+    table.loc[500:502, "beta"] = 0.9  # caught again
+    table.loc[1900:, "beta"] = np.linspace(0.7, 1.4, 100)
+    table.loc[1900:, "e"] = 3.0
+    assert len(before_spin(table, PARAMETERS.steering_limit)) == 1900
+    spun = run_metrics(table, "spin", reference, PARAMETERS.steering_limit)
+    assert spun.rms_e == spun.max_e == 0.0
+    assert spun.completion == pytest.approx(0.5)
+    left = run_metrics(table, "left the lane", reference, PARAMETERS.steering_limit)
+    assert left.max_e == 3.0
+
+
+def test_a_run_that_is_beyond_the_lock_throughout_keeps_its_first_row(reference: Reference) -> None:
+    table = on_the_reference(reference).assign(beta=1.2)
+    assert len(before_spin(table, PARAMETERS.steering_limit)) == 1
+
+
+def test_drifting_counts_the_steady_drifts_wanted(reference: Reference) -> None:
+    table = on_the_reference(reference)
+    assert drifting_share(table.assign(beta=0.6 * table["beta"]), reference) == 1.0
+    assert drifting_share(table.assign(beta=0.4 * table["beta"]), reference) == 0.0
+    assert drifting_share(table.assign(beta=-table["beta"]), reference) == 0.0
+    half = drifting_share(on_the_reference(reference, share=0.5), reference)
+    assert half == pytest.approx(0.5, abs=0.02)
+    straight = straight_line(10.0, 12.0, 4.0)
+    assert np.isnan(drifting_share(on_the_reference(straight), straight))

@@ -1,0 +1,62 @@
+"""Numbers and tables of closed-loop runs."""
+
+import pandas as pd
+import pytest
+
+from experiments.drift_report import completion_table, paper_table, summarise
+
+
+@pytest.fixture
+def runs() -> pd.DataFrame:
+    """Two vehicles, three attempts each, with two models; the last run of Twice-Info arrives gripping."""
+    return pd.DataFrame({
+        "model": ["twice_info"] * 6 + ["oracle"] * 6,
+        "vehicle": [0, 0, 0, 1, 1, 1] * 2,
+        "completed": [True, True, False, True, True, True] + [True] * 6,
+        "drifting": [1.0, 0.95, 0.4, 1.0, 1.0, 0.2] + [1.0] * 6,
+        "completion": [1.0, 1.0, 0.4, 1.0, 1.0, 1.0] + [1.0] * 6,
+        "outcome": ["completed", "completed", "spin", "completed", "completed", "completed"] + ["completed"] * 6,
+        "rms_e": [0.1, 0.2, 2.0, 0.3, 0.4, 0.5] + [0.1] * 6,
+        "rms_sideslip_error": [0.01, 0.02, 0.3, 0.03, 0.04, 0.05] + [0.02] * 6,
+        "second_plan": [True] * 5 + [False] + [None] * 6,
+        "solve_ms_median": [1.0] * 12,
+        "solver_failures": [3, 0, 1, 0, 0, 0] + [0] * 6,
+    })  # fmt: skip
+
+
+def test_gripping_round_the_course_is_not_drifting_it(runs: pd.DataFrame) -> None:
+    twice = summarise(runs)["twice_info"]
+    assert twice["completed"] == pytest.approx(5.0 / 6.0)
+    assert twice["drifted"] == pytest.approx(4.0 / 6.0)
+    assert twice["vehicles_always_drifted"] == 0
+    assert twice["outcomes"] == {"completed": 5, "spin": 1}
+    assert twice["solver_failures"] == 4
+    assert twice["without_second_plan"] == 1
+    assert summarise(runs)["oracle"]["without_second_plan"] == 0
+
+
+def test_errors_of_all_runs_and_of_a_vehicles_attempts(runs: pd.DataFrame) -> None:
+    twice = summarise(runs)["twice_info"]
+    assert (twice["rms_e"]["least"], twice["rms_e"]["median"], twice["rms_e"]["most"]) == (
+        0.1,
+        pytest.approx(0.35),
+        2.0,
+    )
+    # Best of each vehicle 0.1 and 0.3, median 0.2 and 0.4, worst 2.0 and 0.5; in the median of the two.
+    assert twice["rms_e_of_attempts"] == pytest.approx({"best": 0.2, "median": 0.3, "worst": 1.25})
+
+
+def test_tables_are_markdown(runs: pd.DataFrame) -> None:
+    summary = summarise(runs)
+    lines = completion_table(summary).splitlines()
+    assert lines[2] == (
+        "| Twice-Info | 67% of 6 | 0 of 2 vehicles | 83% | 100% (40%) "
+        "| 0.10 / 0.35 / 2.00 | 0.010 / 0.035 / 0.300 | 1 |"
+    )
+    assert paper_table(summary, "rms_e").splitlines() == [
+        "| of a vehicle's attempts | Twice-Info, paper | here | oracle |",
+        "| --- | --- | --- | --- |",
+        "| best | 0.61 | 0.20 | 0.10 |",
+        "| median | 0.83 | 0.30 | 0.10 |",
+        "| worst | 1.29 | 1.25 | 0.10 |",
+    ]

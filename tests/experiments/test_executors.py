@@ -1,0 +1,41 @@
+"""The same jobs on processes and on a cluster."""
+
+import os
+
+import pytest
+
+from experiments.executors import ExecutorConfig, run_jobs
+
+
+def square(number: float) -> tuple[float, int]:
+    return number * number, os.getpid()
+
+
+def collect(config: ExecutorConfig) -> tuple[dict[float, float], set[int]]:
+    results: dict[float, float] = {}
+    processes: set[int] = set()
+
+    def finish(job: float, result: tuple[float, int]) -> None:
+        results[job] = result[0]
+        processes.add(result[1])
+
+    run_jobs(config, square, [0.5 * k for k in range(12)], finish, "job")
+    return results, processes
+
+
+def test_processes() -> None:
+    results, processes = collect(ExecutorConfig(workers=1))
+    assert results == {0.5 * k: 0.25 * k * k for k in range(12)}
+    assert os.getpid() not in processes
+
+
+def test_no_jobs_start_no_worker() -> None:
+    run_jobs(ExecutorConfig(executor="dask"), square, [], lambda _job, _result: None, "job")
+
+
+def test_a_local_cluster_of_two_workers() -> None:
+    pytest.importorskip("distributed", reason="the cluster's engine is an extra: pip install drift_drake[cluster]")
+    results, processes = collect(ExecutorConfig(executor="dask", workers=2))
+    assert results == {0.5 * k: 0.25 * k * k for k in range(12)}
+    assert len(processes) == 2
+    assert os.getpid() not in processes

@@ -1,5 +1,6 @@
 """What is reported of closed-loop runs: numbers by model, tables beside the paper's, and pictures."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -124,14 +125,17 @@ def median_runs(folder: Path, runs: pd.DataFrame, models: list[str]) -> dict[str
     return tables
 
 
-def draw(folder: Path, runs: pd.DataFrame, reference: Reference) -> None:
-    """time_series.png (median runs, transitions in grey) and overhead.png (all runs from above, a panel a model)."""
+def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Sequence[str] = PICTURED) -> None:
+    """time_series.png (median runs, transitions in grey) and overhead.png (all runs from above, a panel a model).
+
+    Args:
+        pictured: the models of the time series, as far as they were run; with fewer than two of them, the first four.
+    """
     parameters = VehicleParameters()
     present = list(dict.fromkeys(runs["model"]))
-    pictured = [model for model in PICTURED if model in present] or present[:4]
-    if len(pictured) < 2:
-        pictured = present[:4]
-    time_series(median_runs(folder, runs, pictured), reference, parameters).savefig(folder / "time_series.png")
+    shown = [model for model in pictured if model in present]
+    shown = shown if len(shown) > 1 else present[:4]
+    time_series(median_runs(folder, runs, shown), reference, parameters).savefig(folder / "time_series.png")
     panels = []
     for model in present:
         group = runs[runs["model"] == model]

@@ -34,18 +34,10 @@ def config(out: Path, run_on: ExecutorConfig) -> DriftConfig:
     )
 
 
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> ExecutorConfig:
-    """Runs jobs in this process, over the first 20 m."""
-    short = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
-    monkeypatch.setattr(drift_runs, "reference", lambda _: short)
-
-    def run_here(_config, function, jobs, finish, unit):  # type: ignore[no-untyped-def] # noqa: ARG001
-        for job in jobs:
-            finish(job, function(job))
-
-    monkeypatch.setattr(drift_runs, "run_jobs", run_here)
-    return ExecutorConfig(workers=1)
+@pytest.fixture(autouse=True)
+def short_course(monkeypatch: pytest.MonkeyPatch) -> None:
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
+    monkeypatch.setattr(drift_runs, "reference", lambda _: course)
 
 
 def test_runs_and_resumes(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,23 @@
+"""Experiments without worker processes."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import pytest
+
+from experiments import drift_runs
+from experiments.executors import ExecutorConfig
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> ExecutorConfig:
+    """Has drives made in this process."""
+
+    def run_here(_: ExecutorConfig, function: Callable[[Any], Any], jobs: Sequence[Any],
+                 finish: Callable[[Any, Any], None], unit: str) -> None:  # fmt: skip
+        assert unit
+        for job in jobs:
+            finish(job, function(job))
+
+    monkeypatch.setattr(drift_runs, "run_jobs", run_here)
+    return ExecutorConfig(workers=1)

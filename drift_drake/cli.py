@@ -13,7 +13,7 @@ from typing import Annotated
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
+from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, UnplannableError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
 from drift_drake.drives.command import Simulate, run_simulate
@@ -33,7 +33,7 @@ class MissingTrainingError(ImportError):
 
 BAD_INPUT_ERRORS = (
     InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidSamplesError,
-    MissingTrainingError)  # fmt: skip
+    MissingTrainingError, UnplannableError)  # fmt: skip
 BAD_INPUT = 2  # exit code for input that cannot be used
 
 
@@ -58,6 +58,27 @@ class Diagnose:
     """Threads for one case; a folder of cases is spread over processes."""
     quiet: bool = False
     """No progress bar."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanNext:
+    """Plan the drive that tells best which of an answer's rival hypotheses is true, within a straight lane.
+
+    drift-drake plan-next answer.json --vehicle car.yaml --out plan.csv
+    """
+
+    answer: tyro.conf.Positional[Path]
+    """Answer of `drift-drake diagnose --json`."""
+    vehicle: Path
+    """The vehicle file that was diagnosed."""
+    out: Path = Path("plan.csv")
+    """Where to write the plan: commands at 100 Hz and the states that they are expected to lead to."""
+    v_start: float = 7.5
+    """Speed at the start [m/s]."""
+    v_end: float = 20.0
+    """Speed that the drive is led towards [m/s]."""
+    half_width: float = 3.0
+    """Of the lane [m]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,6 +172,17 @@ def _say(answer: Answer) -> None:
         print(f"  warning: {warning}")
 
 
+def run_plan_next(command: PlanNext) -> None:
+    """`drift-drake plan-next`."""
+    from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer  # Drake is slow to import
+
+    answer, vehicle = read_answer(command.answer), VehicleParameters.from_yaml(command.vehicle)
+    lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
+    drive = plan_from_answer(answer, vehicle, lane)
+    drive.write(command.out)
+    print(f"{command.out}: {drive.sentence()}")
+
+
 def run_apply(command: Apply) -> None:
     """`drift-drake apply`."""
     answer = read_answer(command.answer)
@@ -162,6 +194,7 @@ def run_apply(command: Apply) -> None:
 Command = (
     Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    | Annotated[PlanNext, tyro.conf.subcommand("plan-next")]
     | Annotated[Apply, tyro.conf.subcommand("apply")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
@@ -181,6 +214,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             run_simulate(command)
         elif isinstance(command, Replay):
             run_replay(command)
+        elif isinstance(command, PlanNext):
+            run_plan_next(command)
         elif isinstance(command, Train):
             run_train(command)
         else:

@@ -4,7 +4,7 @@ Another integrator than the diagnosis's: Runge-Kutta of third order with error c
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
@@ -31,13 +31,29 @@ ACCURACY = 1e-6
 LARGEST_STEP = 0.01  # [s]
 
 
+class RowDriver(Protocol):
+    """A driver that gives a command for each row of the log."""
+
+    def start(self) -> np.ndarray:
+        """First state (r, v, beta, omega_r)."""
+        ...
+
+    def resting_command(self) -> tuple[float, float]:
+        """Command before the first row."""
+        ...
+
+    def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
+        """Command a row after t, from the state (r, v, beta, omega_r, e, dphi) at t and the command then."""
+        ...
+
+
 class DriverSystem(LeafSystem):
     """A driver of `gap_cases` as a system: a new command each row, reached linearly by the next one.
 
     Input ports: state (6). Output ports: command (delta [rad], tau [N m]).
     """
 
-    def __init__(self, driver: Driver, first: tuple[float, float]) -> None:
+    def __init__(self, driver: RowDriver, first: tuple[float, float]) -> None:
         LeafSystem.__init__(self)
         self._driver = driver
         self._state = self.DeclareVectorInputPort("state", 6)
@@ -50,7 +66,7 @@ class DriverSystem(LeafSystem):
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         _, _, _, delta, tau = context.get_discrete_state_vector().value()
         t = context.get_time()
-        wanted = self._driver.command(t, self._state.Eval(context)[:4], (delta, tau))
+        wanted = self._driver.command(t, self._state.Eval(context), (delta, tau))
         discrete.get_mutable_vector().SetFromVector([t, delta, tau, *wanted])
 
     def _calc_command(self, context: Context, output: Any) -> None:
@@ -117,14 +133,13 @@ class Drive:
     first: tuple[float, float]
 
 
-def build_drive(driver: Driver, truth: Truth, vehicle: VehicleParameters) -> Drive:
+def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> Drive:
     """Driver, strange forces and the car that `truth` describes, logged each row."""
     constants, offset = true_constants(vehicle, truth.deviations)
     effects = make_effects(truth.effects)
     effects = effects._replace(steering_offset=effects.steering_offset + offset)
     strange = Strange(*(float(q) for q in Strange(**truth.strange)))
-    last = tuple(driver.equilibrium.command) if driver.equilibrium is not None else (0.0, 0.0)
-    first = driver.command(0.0, driver.start(), (float(last[0]), float(last[1])))
+    first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
     builder = DiagramBuilder()
     parameters = vehicle.replace(**{k: v for k, v in constants._asdict().items() if k != "gravity"})
     car = builder.AddNamedSystem("car", Car(parameters, effects))
@@ -148,15 +163,18 @@ def build_drive(driver: Driver, truth: Truth, vehicle: VehicleParameters) -> Dri
 
 
 def drive(
-    driver: Driver, truth: Truth, vehicle: VehicleParameters, seed: int, name: str, duration: float = 12.0
-) -> Run:
+    driver: RowDriver, truth: Truth, vehicle: VehicleParameters, seed: int, name: str, duration: float = 12.0,
+    heading: float = 0.0,
+) -> Run:  # fmt: skip
     """One run in Drake, ended early by a spin."""
     built = build_drive(driver, truth, vehicle)
     simulator = Simulator(built.diagram)
     context = simulator.get_mutable_context()
     car_context = built.car.GetMyMutableContextFromRoot(context)
     plant_context = built.car.plant.GetMyMutableContextFromRoot(context)
-    built.car.plant.set_initial(plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, 0.0), actuation=built.first)
+    built.car.plant.set_initial(
+        plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, heading), actuation=built.first
+    )
     built.car.sensors.set_seed(context, seed)
     ResetIntegratorFromFlags(simulator, "runge_kutta3", LARGEST_STEP)
     simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)

@@ -167,6 +167,12 @@ class Driver:
             return self.equilibrium.state.copy()
         return np.array([0.0, 8.0, 0.0, 8.0])
 
+    def resting_command(self) -> tuple[float, float]:
+        """Command before the first row."""
+        if self.equilibrium is None:
+            return 0.0, 0.0
+        return float(self.equilibrium.command[0]), float(self.equilibrium.command[1])
+
     def wanted(self, t: float, state: np.ndarray) -> tuple[float, float]:
         """Steering [rad] and torque [N m] before rate limits."""
         phase = 2.0 * np.pi * t / self.period
@@ -187,8 +193,8 @@ class Driver:
         return self.side * self.amplitude * square, float(np.clip(hold + kick, -30.0, 200.0))
 
     def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
-        """Command a row later."""
-        delta, tau = self.wanted(t, state)
+        """Command a row later, from the state (r, v, beta, omega_r and whatever follows)."""
+        delta, tau = self.wanted(t, state[:4])
         v = self.vehicle
         return (
             slewed(delta, last[0], STEERING_RATE, -v.steering_limit, v.steering_limit),
@@ -224,8 +230,7 @@ def simulate(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.r
     rows = round(duration / PERIOD) + 1
     delta, tau = np.zeros(rows), np.zeros(rows)
     state = driver.start()
-    last = tuple(driver.equilibrium.command) if driver.equilibrium is not None else (0.0, 0.0)
-    delta[0], tau[0] = driver.command(0.0, state, last)
+    delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
     z = np.zeros(17)
     z[:4] = state
     z[7:15] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, effects)

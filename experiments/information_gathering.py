@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from diagrams.information_gathering import (
-    DT,
     GatheringConfig,
     Trajectory,
     gather,
@@ -31,6 +30,7 @@ from diagrams.information_gathering import (
     plan,
     round_alpha,
 )
+from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load

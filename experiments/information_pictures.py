@@ -10,7 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from diagrams.information_gathering import DT, GatheringConfig
+from diagrams.information_gathering import GatheringConfig
+from drift_drake.control.lane_drive import DT
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior

@@ -4,6 +4,7 @@ The effects' own states (lags, relaxation, heat, filtered accelerations) are sta
 `MemoryObserver` runs them along the measured states and the commands.
 """
 
+import copy
 import math
 from typing import Any
 
@@ -43,6 +44,12 @@ class EffectsStepModel:
         self.dt = dt
         self.constants, self.effects = parameters.constants(), effects
         self._substeps = max(substeps, _stable_substeps(effects, dt))
+
+    def of_car(self, constants: Constants, effects: Effects) -> "EffectsStepModel":
+        """The same step of another car, whose effects are of the same kind."""
+        other = copy.copy(self)
+        other.constants, other.effects = constants, effects
+        return other
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.empty(x.shape)

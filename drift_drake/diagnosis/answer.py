@@ -13,6 +13,10 @@ class InvalidAnswerError(ValueError):
     """An answer file that cannot be used; the message names the file and the mend."""
 
 
+class UnplannableError(ValueError):
+    """An answer that no drive can follow; the message says why."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Interval:
     """An estimate with its 95 % interval."""

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.answer import Answer, Interval
+from drift_drake.diagnosis.beliefs import beliefs_as_data
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
 from drift_drake.diagnosis.horizons import HORIZONS, start_rows
@@ -161,6 +162,7 @@ def diagnose(
             "free_form_removes": left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
+            "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities),
         },
         warnings=warnings,
     )

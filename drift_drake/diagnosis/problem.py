@@ -104,13 +104,10 @@ FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque 
 FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
 
 
-def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
-    """Runs and vehicle as the estimator wants them; noise levels are estimated here.
-
-    `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
-    """
+def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviations of NUISANCES."""
     t = vehicle.tolerance
-    tolerance = np.array(
+    return np.array(
         [
             t.mass,
             t.yaw_inertia,
@@ -126,11 +123,19 @@ def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale:
             0.7,
         ]
     )
+
+
+def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
+    """Runs and vehicle as the estimator wants them; noise levels are estimated here.
+
+    `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
+    """
     data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2
     fed = any(run.tau_cmd is None for run in runs)
     if fed:
         process[FILTER_STATES.index("omega_r")] = FED_RIM**2
+    tolerance = tolerance_deviations(vehicle)
     problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process, rim_fed=fed)
     return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
-from diagrams.information_gathering import GatheringConfig, problem_data
+from diagrams.information_gathering import GatheringConfig
 from drift_drake.control.information import InformationCost
+from drift_drake.control.lane_drive import problem_data
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.model.bayesian_step import BayesianStepModel

@@ -14,9 +14,9 @@ from diagrams.information_gathering import (
     information,
     main,
     plan,
-    problem_data,
     round_alpha,
 )
+from drift_drake.control.lane_drive import problem_data
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import covariance_norms

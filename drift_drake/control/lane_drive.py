@@ -1,0 +1,64 @@
+"""A short drive along a straight lane as an optimal control problem: what informative drives are planned on."""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.ocp import OcpData, OptimalControlProblem
+from drift_drake.control.stacked import STATE_SCALE
+
+Array = NDArray[np.float64]
+
+DT = 0.1  # [s]
+QP_RHO = 10.0  # OSQP's, for the information's weight makes these costs larger than the controller's
+FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs
+SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
+SLIP_SOFTENING = 5.0  # [m/s], likewise
+
+
+@dataclasses.dataclass(frozen=True)
+class LaneDrive:
+    """The paper's section IV-A: from 7.5 to 20 m/s along a straight line in 4.5 s."""
+
+    steps: int = 45
+    v_start: float = 7.5  # [m/s]
+    v_end: float = 20.0  # [m/s]
+    half_width: float = 3.0  # [m] of the lane
+    margin: float = 0.5  # [m] that plans keep from the lane's edge
+    max_slip: float = 8.0  # [m/s] of the rear rim over the ground in plans
+    max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
+
+
+def problem_data(config: LaneDrive, lateral: Array | None = None) -> OcpData:
+    """The straight line, or a line e(t) [N+1] [m] beside it, as an OCP's data."""
+    n = config.steps
+    reference = np.zeros((n + 1, 6))
+    reference[:, 1] = reference[:, 3] = np.linspace(config.v_start, config.v_end, n + 1)
+    if lateral is not None:
+        reference[:, 4] = lateral
+        reference[:, 5] = np.gradient(lateral, DT) / reference[:, 1]
+    lane = np.full(n + 1, config.half_width - config.margin)
+    start = np.array([0.0, config.v_start, 0.0, config.v_start, 0.0, 0.0])
+    return OcpData(start, np.zeros(2), reference, np.zeros(n), -lane, lane)
+
+
+def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
+    """Bounds wheel spin and sideslip: plans stay where models hold and the car can be caught.
+
+    Softened by the lane's slack, so that a linearised problem always has a solution.
+    """
+    n, size = config.steps, problem.layout.state_size
+    variables = problem.program.decision_variables()
+    x, slack = variables[: size * (n + 1)].reshape(-1, size)[1:], variables[-n:]
+    eye, unbounded = np.eye(n), np.full(n, np.inf)
+    beta, rim, speed = STATE_SCALE[2] * eye, STATE_SCALE[3] * eye, STATE_SCALE[1] * eye
+    for states, quantity, limit, softening in (
+        (x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING),
+        (x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING),
+    ):
+        for sign in (1.0, -1.0):
+            row = np.concatenate([*(sign * block for block in quantity), -softening * eye], axis=1)
+            problem.program.AddLinearConstraint(
+                row, -unbounded, np.full(n, limit), np.concatenate([states.ravel(order="F"), slack])
+            )

@@ -17,7 +17,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from diagrams.information_gathering import DT, GatheringConfig, Trajectory, execution, plan
+from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan
+from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects

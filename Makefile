@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 .PHONY: help demo blind test test-slow lint format clean
 
 help:
-	@echo "make demo       drive the figure-8 in simulation; pictures and numbers go to runs/"
+	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
 	@echo "make blind      the diagnosis's blind check on a few new cases (BLIND_CASES=200 for the full one)"
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-slow  the long checks too"
@@ -22,7 +22,7 @@ help:
 	@echo "make clean      remove the virtual environment and all caches"
 
 demo: .venv/installed
-	$(BIN)/python -m diagrams.closed_loop
+	$(BIN)/python -m experiments.demo
 
 BLIND_CASES ?= 12
 BLIND_OUT ?= runs/gap_blind-$(shell date +%Y%m%d-%H%M%S)

@@ -1,0 +1,164 @@
+"""The whole of it on one page: gather, adapt and drift one held-out vehicle, then diagnose a log that hides something.
+
+    python -m experiments.demo    # some minutes on two cores; `make demo` calls it
+
+Nobody has trained on the vehicle. The log is the repository's own (`experiments.demo_log`): four runs of a car drawn by
+chance, whose truth is read for the page's last section alone.
+"""
+
+import dataclasses
+import json
+import logging
+import multiprocessing
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import tyro
+from tqdm import tqdm
+
+from diagrams.closed_loop import ControlConfig, Run
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information, plan, round_alpha
+from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.quality import learn, standardized_errors
+from drift_drake.reference.trajectory import figure_8
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.demo_log import FOLDER, TRUTH
+from experiments.demo_page import write_page
+from experiments.figure_8 import SECOND_ROUND, Model, closed_loop
+
+MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle")
+
+
+@dataclasses.dataclass(frozen=True)
+class DemoConfig:
+    """What is shown."""
+
+    vehicle: int = 0
+    """Which of the held-out vehicles."""
+    seed: int = 0
+    """Of the sensors' noise."""
+    log: Path = FOLDER
+    """The log that is diagnosed."""
+    workers: int = 2
+    """Processes."""
+    out: Path | None = None
+    """Folder for the results; runs/demo-DATE-TIME without."""
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+
+
+class Gathered(NamedTuple):
+    """One drive to learn from, and what is believed after it."""
+
+    expected: float  # [nat] of information in the planned samples together
+    obtained: float  # [nat] in the samples that the drive gave
+    table: pd.DataFrame
+    ending: str
+    belief: Posterior
+
+
+class Drift(NamedTuple):
+    """One figure-8."""
+
+    model: Model
+    run: Run
+
+
+def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> dict[str, Gathered]:
+    """The drives that teach: planned without information, with it, and with it again."""
+    effects, settings = draw_effects("held_out", config.vehicle, 0), config.gathering
+    parameters, prior = VehicleParameters(), learnt.prior()
+
+    def drive(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
+        samples, table, ending = gather(planned, effects, parameters, settings, seed)
+        expected = information(learnt, before, planned.x[:-1], planned.u[:-1], planned.u[1:], updated=True)
+        obtained = information(learnt, before, samples.x, samples.u, samples.u_next, updated=True)
+        bar.update()
+        return Gathered(expected, obtained, table, ending, learn(learnt, before, samples))
+
+    bar.set_description("gathering information")
+    ocp = drive(plan(learnt, prior, settings, 0.0), prior, config.seed)
+    informative = plan(learnt, prior, settings, settings.alpha)
+    first = drive(informative, prior, config.seed)
+    alpha = round_alpha(learnt, first.belief, informative, settings)
+    second = drive(plan(learnt, first.belief, settings, alpha), first.belief, SECOND_ROUND + config.seed)
+    return {"once_ocp": ocp, "once_info": first, "twice_info": second}
+
+
+def drift(job: tuple[DemoConfig, Model, Posterior]) -> Drift:
+    """The figure-8 with one model."""
+    config, kind, belief = job
+    effects, reference = draw_effects("held_out", config.vehicle, 0), figure_8(VehicleParameters())
+    loop = closed_loop(kind, load(), belief, effects, reference, config.control)
+    return Drift(kind, loop.run(loop.initial_context(seed=config.seed)))
+
+
+def diagnosed(log: Path) -> Diagnosis:
+    """The diagnosis of the log, which knows the vehicle file and nothing else."""
+    return diagnose_folder(log, VehicleParameters(), workers=1)
+
+
+def one_step_errors(
+    learnt: BayesianModel, beliefs: dict[str, Posterior], table: pd.DataFrame
+) -> dict[str, list[float]]:
+    """RMS errors [4] of 0.1 s steps of each belief on a drive of the vehicle."""
+    path = figure_8(VehicleParameters()).path
+    rows = table.rename(columns={"delta": "delta_cmd", "tau": "tau_cmd"})
+    samples = samples_from_log(rows, path, 0, 0)
+    errors = {name: standardized_errors(learnt, belief, samples)[0] for name, belief in beliefs.items()}
+    return {name: np.sqrt(np.mean(error**2, axis=0)).tolist() for name, error in errors.items()}
+
+
+def main(config: DemoConfig) -> None:
+    """Makes the page."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    began = time.perf_counter()
+    folder = make_run_folder("demo", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    learnt = load()
+    drifts: dict[str, Run] = {}
+    with (
+        tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,
+        multiprocessing.get_context("spawn").Pool(config.workers) as pool,
+    ):
+        diagnosing = pool.apply_async(diagnosed, (config.log,))  # the longest job comes first
+        rounds = gathering(config, learnt, bar)
+        beliefs = {"prior": learnt.prior()} | {name: one.belief for name, one in rounds.items()}
+        bar.set_description("drifting the figure-8")
+        jobs = [(config, kind, beliefs.get(kind, beliefs["prior"])) for kind in reversed(MODELS)]
+        for done in pool.imap_unordered(drift, jobs):
+            drifts[done.model] = done.run
+            bar.update()
+        bar.set_description("diagnosing the log")
+        diagnosis = diagnosing.get()
+        bar.update()
+        bar.set_description("drawing")
+        runs = {kind: drifts[kind] for kind in MODELS}
+        errors = one_step_errors(learnt, beliefs, runs["oracle"].table)
+        truth = json.loads((config.log / TRUTH).read_text())
+        norms = {name: covariance_norms(belief) for name, belief in beliefs.items()}
+        numbers = {
+            "norms": {name: [*by_state, total] for name, (by_state, total) in norms.items()},
+            "information": {name: [one.expected, one.obtained] for name, one in rounds.items()},
+            "one_step_errors": errors,
+            "figure_8": {kind: run.metrics() for kind, run in runs.items()},
+            "answer": json.loads(diagnosis.answer.to_json()),
+            "truth": truth,
+        }
+        page = write_page(folder, config, numbers, rounds, runs, diagnosis, time.perf_counter() - began)
+        bar.update()
+    write_json(folder / "numbers.json", numbers | {"seconds": time.perf_counter() - began})
+    print(f"the page: {page}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(DemoConfig))

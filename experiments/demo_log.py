@@ -1,0 +1,41 @@
+"""Makes the log that the demo diagnoses: four runs of a car that nobody has chosen, and what it hides.
+
+    python -m experiments.demo_log
+
+The effect and the deviations from the vehicle file within tolerance are drawn from the operating system's randomness.
+Effects of the sensors alone are not drawn: they would not be seen in the replay of the car's motion.
+"""
+
+import secrets
+from pathlib import Path
+
+import numpy as np
+
+from drift_drake.logs.table import COLUMNS, Run, write_run
+from drift_drake.run_folder import write_json
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drake_cases import drake_case
+from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude
+
+FOLDER = Path(__file__).parent / "data" / "demo_log"
+TRUTH = "truth.json"
+SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error", "sensor_latency")
+DECIMALS = {"t": 2, "x": 3, "y": 3, "v": 3, "omega_r": 3, "ax": 3, "ay": 3, "tau_cmd": 3}  # all below the noise
+OTHER_DECIMALS = 5  # of angles [rad]
+
+
+def main() -> None:
+    """Writes the case folder; the truth beside it is read by the demo's last section only."""
+    vehicle, rng = VehicleParameters(), np.random.default_rng(secrets.randbits(128))
+    name = str(rng.choice([effect for effect in CATALOGUE if effect not in SENSORS]))
+    truth = Truth({name: drawn_magnitude(rng, name, vehicle.tolerance)}, {}, drawn_deviations(rng, vehicle.tolerance))
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for run in drake_case(truth, vehicle, rng):
+        columns = {c: np.round(v, DECIMALS.get(c, OTHER_DECIMALS)) for c in COLUMNS if (v := run.column(c)) is not None}
+        write_run(Run(run.name, **columns), FOLDER / f"{run.name}.csv.gz")
+    write_json(FOLDER / TRUTH, truth)
+
+
+if __name__ == "__main__":
+    main()

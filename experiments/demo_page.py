@@ -1,0 +1,137 @@
+"""The demo's page: one HTML file with tables, pictures and 3D replays in it, which loads nothing from elsewhere."""
+
+import base64
+import gzip
+import io
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from drift_drake.diagnosis.correction import corrected_vehicle
+from drift_drake.diagnosis.diagnose import Diagnosis
+from drift_drake.diagnosis.report_figures import posterior_bars
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.logs.table import read_case
+from drift_drake.pictures.overhead import overhead
+from drift_drake.pictures.replay import replay
+from drift_drake.pictures.side_by_side import side_by_side
+from drift_drake.pictures.time_series import time_series
+from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
+from drift_drake.playback.side_by_side import CarModel, SideBySide
+from drift_drake.reference.trajectory import figure_8, straight_line
+from drift_drake.run_folder import machine
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+TEMPLATE = Path(__file__).parent / "demo.html"
+RESOLUTION = 140  # [dots per inch]
+RESTART = 1.0  # [s] between restarts of the replayed log's cars
+NAMES = {
+    "nominal": "nominal car", "prior": "prior", "once_ocp": "Once-OCP", "once_info": "Once-Info",
+    "twice_info": "Twice-Info", "online": "online", "oracle": "oracle"}  # fmt: skip
+BELIEVES = {
+    "nominal": "the vehicle file",
+    "prior": "the learnt model, not adapted",
+    "once_ocp": "adapted to one drive planned by the OCP",
+    "once_info": "adapted to one drive planned by Info-OCP",
+    "twice_info": "adapted to two drives planned by Info-OCP",
+    "online": "the prior, adapting while it drifts",
+    "oracle": "the true car, effects and all",
+}
+COMPARED = ("nominal", "prior", "twice_info", "online", "oracle")  # over the path: more lines could not be told apart
+
+
+def picture(figure: Figure) -> Markup:
+    """A figure as an image element that holds its own pixels."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=RESOLUTION, bbox_inches="tight", pad_inches=0.05)
+    return Markup(f'<img alt="" src="data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}">')
+
+
+def embedded(write: Callable[[Path], Any]) -> str:
+    """What a function writes into a file, compressed, as base64."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "replay.html"
+        write(path)
+        return base64.b64encode(gzip.compress(path.read_bytes())).decode()
+
+
+def replayed_log(diagnosis: Diagnosis, log: Path) -> tuple[str, Comparison, dict[str, pd.DataFrame]]:
+    """The run with the largest gap, beside the nominal and the corrected car: its name, errors and tables."""
+    vehicle, answer = VehicleParameters(), diagnosis.answer
+    shares = answer.where["runs"]
+    run = max(read_case(log), key=lambda run: float(shares.get(run.name, 0.0)))
+    cars = {"nominal": CarModel(vehicle), "corrected": CarModel(*corrected_vehicle(vehicle, answer))}
+    played = SideBySide(run, cars).run(RESTART)
+    return run.name, compare(played), drawn(played)
+
+
+def hidden(truth: Mapping[str, Any], diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """What the log hides beside what was answered, effect by effect."""
+    answer = diagnosis.answer
+    names = sorted({*truth["effects"], *answer.causes})
+    return [
+        {"name": name, "unit": CATALOGUE[name].unit, "true": truth["effects"].get(name),
+         "answered": answer.magnitudes.get(name)}
+        for name in names
+    ]  # fmt: skip
+
+
+def write_page(
+    folder: Path, config: Any, numbers: Mapping[str, Any], rounds: Mapping[str, Any], runs: Mapping[Any, Any],
+    diagnosis: Diagnosis, seconds: float,
+) -> Path:  # fmt: skip
+    """Writes index.html.
+
+    Args:
+        config: `DemoConfig`; numbers: as they go to numbers.json; rounds: `Gathered` by model; runs: `Run` by model;
+        seconds: that all has taken so far.
+    """
+    parameters, settings = VehicleParameters(), config.gathering
+    eight = figure_8(parameters)
+    line = straight_line(settings.v_start, settings.v_end, settings.steps * 0.1, settings.half_width)
+    effects = draw_effects("held_out", config.vehicle, 0)._asdict()
+    gathered = {NAMES[name]: _driven(one.table) for name, one in rounds.items()}
+    drifts = {kind: run.table for kind, run in runs.items()}
+    tables = {NAMES[kind]: table for kind, table in drifts.items()}
+    compared = {NAMES[kind]: drifts[kind] for kind in COMPARED}
+    name, errors, beside = replayed_log(diagnosis, config.log)
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    page = environment.from_string(TEMPLATE.read_text()).render(
+        config=config,
+        numbers=numbers,
+        names=NAMES,
+        believes=BELIEVES,
+        catalogue=CATALOGUE,
+        effects={name: value for name, value in effects.items() if value != 0.0},
+        rounds=rounds,
+        gathered=picture(overhead(gathered, line, parameters, car_every=0.9)),
+        maps={kind: picture(overhead({kind: table}, eight, parameters, car_every=1.4)) for kind, table in drifts.items()},
+        over_path=picture(time_series(compared, eight, parameters)),
+        drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
+        answer=diagnosis.answer,
+        posterior=Markup(posterior_bars(diagnosis.answer.posterior)),
+        log_name=name,
+        errors=errors,
+        units=UNITS,
+        restart=RESTART,
+        beside=picture(side_by_side(beside)),
+        log_replay=embedded(lambda path: replay(beside, path, parameters=parameters, title=name, camera="follow",
+                                                note=f"Simulated cars start from the real one every {RESTART:g} s.")),
+        hidden=hidden(numbers["truth"], diagnosis),
+        machine=machine(),
+        seconds=seconds,
+    )  # fmt: skip
+    (folder / "index.html").write_text(page)
+    return folder / "index.html"
+
+
+def _driven(table: pd.DataFrame) -> pd.DataFrame:
+    """A drive's log as pictures want it."""
+    return table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"})

@@ -19,7 +19,7 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from diagrams.closed_loop import ControlConfig, Run
+from diagrams.closed_loop import ControlConfig
 from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information, plan, round_alpha
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
@@ -27,12 +27,11 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import learn, standardized_errors
-from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
-from experiments.figure_8 import SECOND_ROUND, Model, closed_loop
+from experiments.drift_runs import SECOND_ROUND, DriveJob, DriveResult, Learnt, Model, drive, reference
 
 MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle")
 
@@ -65,19 +64,12 @@ class Gathered(NamedTuple):
     belief: Posterior
 
 
-class Drift(NamedTuple):
-    """One figure-8."""
-
-    model: Model
-    run: Run
-
-
 def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> dict[str, Gathered]:
     """The drives that teach: planned without information, with it, and with it again."""
     effects, settings = draw_effects("held_out", config.vehicle, 0), config.gathering
     parameters, prior = VehicleParameters(), learnt.prior()
 
-    def drive(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
+    def taught(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
         samples, table, ending = gather(planned, effects, parameters, settings, seed)
         expected = information(learnt, before, planned.x[:-1], planned.u[:-1], planned.u[1:], updated=True)
         obtained = information(learnt, before, samples.x, samples.u, samples.u_next, updated=True)
@@ -85,20 +77,29 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
         return Gathered(expected, obtained, table, ending, learn(learnt, before, samples))
 
     bar.set_description("gathering information")
-    ocp = drive(plan(learnt, prior, settings, 0.0), prior, config.seed)
+    ocp = taught(plan(learnt, prior, settings, 0.0), prior, config.seed)
     informative = plan(learnt, prior, settings, settings.alpha)
-    first = drive(informative, prior, config.seed)
+    first = taught(informative, prior, config.seed)
     alpha = round_alpha(learnt, first.belief, informative, settings)
-    second = drive(plan(learnt, first.belief, settings, alpha), first.belief, SECOND_ROUND + config.seed)
-    return {"once_ocp": ocp, "once_info": first, "twice_info": second}
+    rounds = {"once_ocp": ocp, "once_info": first}
+    try:
+        planned = plan(learnt, first.belief, settings, alpha)
+    except RuntimeError:  # no feasible second plan: Twice-Info is what Once-Info is, and the page says so
+        bar.update()
+        return rounds
+    return rounds | {"twice_info": taught(planned, first.belief, SECOND_ROUND + config.seed)}
 
 
-def drift(job: tuple[DemoConfig, Model, Posterior]) -> Drift:
+def drift_job(config: DemoConfig, kind: Model, learnt: BayesianModel, belief: Posterior) -> DriveJob:
     """The figure-8 with one model."""
-    config, kind, belief = job
-    effects, reference = draw_effects("held_out", config.vehicle, 0), figure_8(VehicleParameters())
-    loop = closed_loop(kind, load(), belief, effects, reference, config.control)
-    return Drift(kind, loop.run(loop.initial_context(seed=config.seed)))
+    effects = draw_effects("held_out", config.vehicle, 0)
+    believes = kind if kind in ("nominal", "oracle") else Learnt(learnt, belief, adapting=kind == "online")
+    return DriveJob(kind, {"model": kind}, "figure_8", effects, config.seed, believes, config.control)
+
+
+def drift(job: DriveJob) -> tuple[str, DriveResult]:
+    """The run of a job, by its name."""
+    return job.name, drive(job)
 
 
 def diagnosed(log: Path) -> Diagnosis:
@@ -110,9 +111,8 @@ def one_step_errors(
     learnt: BayesianModel, beliefs: dict[str, Posterior], table: pd.DataFrame
 ) -> dict[str, list[float]]:
     """RMS errors [4] of 0.1 s steps of each belief on a drive of the vehicle."""
-    path = figure_8(VehicleParameters()).path
     rows = table.rename(columns={"delta": "delta_cmd", "tau": "tau_cmd"})
-    samples = samples_from_log(rows, path, 0, 0)
+    samples = samples_from_log(rows, reference("figure_8").path, 0, 0)
     errors = {name: standardized_errors(learnt, belief, samples)[0] for name, belief in beliefs.items()}
     return {name: np.sqrt(np.mean(error**2, axis=0)).tolist() for name, error in errors.items()}
 
@@ -125,7 +125,7 @@ def main(config: DemoConfig) -> None:
     write_json(folder / "config.json", config)
     write_versions(folder)
     learnt = load()
-    drifts: dict[str, Run] = {}
+    drifts: dict[str, DriveResult] = {}
     with (
         tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,
         multiprocessing.get_context("spawn").Pool(config.workers) as pool,
@@ -133,10 +133,11 @@ def main(config: DemoConfig) -> None:
         diagnosing = pool.apply_async(diagnosed, (config.log,))  # the longest job comes first
         rounds = gathering(config, learnt, bar)
         beliefs = {"prior": learnt.prior()} | {name: one.belief for name, one in rounds.items()}
+        beliefs.setdefault("twice_info", beliefs["once_info"])
         bar.set_description("drifting the figure-8")
-        jobs = [(config, kind, beliefs.get(kind, beliefs["prior"])) for kind in reversed(MODELS)]
-        for done in pool.imap_unordered(drift, jobs):
-            drifts[done.model] = done.run
+        jobs = [drift_job(config, kind, learnt, beliefs.get(kind, beliefs["prior"])) for kind in reversed(MODELS)]
+        for name, driven in pool.imap_unordered(drift, jobs):
+            drifts[name] = driven
             bar.update()
         bar.set_description("diagnosing the log")
         diagnosis = diagnosing.get()
@@ -150,7 +151,7 @@ def main(config: DemoConfig) -> None:
             "norms": {name: [*by_state, total] for name, (by_state, total) in norms.items()},
             "information": {name: [one.expected, one.obtained] for name, one in rounds.items()},
             "one_step_errors": errors,
-            "figure_8": {kind: run.metrics() for kind, run in runs.items()},
+            "figure_8": {kind: run.metrics for kind, run in runs.items()},
             "answer": json.loads(diagnosis.answer.to_json()),
             "truth": truth,
         }

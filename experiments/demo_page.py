@@ -13,6 +13,7 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from drift_drake.control.lane_drive import DT
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.report_figures import posterior_bars
@@ -44,7 +45,7 @@ BELIEVES = {
     "online": "the prior, adapting while it drifts",
     "oracle": "the true car, effects and all",
 }
-COMPARED = ("nominal", "prior", "twice_info", "online", "oracle")  # over the path: more lines could not be told apart
+COMPARED = ("nominal", "twice_info", "oracle")  # over the path: more lines could not be told apart
 
 
 def picture(figure: Figure) -> Markup:
@@ -90,12 +91,12 @@ def write_page(
     """Writes index.html.
 
     Args:
-        config: `DemoConfig`; numbers: as they go to numbers.json; rounds: `Gathered` by model; runs: `Run` by model;
+        config: `DemoConfig`; numbers: as they go to numbers.json; rounds: `Gathered`, runs: `DriveResult`, by model;
         seconds: that all has taken so far.
     """
     parameters, settings = VehicleParameters(), config.gathering
     eight = figure_8(parameters)
-    line = straight_line(settings.v_start, settings.v_end, settings.steps * 0.1, settings.half_width)
+    line = straight_line(settings.v_start, settings.v_end, settings.steps * DT, settings.half_width)
     effects = draw_effects("held_out", config.vehicle, 0)._asdict()
     gathered = {NAMES[name]: _driven(one.table) for name, one in rounds.items()}
     drifts = {kind: run.table for kind, run in runs.items()}
@@ -112,7 +113,8 @@ def write_page(
         effects={name: value for name, value in effects.items() if value != 0.0},
         rounds=rounds,
         gathered=picture(overhead(gathered, line, parameters, car_every=0.9)),
-        maps={kind: picture(overhead({kind: table}, eight, parameters, car_every=1.4)) for kind, table in drifts.items()},
+        maps={kind: picture(overhead({kind: table}, eight, parameters, car_every=1.4))
+              for kind, table in drifts.items()},
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
         answer=diagnosis.answer,

@@ -19,6 +19,8 @@ REPORT = "import.json"  # beside the runs
 class Import:
     """Turn a recorder's files into runs of the log format, and say what looks wrong in them.
 
+    drift-drake import lap.csv --mapping mine.yaml --out logs/monday
+
     A mapping file says of each quantity its column, unit, sign, frame (iso8855, ned, sae) and clock; the
     presets are such files. The smallest one:
 

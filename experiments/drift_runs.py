@@ -40,6 +40,8 @@ Maneuver = Literal["figure_8", "loops"]
 
 BELIEFS: dict[str, str] = {"once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info",
                            "twice_online": "twice_info"}  # fmt: skip
+Attempt = tuple[int, int]  # vehicle, noise seed
+
 ADAPTING = ("online", "twice_online")
 SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
@@ -47,13 +49,12 @@ COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", 
 
 @dataclasses.dataclass(frozen=True)
 class DriftConfig:
-    """Which vehicles, how often, with which models."""
+    """Which vehicles, how often, and how the controller is set up."""
 
     vehicles: int = 20
     first: int = 0  # index of the first vehicle of the population
     population: Population = "held_out"
-    noise_seeds: int = 3  # runs of each vehicle and model
-    models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
+    noise_seeds: int = 3  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
     checkpoint: Path | None = None  # the shipped one without
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
@@ -62,9 +63,20 @@ class DriftConfig:
     out: Path | None = None
     """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
 
-    def attempts(self) -> list[tuple[int, int]]:
+    def attempts(self) -> list[Attempt]:
         """(vehicle, noise seed) of each attempt."""
         return [(self.first + i, seed) for i in range(self.vehicles) for seed in range(self.noise_seeds)]
+
+    def effects(self, vehicle: int) -> Effects:
+        """What is true of a vehicle."""
+        return draw_effects(self.population, vehicle, self.vehicle_seed)
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelsConfig(DriftConfig):
+    """An experiment that compares models."""
+
+    models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
 
 
 class Learnt(NamedTuple):
@@ -143,13 +155,14 @@ def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -
     return runs
 
 
-def run_models(config: DriftConfig, maneuver: Maneuver, folder: Path) -> pd.DataFrame:
+def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.DataFrame:
     """All models on all vehicles: gathers and drives what the folder lacks; one row a run.
 
     Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
     """
     learnt = load(config.checkpoint)
-    gathered = gather_all(config, learnt, folder)
+    wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
+    gathered = gather_all(config, wanted, learnt, folder)
     jobs = []
     for model in config.models:
         for vehicle, seed in config.attempts():
@@ -164,9 +177,8 @@ def run_models(config: DriftConfig, maneuver: Maneuver, folder: Path) -> pd.Data
                     belief = found.get(BELIEFS[model], found.get("once_info", belief))
                     labels["second_plan"] = "twice_info" in found or BELIEFS[model] != "twice_info"
                 believes = Learnt(learnt, belief, adapting=model in ADAPTING)
-            effects = draw_effects(config.population, vehicle, config.vehicle_seed)
             name = run_name(model, vehicle, seed)
-            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control))
+            jobs.append(DriveJob(name, labels, maneuver, config.effects(vehicle), seed, believes, config.control))
     return run_drives(jobs, folder, config.run_on)
 
 
@@ -179,7 +191,7 @@ def run_name(model: str, vehicle: int, noise_seed: int) -> str:
 class GatherJob:
     """The information gathering of one vehicle; the first plans are the same for all vehicles."""
 
-    attempt: tuple[int, int]  # vehicle, noise seed
+    attempt: Attempt
     wanted: frozenset[str]  # of `gather_beliefs`'s keys
     learnt: BayesianModel
     effects: Effects
@@ -215,9 +227,10 @@ def gather_beliefs(job: GatherJob) -> dict[str, Posterior]:
     return beliefs
 
 
-def gather_all(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dict[tuple[int, int], dict[str, Posterior]]:
-    """Beliefs of each attempt, kept in the folder's `beliefs-*.npz`."""
-    wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
+def gather_all(
+    config: DriftConfig, wanted: frozenset[str], learnt: BayesianModel, folder: Path
+) -> dict[Attempt, dict[str, Posterior]]:
+    """The wanted ones of `gather_beliefs`'s beliefs for each attempt, kept in the folder's `beliefs-*.npz`."""
     if not wanted:
         return {}
     files = {attempt: folder / f"beliefs-{attempt[0]:03d}-{attempt[1]}.npz" for attempt in config.attempts()}
@@ -227,10 +240,8 @@ def gather_all(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dict
         ocp = plan(learnt, prior, gathering, 0.0)
         info = plan(learnt, prior, gathering, gathering.alpha)
         jobs = [
-            GatherJob(attempt, wanted, learnt, draw_effects(config.population, attempt[0], config.vehicle_seed), ocp,
-                      info, gathering)
-            for attempt in missing
-        ]  # fmt: skip
+            GatherJob(attempt, wanted, learnt, config.effects(attempt[0]), ocp, info, gathering) for attempt in missing
+        ]
 
         def write(job: GatherJob, beliefs: dict[str, Posterior]) -> None:
             arrays: dict[str, Any] = {
@@ -264,7 +275,7 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     Raises:
         OtherExperimentError: the runs there were made with other settings or another checkpoint.
     """
-    free = ("vehicles", "first", "noise_seeds", "models", "run_on", "out")
+    free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     path = folder / "config.json"
     entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load(config.checkpoint))})
     before = json.loads(path.read_text()) if path.exists() else {}

@@ -14,11 +14,11 @@ import tyro
 
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drift_report import completion_table, draw, paper_table, summarise
-from experiments.drift_runs import DriftConfig, OtherExperimentError, open_folder, reference, run_models
+from experiments.drift_runs import ModelsConfig, OtherExperimentError, open_folder, reference, run_models
 from experiments.executors import NoClusterError
 
 
-def main(config: DriftConfig) -> None:
+def main(config: ModelsConfig) -> None:
     """Runs what is missing, then writes numbers and pictures."""
     folder = make_run_folder("figure_8", config.out)
     open_folder(folder, config)
@@ -40,6 +40,6 @@ def main(config: DriftConfig) -> None:
 
 if __name__ == "__main__":
     try:
-        main(tyro.cli(DriftConfig))
+        main(tyro.cli(ModelsConfig))
     except (OtherExperimentError, NoClusterError) as error:
         sys.exit(f"error: {error}")

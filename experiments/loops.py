@@ -22,8 +22,8 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drift_report import LABELS, completion_table, draw, summarise
 from experiments.drift_runs import (
-    DriftConfig,
     Model,
+    ModelsConfig,
     OtherExperimentError,
     open_folder,
     reference,
@@ -40,7 +40,7 @@ PICTURED = ("online", "twice_info", "twice_online", "oracle")
 
 
 @dataclasses.dataclass(frozen=True)
-class LoopsConfig(DriftConfig):
+class LoopsConfig(ModelsConfig):
     """Which vehicles, how often, with which models."""
 
     models: tuple[Model, ...] = ("online", "twice_info", "twice_online", "oracle")

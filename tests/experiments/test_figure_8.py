@@ -12,7 +12,7 @@ from diagrams.information_gathering import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import drift_runs
-from experiments.drift_runs import DriftConfig, OtherExperimentError
+from experiments.drift_runs import ModelsConfig, OtherExperimentError
 from experiments.executors import ExecutorConfig, NoClusterError, make_executor
 from experiments.figure_8 import main
 
@@ -20,9 +20,9 @@ FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
 SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)
 
 
-def config(out: Path, run_on: ExecutorConfig) -> DriftConfig:
+def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
     models = ("once_info", "twice_online", "nominal")
-    return DriftConfig(
+    return ModelsConfig(
         vehicles=1,
         population="train",
         noise_seeds=1,
@@ -69,10 +69,10 @@ def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path
     """Once-Info's belief is the one that Twice-Info goes on from, whichever models are asked for."""
     first = config(tmp_path, here)
     learnt = drift_runs.load(None)
-    both = drift_runs.gather_all(first, learnt, tmp_path)[0, 0]
+    both = drift_runs.gather_all(first, frozenset({"once_info", "twice_info"}), learnt, tmp_path)[0, 0]
     assert set(both) == {"once_info", "twice_info"}
     (tmp_path / "one").mkdir()
-    alone = drift_runs.gather_all(dataclasses.replace(first, models=("once_info",)), learnt, tmp_path / "one")[0, 0]
+    alone = drift_runs.gather_all(first, frozenset({"once_info"}), learnt, tmp_path / "one")[0, 0]
     assert set(alone) == {"once_info"}
     assert (alone["once_info"].mean == both["once_info"].mean).all()
 

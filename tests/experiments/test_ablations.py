@@ -1,0 +1,51 @@
+"""The ablations: what each row changes, and that a run of them is as a user makes it."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagrams.closed_loop import ControlConfig
+from diagrams.information_gathering import GatheringConfig
+from drift_drake.reference.trajectory import figure_8
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments import ablations, drift_runs
+from experiments.ablations import AblationsConfig, main, variants
+from experiments.executors import ExecutorConfig
+
+
+def test_each_row_changes_one_thing() -> None:
+    base = ControlConfig()
+    rows = variants(base)
+    assert len({row.name for row in rows}) == len(rows)
+    for row in rows:
+        changed = [field.name for field in dataclasses.fields(base)
+                   if getattr(row.control, field.name) != getattr(base, field.name)]  # fmt: skip
+        assert len(changed) == (0 if row.part in ("belief", "path step") else 1)
+        assert (row.path_step == "euler") == (row.part == "path step")
+
+
+def test_the_chain_of_beliefs(
+    here: ExecutorConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=40.0)
+    monkeypatch.setattr(drift_runs, "reference", lambda _: course)
+    monkeypatch.setattr(ablations, "run_jobs", drift_runs.run_jobs)
+    config = AblationsConfig(
+        vehicles=1,
+        population="train",
+        parts=("belief",),
+        control=ControlConfig(horizon=15, period=0.02, delay=0.02),
+        gathering=GatheringConfig(steps=15, v_end=10.0, starts=1),
+        run_on=here,
+        out=tmp_path,
+    )
+    main(config)
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| belief")]
+    names = [line.split(" | ")[1] for line in lines]
+    assert names == [row.name for row in variants(config.control) if row.part == "belief"]
+    # Errors in drifts are of learnt beliefs that stay as they are.
+    with_errors = {name for name, line in zip(names, lines, strict=True) if not line.endswith("|  |  |")}
+    assert with_errors == set(names) - {"nominal", "online", "oracle"}
+    assert np.load(tmp_path / "own-000-0.npz")["x"].shape[1] == 6

@@ -15,6 +15,7 @@ from drift_drake.diagnosis.beliefs import beliefs_as_data
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
 from drift_drake.diagnosis.horizons import HORIZONS, start_rows
+from drift_drake.diagnosis.learned import learned
 from drift_drake.diagnosis.noise import refined_levels
 from drift_drake.diagnosis.posterior import (
     Calibration,
@@ -139,7 +140,10 @@ def diagnose(
     tell("where it is", 0.93)
     nothing = next(f for f, _ in hypotheses if not f.names)
     lacking = left[0] if not best.names else misfit(problem, nothing)
-    where = find_gap(problem, best, lacking)
+    before, floor = without_effects(problem, None), errors_of(problem, best.theta, best.names)
+    where = find_gap(problem, before, floor, lacking)
+    tell("what the learnt model says", 0.97)
+    learnt = learned(problem, before, floor)
     magnitudes = {name: magnitude_interval(fit, name, calibration) for name in fit.names} if named else {}
     warnings += bound_warnings(magnitudes)
     answer = Answer(
@@ -162,6 +166,7 @@ def diagnose(
             "free_form_removes": left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
+            "learned": dataclasses.asdict(learnt),
             "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities),
         },
         warnings=warnings,
@@ -202,10 +207,10 @@ def bound_warnings(magnitudes: dict[str, Interval]) -> list[str]:
     return out
 
 
-def find_gap(problem: Problem, best: Fit, lacking: Regression) -> dict[str, Any]:
-    """The `where` of an answer: what the nominal car gets wrong beyond the best fit."""
-    before = without_effects(problem, None)
-    floor = errors_of(problem, best.theta, best.names)
+def find_gap(
+    problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray], lacking: Regression
+) -> dict[str, Any]:
+    """The `where` of an answer: what the nominal car gets wrong (`before`) beyond the best fit (`floor`)."""
     excess = [b - f for b, f in zip(before, floor, strict=True)]
     rows = [start_rows(run) for run in problem.runs]
     where = dataclasses.asdict(locate(problem, excess, rows, lacking))

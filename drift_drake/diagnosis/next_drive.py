@@ -94,12 +94,13 @@ class NextDrive:
     def sentence(self) -> str:
         """What the drive is for and what it promises."""
         towards = f", heading {np.degrees(self.heading):.0f} degrees in the logs' frame" if self.heading else ""
+        first, second, *others = self.names
+        more = f" (and {len(others)} less probable)" if others else ""
         return (
             f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to tell "
-            f"{self.names[0]} from {', '.join(self.names[1:])}: {self.names[1]} is expected to fall behind by "
-            f"{self.nats[0, 1]:.1f} nats if {self.names[0]} is true, {self.names[0]} by {self.nats[1, 0]:.1f} if "
-            f"{self.names[1]} is ({self.sigmas:.1f} sigma at the least); probability of the true one, expected: "
-            f"{self.before:.2f} before, {self.after:.2f} after."
+            f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if {first} is "
+            f"true, {first} by {self.nats[1, 0]:.3g} if {second} is ({self.sigmas:.1f} sigma at the least), and the "
+            f"true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."
         )
 
 

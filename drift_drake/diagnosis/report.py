@@ -58,6 +58,7 @@ def report_html(d: Diagnosis) -> str:
     if unexcited:
         warnings.append(f"These logs hardly excite {', '.join(unexcited)}: nothing can be said of them.")
     warnings.append("Logs of feedback driving: the driver answers to the car, so that causes and commands correlate.")
+    learnt = answer.details["learned"]
     tables = [("state", where["states"]), ("force", where["channels"]), ("run", where["runs"])]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     return environment.from_string(TEMPLATE.read_text()).render(
@@ -75,6 +76,8 @@ def report_html(d: Diagnosis) -> str:
         overlays=Markup(figures.overlays(d)),
         by_horizon=Markup(figures.error_by_horizon(d)),
         correlations=Markup(figures.correlations(d)),
+        learned=learnt,
+        uncertainty=Markup(figures.uncertainty(learnt["map"])) if learnt["map"] else "",
         isolability=Markup(figures.isolability_matrix(signatures)),
     )
 

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -235,3 +236,24 @@ def isolability_matrix(found: Isolability) -> str:
         ax.figure.colorbar(image, ax=ax, shrink=0.6).ax.tick_params(labelsize=6)
 
     return svg(7.5, 7.0, 1, 1, draw)
+
+
+def uncertainty(cells: dict[str, Any]) -> str:
+    """The learnt model's predictive deviation over speed and sideslip, with sample counts."""
+    speed, sideslip = cells["speed"], cells["sideslip"]
+    deviation, count = np.array(cells["deviation"]), np.array(cells["count"])
+
+    def draw(axes: np.ndarray) -> None:
+        ax: Axes = axes[0, 0]
+        image = ax.pcolormesh(speed, sideslip, deviation.T, cmap="magma_r", vmin=1.0)
+        for i, j in zip(*np.nonzero(count), strict=True):
+            x, y = 0.5 * (speed[i] + speed[i + 1]), 0.5 * (sideslip[j] + sideslip[j + 1])
+            dark = deviation[i, j] > 0.5 * (1.0 + deviation.max())
+            ax.text(x, y, f"{count[i, j]}", fontsize=5, ha="center", va="center", color="white" if dark else "black")
+        ax.set_xlabel("speed [m/s]", fontsize=7)
+        ax.set_ylabel("sideslip [rad]", fontsize=7)
+        bar = ax.figure.colorbar(image, ax=ax)
+        bar.set_label("deviation [noise levels]", fontsize=7)
+        bar.ax.tick_params(labelsize=6)
+
+    return svg(4.8, 3.2, 1, 1, draw)

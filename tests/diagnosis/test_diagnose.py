@@ -83,7 +83,7 @@ def report(diagnosis, tmp_path_factory):
 def test_the_report_is_one_file_that_says_the_verdict(report, diagnosis):
     text = report.read_text()
     assert diagnosis.answer.causes[0] in text
-    assert text.count("<svg") == 7
+    assert text.count("<svg") == 8
     for outside in ("<link", "<script", 'src="http', "url(http"):
         assert outside not in text
 

@@ -58,6 +58,7 @@ Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
 
 OWN_DRIVE = 500  # added to the noise seed of the drive that `own_drift` learns from
+LOG_PERIOD = 0.01  # [s]
 FLAT = 100.0  # times the prior's covariance
 
 
@@ -188,6 +189,8 @@ def table(rows: list[Variant], summary: dict[str, Any], errors: dict[str, dict[s
 
 def main(config: AblationsConfig) -> None:
     """Runs what is missing, then writes the table."""
+    if config.control.period != LOG_PERIOD:
+        raise SystemExit(f"error: samples are made from rows {LOG_PERIOD} s apart; leave --control.period at that")
     folder = make_run_folder("ablations", config.out)
     open_folder(folder, config)
     write_versions(folder)

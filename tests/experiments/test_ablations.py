@@ -29,14 +29,14 @@ def test_each_row_changes_one_thing() -> None:
 def test_the_chain_of_beliefs(
     here: ExecutorConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    course = dataclasses.replace(figure_8(VehicleParameters()), distance=40.0)
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=32.0)
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
     monkeypatch.setattr(ablations, "run_jobs", drift_runs.run_jobs)
     config = AblationsConfig(
         vehicles=1,
         population="train",
         parts=("belief",),
-        control=ControlConfig(horizon=15, period=0.02, delay=0.02),
+        control=ControlConfig(horizon=12),
         gathering=GatheringConfig(steps=15, v_end=10.0, starts=1),
         run_on=here,
         out=tmp_path,

@@ -98,9 +98,9 @@ class NextDrive:
         more = f" (and {len(others)} less probable)" if others else ""
         return (
             f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to tell "
-            f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if {first} is "
-            f"true, {first} by {self.nats[1, 0]:.3g} if {second} is ({self.sigmas:.1f} sigma at the least), and the "
-            f"true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."
+            f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if "
+            f"{first} is true, {first} by {self.nats[1, 0]:.3g} if {second} is ({self.sigmas:.1f} sigma at the "
+            f"least), and the true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."
         )
 
 

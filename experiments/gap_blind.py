@@ -32,6 +32,7 @@ from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_truth, make_case
+from experiments.gap_pictures import draw_scores
 from experiments.gap_score import score_text, scores
 
 TIERS = {"exact": 0.25, "tolerance": 0.3, "none": 0.15, "pair": 0.15, "family": 0.075, "removed": 0.075}
@@ -186,11 +187,13 @@ def answered(out: Path) -> list[tuple[dict[str, Any], dict[str, Any]]]:
 
 
 def score(command: Score) -> None:
-    """Prints and writes the scores."""
-    result = scores(answered(command.out))
+    """Prints and writes the scores, and draws their pictures."""
+    pairs = answered(command.out)
+    result = scores(pairs)
     (command.out / "scores.json").write_text(json.dumps(result, indent=1))
     text = score_text(result)
     (command.out / "scores.md").write_text(text)
+    draw_scores(pairs, command.out)
     print(text)
 
 

@@ -1,17 +1,19 @@
 """Scores of a diagnosis's answers against the labels, by tier and effect, with confidence intervals."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 Pair = tuple[dict[str, Any], dict[str, Any]]  # (label, answer)
 
+TIERS = ("exact", "tolerance", "none", "pair", "family", "removed")
 GAP_TIERS = ("exact", "tolerance", "pair", "family", "removed")
 SINGLES = ("exact", "tolerance")
 UNKNOWNS = ("family", "removed")
 BINS = 5  # of the reliability diagram
+RESAMPLES = 2000  # of the bootstrap over cases
 
 
 def true_name(label: dict[str, Any]) -> str:
@@ -42,6 +44,16 @@ def share(flags: Sequence[bool]) -> dict[str, Any]:
     return {"share": p, "low": low, "high": high, "count": len(flags)}
 
 
+def mean_of(values: Sequence[float], statistic: Callable[..., Any] = np.mean, seed: int = 0) -> dict[str, Any]:
+    """The mean (or another statistic) of numbers with its 95 % bootstrap interval, and their number."""
+    if not len(values):
+        return {"mean": float("nan"), "low": float("nan"), "high": float("nan"), "count": 0}
+    numbers = np.asarray(values, dtype=float)
+    draws = numbers[np.random.default_rng(seed).integers(0, len(numbers), (RESAMPLES, len(numbers)))]
+    low, high = np.quantile(statistic(draws, axis=1), [0.025, 0.975])
+    return {"mean": float(statistic(numbers)), "low": float(low), "high": float(high), "count": len(numbers)}
+
+
 def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
     """All figures; keys are plain names, values shares with intervals or numbers."""
     by_tier: dict[str, list[Pair]] = {}
@@ -51,20 +63,25 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
     def of(*tiers: str) -> list[Pair]:
         return [pair for tier in tiers for pair in by_tier.get(tier, [])]
 
+    def by(figure: Callable[[list[Pair]], Any]) -> dict[str, Any]:
+        return {tier: figure(by_tier[tier]) for tier in TIERS if tier in by_tier} | {"all": figure(list(pairs))}
+
     def right(some: Sequence[Pair]) -> dict[str, Any]:
         return share([said(a) == true_name(label) for label, a in some])
 
-    isolation = [a["posterior"].get(true_name(label), 0.0) for label, a in of(*SINGLES)]
+    def isolation(some: Sequence[Pair]) -> dict[str, Any]:
+        return mean_of([a["posterior"].get(true_name(label), 0.0) for label, a in some])
+
     result: dict[str, Any] = {
         "cases": len(pairs),
-        "top-1": {tier: right(some) for tier, some in by_tier.items()},
-        "truth in the ambiguity set": {
-            tier: share([true_name(label) in a["ambiguity"] for label, a in some]) for tier, some in by_tier.items()
-        },
-        "ambiguity set's size, mean": float(np.mean([len(a["ambiguity"]) for _, a in pairs])),
+        "top-1": by(right),
+        "truth in the ambiguity set": by(lambda some: share([true_name(label) in a["ambiguity"] for label, a in some])),
+        "ambiguity set's size": by(lambda some: mean_of([len(a["ambiguity"]) for _, a in some])),
         "detection": share([a["verdict"] != "none" for _, a in of(*GAP_TIERS)]),
+        "detection by tier": {tier: share([a["verdict"] != "none" for _, a in of(tier)]) for tier in GAP_TIERS},
         "false alarms": share([a["verdict"] != "none" for _, a in of("none")]),
-        "isolation, mean": float(np.mean(isolation)) if isolation else float("nan"),
+        "isolation": isolation(of(*SINGLES)),
+        "isolation by tier": by(isolation),
         "pairs, both named": share([set(a["causes"]) == set(label["effects"]) for label, a in of("pair")]),
         "unknown, recalled": share([a["verdict"] == "unknown" for _, a in of(*UNKNOWNS)]),
         "unknown, precision": share([label["tier"] in UNKNOWNS for label, a in pairs if a["verdict"] == "unknown"]),
@@ -74,9 +91,14 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
         "reduction within 0.05 of full": share(
             [abs(a["reduction"]["estimate"] - 1.0) <= 0.05 for label, a in of(*SINGLES) if said(a) == true_name(label)]
         ),
-        "Brier score": brier(pairs),
+        "reduction's interval holds all of the gap": share(
+            [a["reduction"]["high"] >= 1.0 for label, a in of(*SINGLES, "pair") if said(a) == true_name(label)]
+        ),
+        "Brier score": mean_of([brier(pair) for pair in pairs]),
+        "Brier score by tier": by(lambda some: mean_of([brier(pair) for pair in some])),
         "reliability": reliability(pairs),
-        "seconds, median": float(np.median([a["seconds"] for _, a in pairs])),
+        "reliability by tier": by(reliability),
+        "seconds, median": mean_of([a["seconds"] for _, a in pairs], np.median),
         "seconds, most": float(np.max([a["seconds"] for _, a in pairs])),
         "by effect": by_effect(of(*SINGLES)),
         "by unknown": {
@@ -108,32 +130,23 @@ def coverage(pairs: Sequence[Pair]) -> dict[str, Any]:
     return share(flags)
 
 
-def brier(pairs: Sequence[Pair]) -> float:
-    """Mean squared distance of the posterior from the truth."""
-    out = []
-    for label, a in pairs:
-        truth = true_name(label)
-        p = dict(a["posterior"])
-        p.setdefault(truth, 0.0)
-        out.append(sum((value - (name == truth)) ** 2 for name, value in p.items()))
-    return float(np.mean(out))
+def brier(pair: Pair) -> float:
+    """Squared distance of a posterior from the truth."""
+    label, a = pair
+    truth = true_name(label)
+    p = a["posterior"] | {truth: a["posterior"].get(truth, 0.0)}
+    return float(sum((value - (name == truth)) ** 2 for name, value in p.items()))
 
 
 def reliability(pairs: Sequence[Pair]) -> list[dict[str, float]]:
-    """Of the leading hypotheses, by bins of their probability: mean probability, share that was right, number."""
+    """Of the leading hypotheses, by bins of their probability: mean probability, share that was right with interval."""
     lead = [(max(a["posterior"].values()), said(a) == true_name(label)) for label, a in pairs]
     edges = np.linspace(0.0, 1.0, BINS + 1)
     out = []
     for low, high in itertools.pairwise(edges):
         some = [(p, ok) for p, ok in lead if low < p <= high]
         if some:
-            out.append(
-                {
-                    "stated": float(np.mean([p for p, _ in some])),
-                    "right": float(np.mean([ok for _, ok in some])),
-                    "count": len(some),
-                }
-            )
+            out.append({"stated": float(np.mean([p for p, _ in some])), **share([ok for _, ok in some])})
     return out
 
 
@@ -150,19 +163,19 @@ def score_text(result: dict[str, Any]) -> str:
     lines = [f"{result['cases']} cases", "", "| figure | value | 95 % | cases |", "| --- | --- | --- | --- |"]
 
     def row(name: str, s: Any) -> None:
-        if isinstance(s, dict) and "share" in s:
-            lines.append(f"| {name} | {s['share']:.3f} | {s['low']:.2f} to {s['high']:.2f} | {s['count']} |")
-        elif isinstance(s, float):
+        if isinstance(s, float):
             lines.append(f"| {name} | {s:.3f} | | |")
+        elif isinstance(s, dict) and "low" in s:
+            value = s["share"] if "share" in s else s["mean"]
+            lines.append(f"| {name} | {value:.3f} | {s['low']:.2f} to {s['high']:.2f} | {s['count']} |")
+        elif isinstance(s, dict) and name != "by effect" and name != "by unknown":
+            for key, part in s.items():
+                row(f"{name.removesuffix(' by tier')}, {key}", part)
 
     for name, value in result.items():
-        if name in ("top-1", "truth in the ambiguity set"):
-            for tier, s in value.items():
-                row(f"{name}, {tier}", s)
-        else:
-            row(name, value)
+        row(name, value)
     lines += ["", "Reliability of the leading hypothesis (stated, right, cases):"]
-    lines += [f"- {b['stated']:.2f}, {b['right']:.2f}, {b['count']:.0f}" for b in result["reliability"]]
+    lines += [f"- {b['stated']:.2f}, {b['share']:.2f}, {b['count']:.0f}" for b in result["reliability"]]
     lines += ["", "Mistakes:"]
     lines += [f"- {m['case']} ({m['tier']}): {m['truth']} answered as {m['said']}" for m in result["mistakes"]]
     return "\n".join(lines) + "\n"

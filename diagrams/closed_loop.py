@@ -7,7 +7,7 @@ python -m diagrams.closed_loop --graph    # draws the diagram
 import dataclasses
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,7 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
 from drift_drake.model.checkpoint import load
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -41,6 +42,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 
 Array = NDArray[np.float64]
 MAX_STEP = 0.01  # [s] of the integrator
+DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 Outcome = Literal["completed", "spin", "left the lane", "time is up"]
 
 
@@ -64,6 +66,13 @@ class Limits:
     time_factor: float = 1.5  # of the reference's own duration
 
 
+class Change(NamedTuple):
+    """The car becomes another one during a run, as on a slippery stretch."""
+
+    time: float  # [s]
+    effects: Effects  # from then on; of those that act on the plant
+
+
 class ClosedLoop:
     """The diagram with its parts at hand. Built once; each run takes a fresh Context.
 
@@ -81,8 +90,20 @@ class ClosedLoop:
         control: ControlConfig = ControlConfig(),
         initial_command: tuple[float, float] | None = None,
         adapter: BayesianAdapter | None = None,
+        detector: OutOfDistributionDetector | None = None,
     ) -> None:
-        """Args: model: what the controller believes; adapter: if given, `model` (a `BayesianStepModel`) follows it."""
+        """Builds the diagram.
+
+        Args:
+            model: what the controller believes.
+            adapter: if given, `model` (a `BayesianStepModel`) follows it.
+            detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
+
+        Raises:
+            ValueError: a detector without an adapter.
+        """
+        if detector is not None and adapter is None:
+            raise ValueError("a detector judges by an adapter's belief; give an adapter too (a frozen one, perhaps)")
         self.parameters, self.reference, self.adapter = parameters, reference, adapter
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
@@ -124,12 +145,19 @@ class ClosedLoop:
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
             builder.Connect(command_in_force, adapter.GetInputPort("command"))
             builder.Connect(adapter.GetOutputPort("posterior_mean"), self.controller.GetInputPort("theta"))
+        if adapter is not None and detector is not None:
+            builder.AddNamedSystem("detector", detector)
+            builder.Connect(measured_state, detector.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, detector.GetInputPort("command"))
+            for name in ("posterior_mean", "posterior_covariance"):
+                builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
         builder.Connect(self.controller.GetOutputPort("plan"), self.actuator.GetInputPort("plan"))
         builder.Connect(command_in_force, self.car.GetInputPort("command"))
         logged = [
             *((self.car, name) for name in ("measured_state", "log_row", "state", "path_position", "pose")),
             (self.actuator, "command"),
             (self.controller, "statistics"),
+            *((detector, name) for name in DETECTION if detector is not None),
         ]
         self._loggers = {}
         for system, name in logged:
@@ -148,8 +176,16 @@ class ClosedLoop:
         self.car.sensors.set_seed(context, seed)
         return context
 
-    def run(self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4) -> "Run":
-        """Simulates until the reference's end, a spin, the lane's edge or the time limit."""
+    def run(
+        self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4, change: Change | None = None
+    ) -> "Run":
+        """Simulates until the reference's end, a spin, the lane's edge or the time limit.
+
+        Raises:
+            ValueError: a change of a car that was built without effects, whose plant has no states for any.
+        """
+        if change is not None and not self.car.plant.has_memory:
+            raise ValueError("a car built without effects cannot change; build it with those that it begins with")
         simulator = Simulator(self.diagram, context)
         ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
         plant, reference = self.car.plant, self.reference
@@ -168,7 +204,12 @@ class ClosedLoop:
 
         simulator.set_monitor(monitor)
         simulator.Initialize()
-        status = simulator.AdvanceTo(context.get_time() + limits.time_factor * reference.duration)
+        end = context.get_time() + limits.time_factor * reference.duration
+        status = simulator.AdvanceTo(end if change is None else change.time)
+        if change is not None and not status.message():
+            plant_context = plant.GetMyMutableContextFromRoot(context)
+            plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
+            status = simulator.AdvanceTo(end)
         outcome: Outcome = status.message() or "time is up"
         return Run(self._table(simulator.get_context()), outcome, reference, self.parameters)
 
@@ -181,6 +222,7 @@ class ClosedLoop:
             "measured_state": tuple(f"measured_{name}" for name in MEASURED_STATE),
             "statistics": tuple(f"solve_{name}" for name in SolveStatistics._fields),
         }
+        names |= {name: (f"ood_{name}",) for name in DETECTION if name in self._loggers}
         logs = {name: sink.FindLog(context) for name, sink in self._loggers.items()}
         columns = {"t": logs["state"].sample_times()}
         for port, fields in names.items():

@@ -6,11 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import ClosedLoop, ControlConfig
+from diagrams.closed_loop import Change, ClosedLoop, ControlConfig
+from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -55,3 +57,28 @@ def test_an_adapting_loop_replays_to_the_bit(adaptive: tuple[ClosedLoop, Bayesia
     (first_theta, first), (second_theta, second) = (posterior_mean(adaptive, frozen=False) for _ in range(2))
     np.testing.assert_array_equal(first_theta, second_theta)
     pd.testing.assert_frame_equal(first, second, check_exact=True)
+
+
+def test_a_change_of_the_car_takes_effect_at_its_time(adaptive: tuple[ClosedLoop, BayesianAdapter]) -> None:
+    loop, _ = adaptive
+    effects = draw_effects("train", 0, seed=0)
+    slippery = Change(0.5, effects._replace(friction_level=effects.friction_level - 0.2))
+    same, changed = (loop.run(loop.initial_context(seed=1), change=change).table for change in (None, slippery))
+    columns = ["r", "v", "beta", "omega_r"]
+    before = int((changed["t"] <= slippery.time).sum())
+    pd.testing.assert_frame_equal(same[columns][:before], changed[columns][:before], check_exact=True)
+    assert (same[columns].iloc[before + 1] != changed[columns].iloc[before + 1]).all()
+
+
+def test_a_car_without_effects_cannot_change() -> None:
+    parameters = VehicleParameters()
+    loop = ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), control=CONTROL)
+    with pytest.raises(ValueError, match="build it with those"):
+        loop.run(loop.initial_context(seed=0), change=Change(0.5, draw_effects("train", 0, seed=0)))
+
+
+def test_a_detector_needs_an_adapter() -> None:
+    parameters = VehicleParameters()
+    detector = OutOfDistributionDetector(load(), threshold=10.0)
+    with pytest.raises(ValueError, match="give an adapter"):
+        ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), detector=detector)

@@ -9,7 +9,7 @@ import tyro
 
 from drift_drake.drives.drive import LOG_PERIOD, Drive, Limits
 from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
-from drift_drake.logs.driving import SLOWEST
+from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.sensors import NoiseLevels
@@ -87,8 +87,7 @@ def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects)
     noise = NoiseLevels(**{name: command.noise * level for name, level in levels.items()})
     m = _manoeuvre(command, parameters, effects)
     drive = Drive(parameters, m.driver, m.steps, m.spacing, np.zeros((2, 2)), m.command, effects, m.reference, noise)
-    wheelbase = parameters.front_axle_distance + parameters.rear_axle_distance
-    limits = Limits(min_speed=float(SLOWEST * np.sqrt(parameters.gravity * wheelbase)), max_speed=FASTEST)
+    limits = Limits(min_speed=slowest(parameters), max_speed=FASTEST)
     table, ending = drive.run(m.state, 0.0, command.duration or m.duration, command.seed, limits)
     table["t"] = LOG_PERIOD * np.round(table["t"] / LOG_PERIOD)
     columns = {name: table[name].to_numpy(dtype=float) for name in COLUMNS}

@@ -9,8 +9,13 @@ SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which slips have no meanin
 SPUN = 1.1  # [rad] of sideslip beyond which the car has spun
 
 
+def slowest(vehicle: VehicleParameters) -> float:
+    """Speed [m/s] below which a car of this size counts as standing."""
+    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
+    return float(SLOWEST * np.sqrt(vehicle.gravity * wheelbase))
+
+
 def driven(run: Run, vehicle: VehicleParameters) -> np.ndarray:
     """Rows [rows] (bool) in which the car neither stands nor spins; without `beta`, spins cannot be seen."""
-    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-    rows: np.ndarray = run.v >= SLOWEST * np.sqrt(vehicle.gravity * wheelbase)
+    rows: np.ndarray = run.v >= slowest(vehicle)
     return rows if run.beta is None else rows & (np.abs(run.beta) <= SPUN)

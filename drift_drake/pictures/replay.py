@@ -20,7 +20,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 COLUMNS = ("t", "x", "y", "psi", "delta")
-FRAMES_PER_SECOND = 30.0
+FRAMES_PER_SECOND = (10.0, 30.0)  # as many as keep a long run to
+MOST_FRAMES = 3000.0
 LINE_SPACING = 0.5  # [m] between points of lines on the ground
 
 SILL, WAIST, ROOF = 0.18, 0.78, 1.28  # [m] heights of the car's body
@@ -73,12 +74,14 @@ def replay(
     if reference is not None:
         _draw_reference(meshcat, reference)
     shape = CarShape.of(parameters or VehicleParameters())
-    meshcat.StartRecording(FRAMES_PER_SECOND, set_visualizations_while_recording=False)
+    longest = max(float(np.ptp(run["t"])) for run in runs.values())
+    rate = float(np.clip(MOST_FRAMES / max(longest, 1.0), *FRAMES_PER_SECOND))
+    meshcat.StartRecording(rate, set_visualizations_while_recording=False)
     for index, run in enumerate(runs.values()):
         colour = to_rgb(_colour(index))
         _draw_trace(meshcat, f"/traces/{index}", run, TRACE + 0.02 * index, colour)
         _build_car(meshcat, f"/runs/{index}", shape, colour, 1.0 if index == 0 else GHOST_OPACITY)
-        _record(meshcat, f"/runs/{index}", run, shape)
+        _record(meshcat, f"/runs/{index}", run, shape, rate)
     meshcat.StopRecording()
     recording = meshcat.get_mutable_recording()
     recording.set_autoplay(True)
@@ -228,10 +231,11 @@ def _set_prism(meshcat: Meshcat, path: str, bottom: Array, top: Array, low: floa
     meshcat.SetTriangleMesh(path, vertices, np.hstack([*sides, fan + count, fan[::-1]]).astype(np.int32), rgba)
 
 
-def _record(meshcat: Meshcat, path: str, run: pd.DataFrame, shape: CarShape) -> None:
+def _record(meshcat: Meshcat, path: str, run: pd.DataFrame, shape: CarShape, rate: float) -> None:
+    """Poses and steering at `rate` frames a second."""
     run = run.ffill().bfill()
     t = run["t"].to_numpy(dtype=float) - float(run["t"].iloc[0])
-    frames = np.arange(0.0, t[-1] + 0.5 / FRAMES_PER_SECOND, 1.0 / FRAMES_PER_SECOND)
+    frames = np.arange(0.0, t[-1] + 0.5 / rate, 1.0 / rate)
     x, y, delta = (np.interp(frames, t, run[name].to_numpy(dtype=float)) for name in ("x", "y", "delta"))
     psi = np.interp(frames, t, np.unwrap(run["psi"].to_numpy(dtype=float)))
     centres = shape.wheel_centres()

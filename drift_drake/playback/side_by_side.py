@@ -12,7 +12,7 @@ from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectoryS
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car import Car
-from drift_drake.logs.driving import driven
+from drift_drake.logs.driving import SPUN, driven, slowest
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.sensors import LOG_ROW, NoiseLevels
@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 
 MAX_STEP = 0.01  # [s] of the integrator
 ACCURACY = 1e-5
-LOST_SIDESLIP, LOST_SPEED = 1.4, 1.0  # [rad] beyond, [m/s] below which a simulated car is lost
+LOST_SIDESLIP, LOST_SPEED = 1.4, 0.3  # [rad] beyond, in slowest speeds below which a simulated car is lost
 FOLLOWING_TIME = 0.02  # [s] in which a car without a logged torque takes on the logged rim speed
+KEEPING_TIME = 0.1  # [s] in which one without a rim speed either takes on the logged speed
 
 
 class CarModel(NamedTuple):
@@ -52,6 +53,25 @@ class RimSpeedFollower(LeafSystem):
         output[0] = self._gain * (self._rim_speed.Eval(context)[0] - self._state.Eval(context)[3])
 
 
+class SpeedKeeper(LeafSystem):
+    """The force along the course that keeps a car at a given speed, for logs that say nothing of what drove it.
+
+    Input ports: state (6); speed (1) [m/s]. Output port: wrench (3), for a plant's disturbance.
+    """
+
+    def __init__(self, p: VehicleParameters) -> None:
+        LeafSystem.__init__(self)
+        self._gain = p.mass / KEEPING_TIME
+        self._state = self.DeclareVectorInputPort("state", 6)
+        self._speed = self.DeclareVectorInputPort("speed", 1)
+        self.DeclareVectorOutputPort("wrench", 3, self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        _, v, beta = self._state.Eval(context)[:3]
+        force = self._gain * (self._speed.Eval(context)[0] - v)
+        output.SetFromVector([force * np.cos(beta), force * np.sin(beta), 0.0])
+
+
 class SideBySide:
     """The diagram: the log's commands as a source, cars with perfect sensors, and a logger of what each would log.
 
@@ -59,53 +79,61 @@ class SideBySide:
     """
 
     def __init__(self, run: Run, cars: Mapping[str, CarModel]) -> None:
-        """Args: cars: by name.
+        """Args: cars: by name, the nominal one first.
 
         Raises:
-            InvalidLogError: neither `tau_cmd` nor `omega_r` is logged; or the car stands or spins all the time.
+            InvalidLogError: the car stands or spins all the time.
         """
         self._log, self.models = run, dict(cars)
         self._t = run.t - run.t[0]
         nominal = next(iter(cars.values())).parameters
         self.motion: MeasuredMotion = measured_motion(run, nominal)
-        self.driven = driven(run, nominal)
+        self.driven, self._slowest = driven(run, nominal), slowest(nominal)
         self.remarks = list(self.motion.remarks)
         if not self.driven.any():
-            raise InvalidLogError(f"{run.name}: the car stands or spins throughout; log a drive")
-        if run.tau_cmd is None and run.omega_r is None:
             raise InvalidLogError(
-                f"{run.name}: has neither tau_cmd nor omega_r, so that nothing says what drove the car; log one of them"
+                f"{run.name}: the car stands (below {self._slowest:.1f} m/s for a car of this size) or spins "
+                "throughout; log a drive"
             )
         builder = DiagramBuilder()
-        followed = run.tau_cmd is None
-        if followed:
+        steering = self._source(builder, "steering", run.delta_cmd)
+        follow, keep = run.tau_cmd is None and run.omega_r is not None, run.tau_cmd is None and run.omega_r is None
+        if follow:
             self.remarks.append("no tau_cmd: the cars' rear wheels follow the measured rim speed")
-        drive = ("measured_rim_speed", self.motion.omega_r) if run.tau_cmd is None else ("torque", run.tau_cmd)
-        sources = {}
-        for name, values in (("steering", run.delta_cmd), drive):
-            trajectory = PiecewisePolynomial.FirstOrderHold(self._t, values[None, :])
-            sources[name] = builder.AddNamedSystem(f"logged_{name}", TrajectorySource(trajectory)).get_output_port()
-        joined = None
-        if not followed:
-            joined = self._join(builder, "commands", sources["steering"], sources["torque"])
+            wanted = self._source(builder, "rim_speed", self.motion.omega_r)
+        elif keep:
+            self.remarks.append("no tau_cmd and no omega_r: the cars roll freely, and a force keeps the measured speed")
+            wanted = self._source(builder, "speed", run.v)
+        if not follow:
+            torque = self._source(builder, "torque", np.zeros(len(run)) if run.tau_cmd is None else run.tau_cmd)
+            commands = self._join(builder, "commands", steering, torque)
         self.cars, self._loggers = {}, {}
         for name, model in cars.items():
             # A follower supplies the torque at the wheel: no lag comes between.
-            effects = model.effects._replace(torque_lag=0.0) if followed else model.effects
+            effects = model.effects._replace(torque_lag=0.0) if follow else model.effects
             made = Car(model.parameters, effects, noise=NoiseLevels.none(), period=run.period)
             car = builder.AddNamedSystem(name, made)
-            command = joined
-            if command is None:
+            if follow:
                 follower = builder.AddNamedSystem(f"{name}_wheels", RimSpeedFollower(model.parameters))
                 builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
-                builder.Connect(sources["measured_rim_speed"], follower.GetInputPort("rim_speed"))
-                command = self._join(builder, f"{name}_commands", sources["steering"], follower.get_output_port())
-            builder.Connect(command, car.GetInputPort("command"))
+                builder.Connect(wanted, follower.GetInputPort("rim_speed"))
+                commands = self._join(builder, f"{name}_commands", steering, follower.get_output_port())
+            elif keep:
+                keeper = builder.AddNamedSystem(f"{name}_speed", SpeedKeeper(model.parameters))
+                builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
+                builder.Connect(wanted, keeper.GetInputPort("speed"))
+                builder.Connect(keeper.get_output_port(), car.GetInputPort("disturbance"))
+            builder.Connect(commands, car.GetInputPort("command"))
             sink = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
             sink.set_name(f"log_of_{name}")
             self.cars[name], self._loggers[name] = car, sink
         self.diagram = builder.Build()
         self.diagram.set_name("side_by_side")
+
+    def _source(self, builder: DiagramBuilder, name: str, values: Array) -> Any:
+        """A column of the log, linear between rows."""
+        trajectory = PiecewisePolynomial.FirstOrderHold(self._t, values[None, :])
+        return builder.AddNamedSystem(f"logged_{name}", TrajectorySource(trajectory)).get_output_port()
 
     @staticmethod
     def _join(builder: DiagramBuilder, name: str, steering: Any, torque: Any) -> Any:
@@ -152,7 +180,9 @@ class SideBySide:
         """Puts a car into the state measured at a row; `settled`: its lags and the like too."""
         plant = self.cars[name].plant
         own = plant.GetMyMutableContextFromRoot(context)
-        state, pose = self.motion.state(row, self._log.period, self.models[name].effects)
+        (r, v, beta, omega_r), pose = self.motion.state(row, self._log.period, self.models[name].effects)
+        # A late sensor's next rows may be of a spin already; no car starts lost.
+        state = [r, max(v, self._slowest), float(np.clip(beta, -SPUN, SPUN)), omega_r]
         if settled:
             tau = 0.0 if self._log.tau_cmd is None else float(self._log.tau_cmd[row])
             plant.set_initial(own, [*state, 0.0, 0.0], pose=pose, actuation=(float(self._log.delta_cmd[row]), tau))
@@ -165,7 +195,7 @@ class SideBySide:
         _, v, beta = (
             self.cars[name].plant.GetMyContextFromRoot(context).get_continuous_state_vector().CopyToVector()[:3]
         )
-        return not (v >= LOST_SPEED and abs(beta) <= LOST_SIDESLIP)  # true for NaN, too
+        return not (v >= LOST_SPEED * self._slowest and abs(beta) <= LOST_SIDESLIP)  # true for NaN, too
 
     def _watch(self, context: Context) -> EventStatus:
         if any(self._is_lost(context, name) for name in self.cars):

@@ -47,8 +47,8 @@ def replay(
     """Writes a Meshcat replay of runs, all starting together; the first is solid, the others are ghosts.
 
     The cars are `/runs/0`, `/runs/1`, ... in the scene tree of the controls, in the colours of the overhead picture;
-    a panel names them, lets the camera follow them or see all of the ground, and scrubs through time. A car stands
-    where its pose is NaN.
+    a panel names them, moves them apart, lets the camera follow them or see all of the ground, and scrubs through
+    time. A car stands where its pose is NaN.
 
     Args:
         runs: tables with t, x, y, psi, delta (SI) by name.
@@ -80,8 +80,8 @@ def replay(
     for index, run in enumerate(runs.values()):
         colour = to_rgb(_colour(index))
         _draw_trace(meshcat, f"/traces/{index}", run, TRACE + 0.02 * index, colour)
-        _build_car(meshcat, f"/runs/{index}", shape, colour, 1.0 if index == 0 else GHOST_OPACITY)
-        _record(meshcat, f"/runs/{index}", run, shape, rate)
+        _build_car(meshcat, f"/runs/{index}/car", shape, colour, 1.0 if index == 0 else GHOST_OPACITY)
+        _record(meshcat, f"/runs/{index}/car", run, shape, rate)
     meshcat.StopRecording()
     recording = meshcat.get_mutable_recording()
     recording.set_autoplay(True)

@@ -29,3 +29,13 @@ def test_more_cars_and_longer_runs_make_more_of_it(perfect_run, tmp_path):
 def test_a_run_without_a_column_is_named(perfect_run, tmp_path):
     with pytest.raises(ValueError, match=r"run 'a' lacks the column\(s\) psi"):
         replay({"a": perfect_run.drop(columns="psi")}, tmp_path / "replay.html")
+
+
+def test_the_panel_names_the_cars_and_a_gap_in_a_run_is_no_error(perfect_run, tmp_path):
+    gap = perfect_run.copy()
+    gap.loc[gap.index[:20], ["x", "y", "psi"]] = float("nan")
+    gap.loc[gap.index[150:170], ["x", "y", "psi"]] = float("nan")
+    page = replay({"real": perfect_run, "<ghost>": gap}, tmp_path / "r.html", title="lap", camera="follow").read_text()
+    assert "<h1>lap</h1>" in page
+    assert page.count("&lt;ghost&gt;") == 2
+    assert "let following = true" in page

@@ -29,13 +29,12 @@ from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter_case, make_problem
 from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, without_effects
 from drift_drake.diagnosis.search import Found, search
+from drift_drake.diagnosis.usable import usable
 from drift_drake.diagnosis.where import locate
-from drift_drake.logs.driving import driven
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-LEAST_ROWS = 150  # of a run after cutting
 BLIND = {  # effects that need a column to be seen
     "gyro_bias": ("psi",),
     "sideslip_bias": ("beta",),
@@ -62,31 +61,6 @@ class Diagnosis:
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
     lacking: Regression  # pulses that the car without effects lacks
-
-
-def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
-    """Runs cut where they spin or stand, and warnings about it.
-
-    Raises:
-        InvalidLogError: nothing is left.
-    """
-    kept, warnings = [], []
-    for run in runs:
-        bad = ~driven(run, vehicle)
-        first = int(np.argmax(~bad)) if not np.all(bad) else len(run)
-        after = np.flatnonzero(bad[first:])
-        stop = first + int(after[0]) if len(after) else len(run)
-        if stop - first < LEAST_ROWS:
-            warnings.append(f"{run.name}: left out, under {LEAST_ROWS} rows before it spins or stands")
-            continue
-        if first > 0 or stop < len(run):
-            warnings.append(
-                f"{run.name}: only {run.t[first]:.2f} to {run.t[stop - 1]:.2f} s are used (spin or standstill)"
-            )
-        kept.append(run.rows(first, stop))
-    if not kept:
-        raise InvalidLogError("no run has a second and a half between spins and standstill; log longer drives")
-    return kept, warnings
 
 
 def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:

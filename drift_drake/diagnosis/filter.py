@@ -16,7 +16,8 @@ import numpy as np
 
 from drift_drake.compilation import compiled
 from drift_drake.diagnosis.commands import STAGES, SUBSTEPS
-from drift_drake.vehicle.effects import Memory, measured, motion_with_effects, settled_memory
+from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
+from drift_drake.vehicle.effects import Memory, changed_constants, measured, motion_with_effects, settled_memory
 from drift_drake.vehicle.scalar import cos, jitable, sin
 
 CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
@@ -26,6 +27,8 @@ CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
 
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
+STABLE = 2.5  # rate times step up to which Runge-Kutta steps and the transition are stable
+MOST_SPLITS, MOST_SQUARINGS = 15, 8
 MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
 
 
@@ -67,27 +70,49 @@ def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push
 
 
 @compiled
+def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
+    """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
+    p = changed_constants(constants, effects)
+    stiffness = p.rear_stiffness + p.front_coupling * p.front_stiffness
+    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(z[3], MIN_SLIP_SPEED))
+
+
+@compiled
+def between(values: Any, place: Any) -> Any:
+    """Linear between the grid's points; `place` counts them."""
+    i = min(int(place), len(values) - 2)
+    return values[i] + (place - i) * (values[i + 1] - values[i])
+
+
+@compiled
 def advance(
     z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
-    """One row of Runge-Kutta steps, in place, under a further force and moment; k [15], w [2, 13] are scratch."""
-    for substep in range(SUBSTEPS):
-        at = STAGES * row + 2 * substep
-        rates_of(z, delta[at], torque[at], constants, effects, push, k)
+    """One row of Runge-Kutta steps, in place, under a further force and moment; k [15], w [2, 13] are scratch.
+
+    The steps are split where the driven rim of a light axle settles faster than they could follow.
+    """
+    splits = min(int(step * wheel_rate(z, constants, effects) / STABLE), MOST_SPLITS) + 1
+    h = step / splits
+    for substep in range(SUBSTEPS * splits):
+        at = STAGES * row + 2.0 * substep / splits
+        end = at + 2.0 / splits
+        middle = 0.5 * (at + end)
+        rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] = k[i]
-            w[0, i] = z[i] + 0.5 * step * k[i]
-        rates_of(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
+            w[0, i] = z[i] + 0.5 * h * k[i]
+        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + 0.5 * step * k[i]
-        rates_of(w[0], delta[at + 1], torque[at + 1], constants, effects, push, k)
+            w[0, i] = z[i] + 0.5 * h * k[i]
+        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
         for i in range(SIZE):
             w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + step * k[i]
-        rates_of(w[0], delta[at + 2], torque[at + 2], constants, effects, push, k)
+            w[0, i] = z[i] + h * k[i]
+        rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
         for i in range(SIZE):
-            z[i] += step / 6.0 * (w[1, i] + k[i])
+            z[i] += h / 6.0 * (w[1, i] + k[i])
         z[1] = max(z[1], MIN_FILTER_SPEED)
         z[3] = max(z[3], 0.0)
 
@@ -150,8 +175,15 @@ def _linearise(
 
 @compiled
 def _transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) -> Any:
-    """exp(A period) to fourth order, A the first nine rows of the Jacobian."""
+    """exp(A period) to fourth order, A the first nine rows of the Jacobian.
+
+    Where the rim settles too fast for that, of a part of the period, and squared back to the whole.
+    """
     n = CORRECTED
+    squarings = 0
+    while -jacobian[3, 3] * period > STABLE and squarings < MOST_SQUARINGS:
+        period *= 0.5
+        squarings += 1
     for i in range(n):
         for j in range(n):
             f[i, j] = 1.0 if i == j else 0.0
@@ -167,6 +199,14 @@ def _transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) ->
             for j in range(n):
                 power[i, j] = scratch[i, j]
                 f[i, j] += power[i, j]
+    for _ in range(squarings):
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for m in range(n):
+                    total += f[i, m] * f[m, j]
+                power[i, j] = total
+        f[:] = power
 
 
 @compiled

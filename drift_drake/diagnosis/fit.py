@@ -21,9 +21,11 @@ from drift_drake.diagnosis.problem import (
 
 NUISANCE_STEP = 0.05  # of a tolerance, for differences
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
+LEAST_SHARE = 0.1  # of a constant of the vehicle file
 CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
 LIMITER = NUISANCES.index("limiter_settling")
 FLAT = 1e-6  # precision of a magnitude's prior, which keeps what the data do not show from being singular
+MOST_AT_BOUNDS = 6  # parameters that a step may fix at their bounds, one after the other
 STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
 
 
@@ -56,12 +58,12 @@ class Fit:
 
 
 def limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of all parameters; nuisances have none that matter."""
-    pairs = [bounds(name) for name in names]
-    return (
-        np.concatenate([np.full(problem.nuisances, -30.0), [low for low, _ in pairs]]),
-        np.concatenate([np.full(problem.nuisances, 30.0), [high for _, high in pairs]]),
-    )
+    """Bounds of all parameters; of nuisances, that no constant of the car may fall below a tenth of its file's."""
+    pairs = [problem.range_of(name) for name in names]
+    low, high = np.full(problem.nuisances, -30.0), np.full(problem.nuisances, 30.0)
+    with np.errstate(divide="ignore"):
+        low[: len(NUISANCES)] = np.maximum(low[: len(NUISANCES)], (LEAST_SHARE - 1.0) / problem.tolerance)
+    return np.concatenate([low, [a for a, _ in pairs]]), np.concatenate([high, [b for _, b in pairs]])
 
 
 def cost_of(problem: Problem, gains: Gains, theta: np.ndarray) -> float:
@@ -88,7 +90,7 @@ def sensitivity(
             continue
         if column == LIMITER and "steering_rate_limit" not in names:
             continue
-        step = NUISANCE_STEP if column < first else MAGNITUDE_STEP * scale(names[column - first])
+        step = NUISANCE_STEP if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
         step = step if theta[column] + step <= high[column] else -step
         moved = theta.copy()
         moved[column] += step
@@ -133,7 +135,7 @@ def normal_step(
     low, high = limits(problem, names)
     free = np.ones(len(theta), dtype=bool)
     step = np.zeros(len(theta))
-    for _ in range(len(names) + 1):
+    for _ in range(MOST_AT_BOUNDS):
         step[:] = 0.0
         h = hessian[np.ix_(free, free)]
         step[free] = -np.linalg.solve(h + damping * np.diag(np.diag(h)), gradient[free])

@@ -7,13 +7,14 @@ hypothesis' effects, in the units of the catalogue.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from drift_drake.diagnosis.commands import STAGES, actuated, without_actuators
 from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE, filter_run, observe_run
 from drift_drake.diagnosis.noise import white_noise_level
+from drift_drake.diagnosis.prior import bounds, scale
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -83,9 +84,18 @@ class Problem:
     process: np.ndarray  # [9] variances a second of the first nine filter states
     rim_fed: bool = False  # no torque is logged: the rim speed is fed as measured, and the axle's dynamics are left out
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
+    ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # of magnitudes, if not `prior`'s
 
     def replace(self, **changes: object) -> "Problem":
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Magnitudes of an effect that are believed possible."""
+        return self.ranges.get(name) or bounds(name)
+
+    def unit_of(self, name: str) -> float:
+        """Unit of a magnitude in the solver: the far end of its practical range."""
+        return max(abs(q) for q in self.ranges[name]) if name in self.ranges else scale(name)
 
     @property
     def nuisances(self) -> int:
@@ -125,18 +135,27 @@ def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
     )
 
 
-def make_problem(runs: Sequence[Run], vehicle: VehicleParameters, process_scale: float = 1.0) -> Problem:
+def make_problem(
+    runs: Sequence[Run],
+    vehicle: VehicleParameters,
+    process_scale: float = 1.0,
+    noise_scale: float = 1.0,
+    stated: Mapping[str, float] | None = None,
+) -> Problem:
     """Runs and vehicle as the estimator wants them; noise levels are estimated here.
 
     `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
+    `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
+    are known otherwise (an import's); the larger of the two counts.
     """
     data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2
     fed = any(run.tau_cmd is None for run in runs)
     if fed:
         process[FILTER_STATES.index("omega_r")] = FED_RIM**2
-    tolerance = tolerance_deviations(vehicle)
-    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise_levels(data), process, rim_fed=fed)
+    known = np.array([(stated or {}).get(name, 0.0) for name in CHANNELS])
+    noise = noise_scale * np.maximum(noise_levels(data), known)
+    problem = Problem(data, vehicle, vehicle.constants(), tolerance_deviations(vehicle), noise, process, rim_fed=fed)
     return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 
 

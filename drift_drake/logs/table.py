@@ -1,12 +1,14 @@
 """One run as a table of columns (SI, ISO 8855): read, checked, written."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
 OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
 COLUMNS = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
@@ -240,3 +242,22 @@ def _check_units(run: Run) -> None:
             raise InvalidLogError(f"{run.name}: column psi does not agree with r; it looks like degrees, convert it")
     if float(np.min(run.v)) < -0.5:
         raise InvalidLogError(f"{run.name}: column v is negative ({np.min(run.v):g}); v is the speed, not a velocity")
+
+
+def stated_noise(folder: str | Path) -> dict[str, float]:
+    """Noise levels by column (SI, one standard deviation) that an import stated beside its runs; none without one.
+
+    The median over the runs. A smoothed column hides its noise from whoever looks at its rows alone.
+    """
+    path = Path(folder) / IMPORT_REPORT
+    try:
+        reports = json.loads(path.read_text(encoding="utf-8"))["runs"]
+        levels: dict[str, list[float]] = {}
+        for report in reports:
+            for name, value in report["std"].items():
+                levels.setdefault(name, []).append(float(value))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise InvalidLogError(f"{path}: is no report of 'drift-drake import'; take it away or import again") from None
+    return {name: float(np.median(values)) for name, values in levels.items()}

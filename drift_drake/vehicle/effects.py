@@ -20,14 +20,14 @@ from drift_drake.vehicle.bicycle import (
     wheel_acceleration,
 )
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, norm2, select, sin, tanh
+from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
 from drift_drake.vehicle.tires import brush_force
 
 SLIDING_SPEED_SCALE = 3.0  # [m/s] over which sliding friction drops
 HEAT_UNIT = 1e5  # [J] of friction work that make one unit of heat
 COOLING_TIME = 12.0  # [s]
 LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
-MIN_AXLE_LOAD = 200.0  # [N]
+MIN_AXLE_LOAD, MIN_LOAD_SHARE = 200.0, 0.1  # [N], but of a car too light for that a share of the static load
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
 
 
@@ -178,7 +178,8 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
 
     f_zf, f_zr = static_loads(p)
     shift = p.mass * q.longitudinal_load_transfer * memory.a_x / (p.front_axle_distance + p.rear_axle_distance)
-    f_zf, f_zr = maximum(f_zf - shift, MIN_AXLE_LOAD), maximum(f_zr + shift, MIN_AXLE_LOAD)
+    f_zf = maximum(f_zf - shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zf))
+    f_zr = maximum(f_zr + shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zr))
 
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r

@@ -10,9 +10,10 @@ import pytest
 
 from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import case_folders, diagnose, seen_effects, usable
+from drift_drake.diagnosis.diagnose import case_folders, diagnose, seen_effects
 from drift_drake.diagnosis.problem import filter_case, make_problem
 from drift_drake.diagnosis.report import write_report
+from drift_drake.diagnosis.usable import usable
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -100,9 +101,13 @@ def test_the_report_opens_in_a_browser(report):
 def test_spins_and_standstill_are_cut_with_a_warning(stiffness_case):
     run = stiffness_case[1][0]
     beta = run.beta.copy()
-    beta[200:] = 1.5
+    beta[200:-90] = 1.5
     kept, warnings = usable([dataclasses.replace(run, beta=beta)], VehicleParameters())
-    assert len(kept[0]) == 200
+    assert [len(part) for part in kept] == [200]
+    beta[200:] = 0.0
+    beta[150] = 1.5
+    kept, _ = usable([dataclasses.replace(run, beta=beta, name="run")], VehicleParameters())
+    assert [(part.name, len(part)) for part in kept] == [("run_0", 150), ("run_1", len(run) - 151)]
     assert "spin or standstill" in warnings[0]
     with pytest.raises(InvalidLogError, match="no run has"):
         usable([dataclasses.replace(run, v=np.full(len(run), 0.5))], VehicleParameters())

@@ -9,10 +9,8 @@ import tyro
 from drift_drake.logs.importing.importer import ImportReport, import_recordings
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.importing.recording import InvalidRecordingError
-from drift_drake.logs.table import Run, run_paths, write_run
+from drift_drake.logs.table import IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
-
-REPORT = "import.json"  # beside the runs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +57,7 @@ def run_import(command: Import) -> None:
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
     if command.json:
-        print((command.out / REPORT).read_text(encoding="utf-8"), end="")
+        print((command.out / IMPORT_REPORT).read_text(encoding="utf-8"), end="")
     else:
         print(summary(report))
 
@@ -69,7 +67,7 @@ def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: Rec
     folder.mkdir(parents=True, exist_ok=True)
     for number, run in enumerate(runs):
         write_run(run, folder / f"run_{number}.csv")
-    write_json(folder / REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
+    write_json(folder / IMPORT_REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
 
 
 def summary(report: ImportReport) -> str:

@@ -1,0 +1,76 @@
+"""How well cars predict parts of the logs that were not fitted, by state and horizon."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, start_rows
+from drift_drake.diagnosis.problem import Problem
+from drift_drake.diagnosis.reduction import BLOCK, RESAMPLES, errors_of, fold_of
+
+FOLD = 0  # that is held out: every fourth block
+
+
+def in_fold(problem: Problem) -> list[np.ndarray]:
+    """Rows [rows] of each run that are held out."""
+    return [fold_of(run) == FOLD for run in problem.runs]
+
+
+def without_fold(problem: Problem) -> Problem:
+    """The problem with the held-out rows uncounted."""
+    runs = [
+        dataclasses.replace(run, counted=run.counted & ~held)
+        for run, held in zip(problem.runs, in_fold(problem), strict=True)
+    ]
+    return problem.replace(runs=runs)
+
+
+@dataclasses.dataclass(frozen=True)
+class HeldOut:
+    """Root mean square errors [horizons][states] in the states' units, and their change at half a second."""
+
+    horizons: tuple[float, ...]
+    states: tuple[str, ...]
+    before: list[list[float]]
+    after: list[list[float]]
+    ratio: float  # of the errors after to those before at half a second, states in noise levels
+    low: float  # 95 %
+    high: float
+
+
+def squares_of(problem: Problem, theta: np.ndarray, names: Sequence[str], held: bool) -> list[np.ndarray]:
+    """Squared errors [starts, horizons, states], in noise variances, of starts inside (or outside) the held-out rows."""
+    errors = errors_of(problem, theta, names)
+    return [
+        part[rows[start_rows(run)] == held]
+        for run, rows, part in zip(problem.runs, in_fold(problem), errors, strict=True)
+    ]
+
+
+def judged(squares: Sequence[np.ndarray]) -> float:
+    """Mean square error half a second ahead, over the states."""
+    return float(np.nanmean(np.concatenate(squares)[:, JUDGED]))
+
+
+def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray], seed: int = 0) -> HeldOut:
+    """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
+    used = [i for i in range(len(STATES)) if all(run.used[i] for run in problem.runs)]
+    sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])
+    draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
+    totals = sums[draws].sum(axis=1)
+    low, high = np.quantile(np.sqrt(totals[:, 1] / totals[:, 0]), [0.025, 0.975])
+    total = sums.sum(axis=0)
+
+    def table(parts: Sequence[np.ndarray]) -> list[list[float]]:
+        rms = np.sqrt(np.nanmean(np.concatenate(parts)[:, :, used], axis=0)) * problem.noise[used]
+        return [[float(q) for q in row] for row in rms]
+
+    return HeldOut(HORIZONS, tuple(STATES[i] for i in used), table(before), table(after),
+                   float(np.sqrt(total[1] / total[0])), float(low), float(high))  # fmt: skip
+
+
+def _blocks(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Sums of squares [blocks, 2] half a second ahead, over a block of restarts each."""
+    sums = np.stack([np.nansum(part[:, JUDGED], axis=-1) for part in (before, after)], axis=-1)
+    return np.asarray(np.add.reduceat(sums, np.arange(0, len(sums), BLOCK), axis=0))

@@ -1,0 +1,264 @@
+"""From logs of a car and a first guess of it to the calibrated car, with intervals and what the logs cannot tell."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.answer import Interval
+from drift_drake.diagnosis.diagnose import seen_effects
+from drift_drake.diagnosis.fit import limits
+from drift_drake.diagnosis.problem import Problem, flat, make_problem
+from drift_drake.diagnosis.usable import usable
+from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
+from drift_drake.identification.estimate import Estimate, Trust, estimate
+from drift_drake.identification.held_out import HeldOut, compare, judged, squares_of, without_fold
+from drift_drake.identification.unknowns import (
+    EFFECTS,
+    KNOWN,
+    PARAMETERS,
+    check_names,
+    effect_ranges,
+    first_magnitude,
+    seen,
+    widened,
+)
+from drift_drake.identification.untold import Direction, tied, untold
+from drift_drake.identification.widening import widening
+from drift_drake.logs.table import Run, read_case, stated_noise
+from drift_drake.vehicle.effects import CATALOGUE, Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
+BETTER = 0.98  # of the half-second error on the fitted rows that a deafer filter must reach to be preferred
+TWO_SIDED = 1.96
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One unknown: its estimate with a 95 % interval, its standard deviations after and before the logs."""
+
+    unit: str
+    start: float
+    estimate: float
+    low: float
+    high: float
+    deviation: float
+    prior: float
+    widened: float  # by how much the interval is wider than that of white innovations
+    kind: str  # free, known (held by its tolerance) or effect
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """What an identification says, as plain data. `correlation` is in the order of `parameters`."""
+
+    case: str
+    parameters: dict[str, Parameter]
+    correlation: list[list[float]]
+    untold: list[Direction]
+    tied: list[tuple[str, str, float]]
+    left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
+    held_out: HeldOut
+    trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
+    seconds: float
+    warnings: list[str]
+
+    def interval(self, name: str) -> Interval:
+        """Estimate and 95 % interval of a parameter."""
+        p = self.parameters[name]
+        return Interval(p.estimate, p.low, p.high)
+
+    def sentence(self) -> str:
+        """What was reached, in one sentence."""
+        h = self.held_out
+        told = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
+        free = sum(1 for p in self.parameters.values() if p.kind != "known")
+        return (
+            f"{self.case}: {told} of {free} parameters told by the logs; half a second ahead on parts that were not "
+            f"fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first guess's."
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Identification:
+    """The calibrated car, and what a report is drawn from."""
+
+    calibration: Calibration
+    vehicle: VehicleParameters
+    effects: Effects
+    problem: Problem  # with the noise as the logs have it
+    first: np.ndarray  # theta of the first guess
+    found: Estimate
+
+
+def identify(
+    runs: Sequence[Run],
+    vehicle: VehicleParameters,
+    effects: Effects = Effects(),  # noqa: B008 (immutable)
+    case: str = "case",
+    known: Sequence[str] = KNOWN,
+    names: Sequence[str] = EFFECTS,
+    stated: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Calibrates a car on runs.
+
+    Args:
+        runs: of one car; vehicle, effects: the first guess;
+        known: parameters whose tolerance in the vehicle is believed, the others get broad priors;
+        names: effects that may belong to the car, beside those of the first guess;
+        stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share.
+
+    Raises:
+        InvalidLogError: no run can be used.
+        InvalidVehicleError: a name that is no parameter or effect.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _stage, _share: None)
+    check_names(known, names)
+    runs, warnings = usable(runs, vehicle)
+    given = [name for name in CATALOGUE if getattr(effects, name) != 0.0 and name != "steering_offset"]
+    asked = list(dict.fromkeys([*given, *names]))
+    chosen, more = seen_effects(runs, seen(asked, runs))
+    warnings += more
+    wide = widened(vehicle, known)
+    problem = make_problem(runs, wide, stated=stated).replace(ranges=effect_ranges(chosen, vehicle, runs))
+    first = first_guess(problem, chosen, effects)
+    best = search(problem, chosen, first, tell)
+    tell("all rows", 0.8)
+    found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
+    held = compare(
+        problem, squares_of(problem, *guess_as_stated(problem, first, chosen, effects), held=True),
+        squares_of(problem, best.theta, best.names, held=True),
+    )  # fmt: skip
+    tell("intervals", 0.95)
+    parameters, correlation, covariance = summarise(found, vehicle, known, first)
+    dropped = [n for n in chosen if parameters[n].low <= 0.0 <= parameters[n].high]
+    kept = refit_without(problem, found, dropped)
+    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
+    free_names = [list(parameters)[i] for i in free]
+    prior = np.array([p.prior for p in parameters.values()])
+    new_vehicle, new_effects = calibrated_vehicle(
+        kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
+    )
+    calibration = Calibration(
+        case=case,
+        parameters=parameters,
+        correlation=correlation.tolist(),
+        untold=untold(free_names, prior[free], covariance[np.ix_(free, free)]),
+        tied=tied(list(parameters), correlation),
+        left_out=dropped,
+        held_out=held,
+        trust=found.trust,
+        seconds=time.perf_counter() - began,
+        warnings=warnings + end_warnings(found, parameters),
+    )
+    tell("done", 1.0)
+    return Identification(calibration, new_vehicle, new_effects, problem, first, found)
+
+
+def first_guess(problem: Problem, names: Sequence[str], effects: Effects) -> np.ndarray:
+    """Theta of the vehicle file, its effects a little into their ranges where it has none."""
+    magnitudes = [first_magnitude(name, effects, *problem.range_of(name)) for name in names]
+    theta = np.concatenate([np.zeros(problem.nuisances), magnitudes])
+    offset = PARAMETERS.index("steering_offset")
+    theta[offset] = effects.steering_offset / problem.tolerance[offset]
+    return theta
+
+
+def guess_as_stated(
+    problem: Problem, first: np.ndarray, names: Sequence[str], effects: Effects
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Theta and effects of the vehicle file exactly as it is."""
+    own = tuple(name for name in names if getattr(effects, name) != 0.0)
+    magnitudes = [float(getattr(effects, name)) for name in own]
+    return np.concatenate([first[: problem.nuisances], magnitudes]), own
+
+
+def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
+    """The fit without the held-out rows, under the deafness that predicts the fitted rows best half a second ahead.
+
+    A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
+    seconds. Where the model is right, both agree and the first is more exact; where it is not, or the noise is not
+    white, only the second is of use.
+    """
+    kept = without_fold(problem)
+    best, least, theta = None, np.inf, first
+    for stage, deafness in enumerate(DEAFNESS):
+        tell(f"fit {stage + 1} of {len(DEAFNESS)}", 0.8 * stage / len(DEAFNESS))
+        at = estimate(kept, names, theta, deafness)
+        theta = at.theta
+        error = float(np.sqrt(judged(squares_of(problem, theta, names, held=False))))
+        if best is None or error < BETTER * least:
+            best, least = at, error
+        else:
+            break
+    assert best is not None
+    return best
+
+
+def summarise(
+    found: Estimate, vehicle: VehicleParameters, known: Sequence[str], first: np.ndarray
+) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
+    """Parameters with intervals, their correlation and their covariance in their own units."""
+    units = {name: info.unit for name, info in CATALOGUE.items()}
+    table = scales(found.problem, vehicle, found.names, units)
+    at = places(found.problem, found.names)
+    white = found.covariance
+    wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.gains.innovations), white)
+    factor = np.array([s.factor for s in table])
+    deviation = np.sqrt(np.diag(white))[at] * wider[at] * np.abs(factor)
+    spread = np.sqrt(np.diag(white))[at]
+    correlation = white[np.ix_(at, at)] / np.maximum(np.outer(spread, spread), 1e-300)
+    lowest, highest = limits(found.problem, found.names)
+    parameters = {}
+    for i, s in enumerate(table):
+        own = i >= len(PARAMETERS)
+        low, high = (found.problem.range_of(s.name) if own else (-np.inf, np.inf))
+        prior = (high - low) / np.sqrt(12.0) if own else abs(s.factor)
+        value = s.origin + s.factor * float(found.theta[at[i]])
+        sigma = float(min(deviation[i], prior)) if prior > 0.0 else 0.0
+        kind = "effect" if own else ("known" if PARAMETERS[i] in known or prior == 0.0 else "free")
+        parameters[s.name] = Parameter(
+            s.unit, s.origin + s.factor * float(first[at[i]]), value, max(value - TWO_SIDED * sigma, low),
+            min(value + TWO_SIDED * sigma, high), sigma, float(prior), float(wider[at[i]]), kind,
+        )  # fmt: skip
+    sigma = np.array([p.deviation for p in parameters.values()])
+    return parameters, correlation, correlation * np.outer(sigma, sigma)
+
+
+def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:
+    """The fit with effects that cannot be told from zero taken out, so that the others make up for them."""
+    if not dropped:
+        return found
+    kept = [name for name in found.names if name not in dropped]
+    first = problem.nuisances
+    magnitudes = [found.theta[first + found.names.index(name)] for name in kept]
+    theta = np.concatenate([found.theta[:first], magnitudes])
+    return estimate(problem, kept, theta, found.trust.noise / found.trust.process)
+
+
+def end_warnings(found: Estimate, parameters: Mapping[str, Parameter]) -> list[str]:
+    """Warnings of unknowns at the ends of what is believed possible, zero aside."""
+    low, high = limits(found.problem, found.names)
+    at = places(found.problem, found.names)
+    return [
+        f"{name} is at the end of what is believed possible ({parameters[name].estimate:.3g}): doubt it, or change its "
+        "first guess"
+        for name, i in zip(parameters, at, strict=True)
+        if (found.theta[i] <= low[i] and low[i] != 0.0) or found.theta[i] >= high[i]
+    ]
+
+
+def identify_folder(folder: str | Path, vehicle: VehicleParameters, effects: Effects, **options: Any) -> Identification:
+    """Calibrates on a case folder (`logs.table.read_case`), with the noise that its import stated."""
+    folder = Path(folder)
+    return identify(
+        read_case(folder), vehicle, effects, case=folder.resolve().name, stated=stated_noise(folder), **options
+    )

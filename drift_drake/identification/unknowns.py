@@ -1,0 +1,83 @@
+"""What is unknown of a car before its logs are seen: parameters under broad priors, and effects that belong to it."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import InvalidVehicleError, Tolerance, VehicleParameters
+
+PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
+BROAD = Tolerance(
+    mass=0.2,
+    yaw_inertia=0.3,
+    front_axle_distance=0.05,  # of the wheelbase here
+    wheel_radius=0.05,
+    rear_axle_inertia=0.5,
+    torque=0.2,
+    friction=0.3,
+    front_stiffness=0.5,
+    rear_stiffness=0.5,
+    steering_offset=0.02,
+)
+KNOWN = ("mass", "wheel_radius")  # scales and a tape measure know them better than any drive
+EFFECTS = ("steering_lag", "torque_lag", "rolling_resistance", "aero_drag", "front_rear_friction_split")
+WITH_TORQUE = ("torque_lag", "rolling_resistance", "aero_drag", "drivetrain_friction")  # unseen without its column
+LONGEST_LAG = 0.5  # [s]
+RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
+LARGEST_SPLIT = 0.5
+FIRST_SHARE = 0.1  # of its range that an effect starts from where the vehicle file has none
+
+
+def check_names(known: Sequence[str], effects: Sequence[str]) -> None:
+    """Raises InvalidVehicleError, with the names to choose from, where one is none of a parameter or an effect."""
+    for name in known:
+        if name not in PARAMETERS:
+            raise InvalidVehicleError(f"{name} is no parameter to be held; there are {', '.join(PARAMETERS)}")
+    for name in effects:
+        if name not in Effects._fields:
+            raise InvalidVehicleError(f"{name} is no effect; the catalogue has {', '.join(Effects._fields)}")
+
+
+def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParameters:
+    """The vehicle with broad priors for tolerances, but for the `known` parameters and where its own are broader."""
+    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
+    changes = {}
+    for name in PARAMETERS:
+        if name not in known:
+            broad = getattr(BROAD, name) * (wheelbase if name == "front_axle_distance" else 1.0)
+            changes[name] = max(broad, getattr(vehicle.tolerance, name))
+    return vehicle.replace(tolerance=dataclasses.replace(vehicle.tolerance, **changes))
+
+
+def seen(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
+    """Effects that the logs' columns can show."""
+    torque = all(run.tau_cmd is not None for run in runs)
+    return [name for name in effects if torque or name not in WITH_TORQUE]
+
+
+def effect_ranges(names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]) -> dict[str, tuple[float, float]]:
+    """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
+    top = max(float(np.max(run.v)) for run in runs)
+    weight = vehicle.mass * vehicle.gravity
+    own = {
+        "aero_drag": (0.0, RETARDATION * weight / top**2),
+        "rolling_resistance": (0.0, RETARDATION),
+        "drivetrain_friction": (0.0, RETARDATION * weight * vehicle.wheel_radius),
+        "front_rear_friction_split": (-LARGEST_SPLIT, LARGEST_SPLIT),
+        "steering_lag": (0.0, LONGEST_LAG),
+        "steering_delay": (0.0, LONGEST_LAG),
+        "torque_lag": (0.0, LONGEST_LAG),
+    }
+    return {name: own[name] for name in names if name in own}
+
+
+def first_magnitude(name: str, effects: Effects, low: float, high: float) -> float:
+    """Where an effect starts: at the vehicle file's magnitude, else a little way into its range."""
+    given = float(getattr(effects, name))
+    if given != 0.0:
+        return float(np.clip(given, low, high))
+    return max(low, 0.0) + (FIRST_SHARE * (high - low) if low >= 0.0 else 0.0)

@@ -1,0 +1,55 @@
+"""What the logs cannot tell: directions of the unknowns in which the posterior is not much narrower than the prior."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+UNTOLD = 0.5  # of the prior's standard deviation that is left
+PART = 0.3  # of a direction's length that a parameter must hold to be named
+SIMILAR = 0.95  # correlation beyond which two parameters are told only together
+
+
+@dataclasses.dataclass(frozen=True)
+class Direction:
+    """A combination of parameters, in standard deviations of their priors, and how much of the prior is left along it."""
+
+    parts: dict[str, float]
+    left: float
+
+    def sentence(self) -> str:
+        """The direction in words."""
+        if len(self.parts) == 1:
+            return f"{next(iter(self.parts))} ({100 * self.left:.0f} % of the prior's width is left)"
+        same = " with ".join(name for name, q in self.parts.items() if q > 0.0)
+        against = " with ".join(name for name, q in self.parts.items() if q < 0.0)
+        return f"{same}{' against ' + against if against else ''} ({100 * self.left:.0f} % of the priors' width is left)"
+
+
+def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:
+    """Combinations that stay as they were believed, the worst first.
+
+    Args:
+        prior: standard deviations [n]; covariance: of the posterior [n, n].
+    """
+    left, directions = np.linalg.eigh(covariance / np.outer(prior, prior))
+    out = []
+    for i in np.argsort(-left):
+        if np.sqrt(max(left[i], 0.0)) <= UNTOLD:
+            break
+        v = directions[:, i] * np.sign(directions[np.argmax(np.abs(directions[:, i])), i])
+        order = np.argsort(-np.abs(v))
+        parts = {names[j]: float(v[j]) for j in order if abs(v[j]) > PART}
+        out.append(Direction(parts, float(np.sqrt(left[i]))))
+    return out
+
+
+def tied(names: Sequence[str], correlation: np.ndarray) -> list[tuple[str, str, float]]:
+    """Pairs of parameters that are told only together, the closest first."""
+    pairs = [
+        (names[i], names[j], float(correlation[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > SIMILAR
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))

@@ -6,9 +6,9 @@ code 2.
 
 import dataclasses
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TextIO
 
 import tyro
 from tqdm import tqdm
@@ -17,14 +17,16 @@ from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, Unplannable
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
 from drift_drake.drives.command import Simulate, run_simulate
+from drift_drake.identification.command import Identify, run_identify
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.samples import InvalidSamplesError
 from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
 from drift_drake.playback.command import Replay, run_replay
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.vehicle.vehicle_file import write_vehicle
+from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 
 class MissingTrainingError(ImportError):
@@ -51,9 +53,13 @@ class Diagnose:
     vehicle: Path
     """What the simulator believes of the car (YAML)."""
     json: Path | None = None
-    """Where to write the answer; for a folder of cases, a folder that gets NAME.json each."""
+    """Where to write the answer (-: standard output); for a folder of cases, a folder that gets NAME.json each."""
     report: Path | None = None
     """Where to write an HTML report of one case."""
+    process_scale: float = 1.0
+    """Factor on the process noise: above one for a real car, as `drift-drake identify` found it."""
+    noise_scale: float = 1.0
+    """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
     workers: int = 2
     """Threads for one case; a folder of cases is spread over processes."""
     quiet: bool = False
@@ -127,10 +133,11 @@ def run_train(command: Train) -> None:
 
 def run_diagnose(command: Diagnose) -> None:
     """`drift-drake diagnose`."""
-    vehicle = VehicleParameters.from_yaml(command.vehicle)
+    vehicle, own = read_vehicle(command.vehicle)
+    options = {"own": own, "process_scale": command.process_scale, "noise_scale": command.noise_scale}
     folders = case_folders(command.case)
     if folders != [command.case]:
-        _diagnose_many(command, vehicle, len(folders))
+        _diagnose_many(command, vehicle, len(folders), options)
         return
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
@@ -138,18 +145,20 @@ def run_diagnose(command: Diagnose) -> None:
             bar.set_description(stage)
             bar.update(round(100 * share) - bar.n)
 
-        diagnosis = diagnose_folder(command.case, vehicle, command.workers, progress=show)
-    _say(diagnosis.answer)
+        diagnosis = diagnose_folder(command.case, vehicle, command.workers, progress=show, **options)
+    _say(diagnosis.answer, to=said_to(command.json))
     if command.json is not None:
-        diagnosis.answer.write(command.json)
+        write_text(command.json, diagnosis.answer.to_json())
     if command.report is not None:
         from drift_drake.diagnosis.report import write_report  # matplotlib is slow to import
 
         write_report(diagnosis, command.report)
 
 
-def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int) -> None:
+def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int, options: Mapping[str, Any]) -> None:
     if command.json is not None:
+        if command.json == STANDARD_OUTPUT:
+            raise InvalidLogError(f"{command.case} holds {count} cases; give --json a folder for their answers")
         command.json.mkdir(parents=True, exist_ok=True)
     with tqdm(total=count, disable=command.quiet, file=sys.stderr, unit="case") as bar:
 
@@ -159,17 +168,17 @@ def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int) ->
                 answer.write(command.json / f"{answer.case}.json")
 
         refused: list[InvalidLogError] = []
-        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append)
+        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, **options)
     for answer in answers:
         _say(answer)
     if refused:
         raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
 
 
-def _say(answer: Answer) -> None:
-    print(answer.sentence())
+def _say(answer: Answer, to: TextIO | None = None) -> None:
+    print(answer.sentence(), file=to)
     for warning in answer.warnings:
-        print(f"  warning: {warning}")
+        print(f"  warning: {warning}", file=to)
 
 
 def run_plan_next(command: PlanNext) -> None:
@@ -186,7 +195,8 @@ def run_plan_next(command: PlanNext) -> None:
 def run_apply(command: Apply) -> None:
     """`drift-drake apply`."""
     answer = read_answer(command.answer)
-    vehicle, effects = corrected_vehicle(VehicleParameters.from_yaml(command.vehicle), answer, command.tolerances)
+    nominal, own = read_vehicle(command.vehicle)
+    vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
     write_vehicle(command.out, vehicle, effects)
     print(f"{command.out}: {answer.sentence()}")
 
@@ -194,6 +204,7 @@ def run_apply(command: Apply) -> None:
 Command = (
     Annotated[Import, tyro.conf.subcommand("import")]
     | Annotated[Diagnose, tyro.conf.subcommand("diagnose")]
+    | Annotated[Identify, tyro.conf.subcommand("identify")]
     | Annotated[PlanNext, tyro.conf.subcommand("plan-next")]
     | Annotated[Apply, tyro.conf.subcommand("apply")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
@@ -210,6 +221,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             run_import(command)
         elif isinstance(command, Diagnose):
             run_diagnose(command)
+        elif isinstance(command, Identify):
+            run_identify(command)
         elif isinstance(command, Simulate):
             run_simulate(command)
         elif isinstance(command, Replay):

@@ -23,7 +23,12 @@ def make_run_folder(name: str, out: Path | None = None) -> Path:
 
 def write_json(path: Path, data: Any) -> None:
     """Anything that `plain` takes, as JSON."""
-    path.write_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
+    path.write_text(to_json(data) + "\n")
+
+
+def to_json(data: Any) -> str:
+    """The text that `write_json` writes."""
+    return json.dumps(plain(data), indent=2, allow_nan=False)
 
 
 def write_versions(folder: Path) -> None:

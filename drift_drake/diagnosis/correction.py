@@ -1,17 +1,21 @@
 """The corrected simulator: a diagnosis's effects and tolerances, written into the vehicle."""
 
 from drift_drake.diagnosis.answer import Answer
-from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.effects import Effects, combined, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
 def corrected_vehicle(
-    vehicle: VehicleParameters, answer: Answer, tolerances: bool = True
+    vehicle: VehicleParameters,
+    answer: Answer,
+    tolerances: bool = True,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
 ) -> tuple[VehicleParameters, Effects]:
     """The vehicle with the answer's causes added.
 
     Args:
-        tolerances: whether the deviations within tolerance that were found beside them are applied too.
+        tolerances: whether the deviations within tolerance that were found beside them are applied too;
+        own: effects that the vehicle had before.
     """
     magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
     if tolerances:
@@ -36,4 +40,4 @@ def corrected_vehicle(
         if offset != 0.0:
             magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset
         vehicle = vehicle.replace(**changes)
-    return vehicle, make_effects(magnitudes)
+    return vehicle, combined(own, make_effects(magnitudes))

@@ -3,7 +3,7 @@
 import dataclasses
 import multiprocessing
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -31,8 +31,8 @@ from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, wit
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.usable import usable
 from drift_drake.diagnosis.where import locate
-from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths, stated_noise
+from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 BLIND = {  # effects that need a column to be seen
@@ -83,13 +83,17 @@ def diagnose(
     calibration: Calibration | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE),
     process_scale: float = 1.0,
+    noise_scale: float = 1.0,
+    stated: Mapping[str, float] | None = None,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
 
     Args:
         runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
-        catalogue: names of the effects to consider; process_scale: see `make_problem`.
+        catalogue: names of the effects to consider; process_scale, noise_scale, stated: see `make_problem`;
+        own: effects that the vehicle file has already; what is found adds to them.
 
     Raises:
         InvalidLogError: no run can be used.
@@ -100,7 +104,7 @@ def diagnose(
     runs, warnings = usable(runs, vehicle)
     names, more = seen_effects(runs, catalogue)
     warnings += more
-    problem = make_problem(runs, vehicle, process_scale)
+    problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     hypotheses = found.hypotheses()
     refined = refine_noise(problem, hypotheses[0][0])
@@ -193,8 +197,9 @@ def find_gap(
 
 
 def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int = 2, **options: Any) -> Diagnosis:
-    """Diagnoses one case folder (`logs.table.read_case`)."""
+    """Diagnoses one case folder (`logs.table.read_case`), with the noise that its import stated."""
     folder = Path(folder)
+    options.setdefault("stated", stated_noise(folder))
     return diagnose(read_case(folder), vehicle, case=folder.resolve().name, workers=workers, **options)
 
 
@@ -215,8 +220,8 @@ def case_folders(folder: str | Path) -> list[Path]:
     return cases
 
 
-def _answer_folder(folder: Path, vehicle: VehicleParameters) -> Answer:
-    return diagnose_folder(folder, vehicle, workers=1).answer
+def _answer_folder(folder: Path, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
+    return diagnose_folder(folder, vehicle, workers=1, **options).answer
 
 
 def diagnose_all(
@@ -225,17 +230,19 @@ def diagnose_all(
     executor: Executor | None = None,
     progress: Callable[[Answer], None] | None = None,
     refused: Callable[[InvalidLogError], None] | None = None,
+    **options: Any,
 ) -> list[Answer]:
     """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given).
 
     A case whose logs cannot be used is told to `refused` and left out; without `refused`, its error ends the work.
+    `options` go to `diagnose`.
     """
     folders = case_folders(folder)
     if executor is None:
         # Fresh processes: a fork of one that runs threads may hang.
         with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as own:
-            return diagnose_all(folder, vehicle, own, progress, refused)
-    jobs = {executor.submit(_answer_folder, path, vehicle): path for path in folders}
+            return diagnose_all(folder, vehicle, own, progress, refused, **options)
+    jobs = {executor.submit(_answer_folder, path, vehicle, options): path for path in folders}
     answers = {}
     for job in as_completed(jobs):
         try:

@@ -16,7 +16,7 @@ from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, FILTER_STATES, MEA
 from drift_drake.diagnosis.noise import white_noise_level
 from drift_drake.diagnosis.prior import bounds, scale
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 NUISANCES = (
@@ -84,7 +84,8 @@ class Problem:
     process: np.ndarray  # [9] variances a second of the first nine filter states
     rim_fed: bool = False  # no torque is logged: the rim speed is fed as measured, and the axle's dynamics are left out
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
-    ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # of magnitudes, if not `prior`'s
+    own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
+    ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
 
     def replace(self, **changes: object) -> "Problem":
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
@@ -141,12 +142,13 @@ def make_problem(
     process_scale: float = 1.0,
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
 ) -> Problem:
     """Runs and vehicle as the estimator wants them; noise levels are estimated here.
 
     `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
     `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
-    are known otherwise (an import's); the larger of the two counts.
+    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file.
     """
     data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2
@@ -155,7 +157,8 @@ def make_problem(
         process[FILTER_STATES.index("omega_r")] = FED_RIM**2
     known = np.array([(stated or {}).get(name, 0.0) for name in CHANNELS])
     noise = noise_scale * np.maximum(noise_levels(data), known)
-    problem = Problem(data, vehicle, vehicle.constants(), tolerance_deviations(vehicle), noise, process, rim_fed=fed)
+    tolerance = tolerance_deviations(vehicle)
+    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own)
     return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 
 
@@ -247,7 +250,7 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
     magnitudes["wheel_radius_error"] = (1.0 + wheel) * (1.0 + n["wheel_speed_scale"]) - 1.0
     if "steering_rate_limit" in magnitudes and "steering_lag" not in magnitudes:
         magnitudes["steering_lag"] = LIMITER_SETTLING * float(np.exp(n["limiter_settling"]))
-    return constants, Effects(**magnitudes)
+    return constants, combined(problem.own, Effects(**magnitudes))
 
 
 def first_row(run: RunData, names: Sequence[str]) -> int:

@@ -39,7 +39,9 @@ class Estimate:
     @property
     def covariance(self) -> np.ndarray:
         """Of theta, as if the innovations were white and the model right [n, n]."""
-        return np.linalg.inv(self.at.jacobian.T @ self.at.jacobian + np.diag(prior_precision(self.problem, len(self.theta))))
+        return np.linalg.inv(
+            self.at.jacobian.T @ self.at.jacobian + np.diag(prior_precision(self.problem, len(self.theta)))
+        )
 
 
 def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> float:
@@ -47,7 +49,9 @@ def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> fl
     return float(np.mean(flat(problem, filter_case(problem, theta, names).innovations) ** 2))
 
 
-def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float, iterations: int = 8) -> Estimate:
+def estimate(
+    problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float, iterations: int = 8
+) -> Estimate:
     """Fits under noise whose common scale is such that the innovations have mean square one.
 
     Args:

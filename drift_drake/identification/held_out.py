@@ -40,7 +40,7 @@ class HeldOut:
 
 
 def squares_of(problem: Problem, theta: np.ndarray, names: Sequence[str], held: bool) -> list[np.ndarray]:
-    """Squared errors [starts, horizons, states], in noise variances, of starts inside (or outside) the held-out rows."""
+    """Squared errors [starts, horizons, states], in noise variances, of starts inside or outside the held-out rows."""
     errors = errors_of(problem, theta, names)
     return [
         part[rows[start_rows(run)] == held]

@@ -216,21 +216,20 @@ def summarise(
     deviation = np.sqrt(np.diag(white))[at] * wider[at] * np.abs(factor)
     spread = np.sqrt(np.diag(white))[at]
     correlation = white[np.ix_(at, at)] / np.maximum(np.outer(spread, spread), 1e-300)
-    lowest, highest = limits(found.problem, found.names)
     parameters = {}
     for i, s in enumerate(table):
         own = i >= len(PARAMETERS)
-        low, high = (found.problem.range_of(s.name) if own else (-np.inf, np.inf))
-        prior = (high - low) / np.sqrt(12.0) if own else abs(s.factor)
+        low, high = found.problem.range_of(s.name) if own else (-np.inf, np.inf)
+        prior = float((high - low) / np.sqrt(12.0) if own else abs(s.factor))
         value = s.origin + s.factor * float(found.theta[at[i]])
-        sigma = float(min(deviation[i], prior)) if prior > 0.0 else 0.0
+        sigma = float(min(deviation[i], prior))
         kind = "effect" if own else ("known" if PARAMETERS[i] in known or prior == 0.0 else "free")
         parameters[s.name] = Parameter(
             s.unit, s.origin + s.factor * float(first[at[i]]), value, max(value - TWO_SIDED * sigma, low),
-            min(value + TWO_SIDED * sigma, high), sigma, float(prior), float(wider[at[i]]), kind,
+            min(value + TWO_SIDED * sigma, high), sigma, prior, float(wider[at[i]]), kind,
         )  # fmt: skip
-    sigma = np.array([p.deviation for p in parameters.values()])
-    return parameters, correlation, correlation * np.outer(sigma, sigma)
+    sigmas = np.array([p.deviation for p in parameters.values()])
+    return parameters, correlation, correlation * np.outer(sigmas, sigmas)
 
 
 def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:

@@ -59,7 +59,9 @@ def seen(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
     return [name for name in effects if torque or name not in WITH_TORQUE]
 
 
-def effect_ranges(names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]) -> dict[str, tuple[float, float]]:
+def effect_ranges(
+    names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]
+) -> dict[str, tuple[float, float]]:
     """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
     top = max(float(np.max(run.v)) for run in runs)
     weight = vehicle.mass * vehicle.gravity

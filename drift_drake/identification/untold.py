@@ -12,7 +12,7 @@ SIMILAR = 0.95  # correlation beyond which two parameters are told only together
 
 @dataclasses.dataclass(frozen=True)
 class Direction:
-    """A combination of parameters, in standard deviations of their priors, and how much of the prior is left along it."""
+    """A combination of parameters, in standard deviations of their priors, and the share of it that is left."""
 
     parts: dict[str, float]
     left: float
@@ -21,9 +21,8 @@ class Direction:
         """The direction in words."""
         if len(self.parts) == 1:
             return f"{next(iter(self.parts))} ({100 * self.left:.0f} % of the prior's width is left)"
-        same = " with ".join(name for name, q in self.parts.items() if q > 0.0)
-        against = " with ".join(name for name, q in self.parts.items() if q < 0.0)
-        return f"{same}{' against ' + against if against else ''} ({100 * self.left:.0f} % of the priors' width is left)"
+        sides = [" with ".join(name for name, q in self.parts.items() if q * sign > 0.0) for sign in (1.0, -1.0)]
+        return f"{' against '.join(filter(None, sides))} ({100 * self.left:.0f} % of the priors' width is left)"
 
 
 def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:

@@ -38,7 +38,7 @@ def widening(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray, covar
     widest = np.ones(len(covariance))
     for block in (SHORT_BLOCK, max(duration / BLOCKS, SHORT_BLOCK)):
         length = max(round(block / runs[0].period), 1)
-        sums = np.concatenate([np.add.reduceat(part, np.arange(0, len(part), length)) for part in influence if len(part)])
-        found = np.sum(sums**2, axis=0)
+        sums = [np.add.reduceat(part, np.arange(0, len(part), length)) for part in influence if len(part)]
+        found = np.sum(np.concatenate(sums) ** 2, axis=0)
         widest = np.maximum(widest, np.sqrt(found / np.maximum(expected, 1e-300)))
     return np.where(expected > 1e-12 * np.diag(covariance), widest, 1.0)

@@ -248,6 +248,11 @@ def measured(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any
     return r + q.gyro_bias, beta + q.sideslip_bias, omega_r * (1.0 + q.wheel_radius_error)
 
 
+def combined(first: Effects, second: Effects) -> Effects:
+    """Both sets of effects on one car: what both have adds up."""
+    return Effects(*(a + b for a, b in zip(first, second, strict=True)))
+
+
 def make_effects(magnitudes: dict[str, float]) -> Effects:
     """Effects from a name-to-magnitude mapping.
 

@@ -34,7 +34,7 @@ def test_a_case_is_written(files, capsys):
 
 
 def test_the_report_as_json(files, capsys):
-    assert main(arguments(files, "--json")) == 0
+    assert main(arguments(files, "--json", "-")) == 0
     assert json.loads(capsys.readouterr().out)["remarks"] == []
 
 

@@ -11,6 +11,7 @@ from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.importing.recording import InvalidRecordingError
 from drift_drake.logs.table import IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
+from drift_drake.standard_output import said_to, write_text
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,8 +42,8 @@ class Import:
     """Leave out what lies before, in seconds after each recording's first reading."""
     end: float = math.inf
     """Leave out what lies after."""
-    json: bool = False
-    """Print the report as JSON."""
+    json: Path | None = None
+    """Where to write the report as JSON, beside OUT/import.json (-: standard output)."""
 
 
 def run_import(command: Import) -> None:
@@ -56,10 +57,9 @@ def run_import(command: Import) -> None:
         raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
-    if command.json:
-        print((command.out / IMPORT_REPORT).read_text(encoding="utf-8"), end="")
-    else:
-        print(summary(report))
+    print(summary(report), file=said_to(command.json))
+    if command.json is not None:
+        write_text(command.json, (command.out / IMPORT_REPORT).read_text(encoding="utf-8"))
 
 
 def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: RecorderMapping) -> None:

@@ -1,0 +1,91 @@
+"""`drift-drake identify`: a car's logs and a first guess of it to a calibrated vehicle file."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import tyro
+from tqdm import tqdm
+
+from drift_drake.identification.identify import Identification, Parameter, identify_folder
+from drift_drake.identification.unknowns import EFFECTS, KNOWN
+from drift_drake.run_folder import to_json
+from drift_drake.standard_output import said_to, write_text
+from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class Identify:
+    """Calibrate a vehicle file on logs: parameters, tolerances, lags, and what the logs cannot tell.
+
+    drift-drake identify logs/monday --vehicle start.yaml --out car.yaml --json car.json --report car.html
+
+    A simulator is made nominal with it before its gap is asked for (`drift-drake diagnose`). LOGS is a folder of runs
+    (run_0.csv, run_1.csv, ...) of one car.
+    """
+
+    logs: tyro.conf.Positional[Path]
+    """Folder of runs."""
+    vehicle: Path
+    """First guess of the car (YAML)."""
+    out: Path | None = None
+    """Where to write the calibrated vehicle file."""
+    json: Path | None = None
+    """Where to write estimates, intervals and correlations (-: standard output)."""
+    report: Path | None = None
+    """Where to write an HTML report."""
+    known: tuple[str, ...] = KNOWN
+    """Parameters whose tolerance in the vehicle file is believed; the others get broad priors."""
+    effects: tuple[str, ...] = EFFECTS
+    """Effects that may belong to the car, beside those in the vehicle file."""
+    quiet: bool = False
+    """No progress bar."""
+
+
+def run_identify(command: Identify) -> None:
+    """`drift-drake identify`.
+
+    Raises:
+        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+    """
+    vehicle, effects = read_vehicle(command.vehicle)
+    with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
+
+        def show(stage: str, share: float) -> None:
+            bar.set_description(stage)
+            bar.update(round(100 * share) - bar.n)
+
+        found = identify_folder(
+            command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show
+        )
+    print(summary(found), file=said_to(command.json))
+    if command.out is not None:
+        write_vehicle(command.out, found.vehicle, found.effects)
+    if command.json is not None:
+        write_text(command.json, to_json(found.calibration))
+    if command.report is not None:
+        from drift_drake.identification.report import write_report  # matplotlib is slow to import
+
+        write_report(found, command.report)
+
+
+def summary(found: Identification) -> str:
+    """What a person is told."""
+    c = found.calibration
+    lines = [c.sentence()]
+    for name, p in c.parameters.items():
+        lines.append(f"  {name:<26}{row(p)}")
+    if c.left_out:
+        lines.append(f"Not told from zero, and left out of the vehicle file: {', '.join(c.left_out)}.")
+    lines += [f"Not told: {direction.sentence()}." for direction in c.untold]
+    lines += [f"Told only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g}"
+    lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
+    return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
+
+
+def row(p: Parameter) -> str:
+    """Estimate, interval and first guess of one parameter."""
+    unit = "" if p.unit == "-" else f" {p.unit}"
+    note = ", held by its tolerance" if p.kind == "known" else ""
+    return f"{p.estimate:.4g}{unit} (95 %: {p.low:.4g} to {p.high:.4g}; first guess {p.start:.4g}{note})"

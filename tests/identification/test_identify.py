@@ -1,0 +1,77 @@
+"""Identification on short runs: the truth within the intervals, the vehicle file, what the logs cannot tell."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.problem import make_problem
+from drift_drake.identification.estimate import mean_square
+from drift_drake.identification.identify import identify
+from drift_drake.identification.report import write_report
+from drift_drake.logs.table import InvalidLogError
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+
+
+def test_the_truth_lies_near_the_estimates(identified, strange_car_truth):
+    for name in ("yaw_inertia", "front_axle_distance", "friction", "rear_stiffness", "steering_lag"):
+        p = identified.calibration.parameters[name]
+        assert abs(p.estimate - strange_car_truth[name]) < 3.5 * p.deviation, name
+        assert p.deviation < 0.3 * p.prior
+        assert p.low < p.estimate < p.high
+
+
+def test_what_was_known_stays_within_its_tolerance(identified):
+    p = identified.calibration.parameters["mass"]
+    assert p.kind == "known"
+    assert p.deviation <= p.prior * (1.0 + 1e-9)
+
+
+def test_the_calibrated_vehicle_explains_the_logs(identified, strange_car_runs, tmp_path):
+    write_vehicle(tmp_path / "car.yaml", identified.vehicle, identified.effects)
+    vehicle, effects = read_vehicle(tmp_path / "car.yaml")
+    assert effects.steering_lag == identified.calibration.parameters["steering_lag"].estimate
+    problem = make_problem(strange_car_runs, vehicle, own=effects)
+    assert mean_square(problem, np.zeros(problem.nuisances), ()) < 1.2
+    before = make_problem(strange_car_runs, VehicleParameters())
+    assert mean_square(before, np.zeros(before.nuisances), ()) > 10.0
+    p = identified.calibration.parameters["friction"]
+    assert vehicle.tolerance.friction == pytest.approx(p.deviation / vehicle.friction)
+
+
+def test_held_out_errors_shrink(identified):
+    held = identified.calibration.held_out
+    assert held.low <= held.ratio <= held.high < 0.5
+    assert held.states == ("r", "v", "beta", "omega_r")
+    assert np.all(np.array(held.after)[2] < np.array(held.before)[2])
+
+
+def test_effects_that_are_not_there_are_left_out(identified):
+    assert identified.calibration.left_out == ["aero_drag"]
+    assert identified.effects.aero_drag == 0.0
+
+
+def test_without_torque_what_only_torque_tells_stays_untold(strange_car_runs):
+    runs = [run.without("tau_cmd") for run in strange_car_runs[:1]]
+    c = identify(runs, VehicleParameters(), names=("steering_lag", "torque_lag")).calibration
+    assert "torque_lag" not in c.parameters
+    assert {"gear_ratio", "rear_axle_inertia"} <= {name for direction in c.untold for name in direction.parts}
+    assert c.parameters["gear_ratio"].deviation == pytest.approx(c.parameters["gear_ratio"].prior, rel=0.01)
+
+
+def test_bad_names_and_logs_get_one_sentence(strange_car_runs):
+    with pytest.raises(InvalidVehicleError, match="heaviness is no parameter"):
+        identify(strange_car_runs, VehicleParameters(), known=("heaviness",))
+    with pytest.raises(InvalidVehicleError, match="wind is no effect"):
+        identify(strange_car_runs, VehicleParameters(), names=("wind",))
+    with pytest.raises(InvalidLogError, match="no run has"):
+        identify([strange_car_runs[0].rows(0, 100)], VehicleParameters())
+
+
+def test_the_report_is_one_file(identified, tmp_path):
+    write_report(identified, tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert identified.calibration.case in text
+    assert text.count("<svg") == 3
+    assert "Every direction is told" in text
+    for outside in ("<link", "<script", 'src="http', "url(http"):
+        assert outside not in text

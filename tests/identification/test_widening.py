@@ -1,0 +1,35 @@
+"""Intervals under innovations that hang together, against scatter over many draws."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from drift_drake.diagnosis.problem import prepare_run
+from drift_drake.identification.widening import widening
+from drift_drake.logs.table import Run
+
+ROWS = 3000
+
+
+def run_of(rows):
+    t = np.arange(rows) * 0.01
+    run = prepare_run(Run("run", t, np.ones(rows), np.full(rows, 10.0), np.zeros(rows)))
+    return dataclasses.replace(run, counted=np.ones(rows, dtype=bool))
+
+
+@pytest.mark.parametrize("hanging", [0.0, 0.95])
+def test_the_widening_is_the_ratio_of_the_true_scatter_to_the_white_one(hanging):
+    rng = np.random.default_rng(1)
+    run, found, estimates = run_of(ROWS), [], []
+    jacobian = np.ones((2 * ROWS, 1))
+    covariance = np.array([[1.0 / (2 * ROWS)]])
+    for _ in range(60):
+        e = rng.standard_normal((ROWS, 2))
+        e = lfilter([np.sqrt(1.0 - hanging**2)], [1.0, -hanging], e, axis=0)
+        found.append(widening([run], jacobian, e.ravel(), covariance)[0])
+        estimates.append(np.mean(e))
+    truth = np.std(estimates) * np.sqrt(2 * ROWS)
+    assert np.median(found) == pytest.approx(truth, rel=0.25)
+    assert min(found) >= 1.0

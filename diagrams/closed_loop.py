@@ -26,8 +26,10 @@ from drift_drake.control.mpc import DT, MpcController, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
-from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
+from drift_drake.control.tightening import LaneTightening
+from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load
+from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
@@ -54,6 +56,7 @@ class ControlConfig:
     period: float = 0.01  # [s] between plans
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     iterations: int = 1  # SQP steps a plan
+    tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
 
 
@@ -100,10 +103,17 @@ class ClosedLoop:
             detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
 
         Raises:
-            ValueError: a detector without an adapter.
+            ValueError: a detector, or a tightened lane, without an adapter.
         """
+        if control.tightening > 0.0 and adapter is None:
+            raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        tightening = (
+            LaneTightening(adapter.model.network, adapter.model.sigma, control.tightening)
+            if adapter is not None and control.tightening > 0.0
+            else None
+        )
         if detector is not None and adapter is None:
-            raise ValueError("a detector judges by an adapter's belief; give an adapter too (a frozen one, perhaps)")
+            raise ValueError("a detector judges by an adapter's belief; give an adapter too (perhaps a frozen one)")
         self.parameters, self.reference, self.adapter = parameters, reference, adapter
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
@@ -122,6 +132,7 @@ class ClosedLoop:
                 control.delay,
                 self.initial_command,
                 theta_size=MEAN_COUNT if adapter else 0,
+                tightening=tightening,
             ),
         )
         self.actuator = builder.AddNamedSystem(
@@ -145,6 +156,9 @@ class ClosedLoop:
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
             builder.Connect(command_in_force, adapter.GetInputPort("command"))
             builder.Connect(adapter.GetOutputPort("posterior_mean"), self.controller.GetInputPort("theta"))
+            if tightening is not None:
+                covariance = adapter.GetOutputPort("posterior_covariance")
+                builder.Connect(covariance, self.controller.GetInputPort("posterior_covariance"))
         if adapter is not None and detector is not None:
             builder.AddNamedSystem("detector", detector)
             builder.Connect(measured_state, detector.GetInputPort("measured_state"))

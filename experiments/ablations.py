@@ -13,7 +13,8 @@ On the figure-8, what the controller believes goes from the nominal car to the t
 
 If `own_drift_flat` falls short of the oracle, the features are to blame; if `own_drift` falls short of that, the prior;
 if `twice_info` falls short of `own_drift`, the data; if all of them, a part of the controller: horizon, weights, the
-rule for the path's coordinates, delay and iterations are changed one by one, with Twice-Info and with the oracle.
+rule for the path's coordinates, delay, iterations and the lane's tightening are changed one by one, with Twice-Info and
+with the oracle.
 Broken off, it goes on where it was (give --out).
 """
 
@@ -54,7 +55,7 @@ from experiments.drift_runs import (
 from experiments.executors import NoClusterError, run_jobs
 from experiments.information_gathering import ROLLOUT_STEPS, drifting_errors
 
-Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights"]
+Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
 
 OWN_DRIVE = 500  # added to the noise seed of the drive that `own_drift` learns from
@@ -80,7 +81,7 @@ class AblationsConfig(DriftConfig):
     vehicles: int = 3
     population: Population = "validation"
     noise_seeds: int = 1
-    parts: tuple[Part, ...] = ("belief", "horizon", "path step", "delay", "iterations", "weights")
+    parts: tuple[Part, ...] = ("belief", "horizon", "path step", "delay", "iterations", "weights", "tightening")
 
 
 def variants(control: ControlConfig) -> list[Variant]:
@@ -103,6 +104,10 @@ def variants(control: ControlConfig) -> list[Variant]:
     ]
     for belief in ("twice_info", "own_drift", "own_drift_flat"):
         rows.append(Variant("path step", f"Euler, {belief}", belief, control, "euler"))
+    learning: tuple[Belief, ...] = ("twice_info", "online")
+    for kappa in (1.0, 2.0):
+        narrowed = change(tightening=kappa)
+        rows += [Variant("tightening", f"lane less {kappa:g} sigma, {belief}", belief, narrowed) for belief in learning]
     for part, name, setting in settings:
         rows += [Variant(part, f"{name}, {belief}", belief, setting) for belief in ("twice_info", "oracle")]
     return rows

@@ -116,16 +116,16 @@ def reference(maneuver: Maneuver) -> Reference:
 
 def closed_loop(job: DriveJob) -> ClosedLoop:
     """The closed loop of one vehicle with what its controller believes."""
-    parameters, believes, adapter = VehicleParameters(), job.believes, None
+    parameters, believes, control, adapter = VehicleParameters(), job.believes, job.control, None
     model: StepModel
     if isinstance(believes, Learnt):
         model = step_model(believes.model, believes.belief, believes.path_step)
-        adapter = BayesianAdapter(believes.model) if believes.adapting else None
-    elif believes == "oracle":
-        model = EffectsStepModel(parameters, job.effects)
+        # A belief that stays as it is needs no adapter, unless its covariance is asked for.
+        adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
     else:
-        model = NominalStepModel(parameters)
-    return ClosedLoop(parameters, reference(job.maneuver), model, job.effects, control=job.control, adapter=adapter)
+        model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
+        control = dataclasses.replace(control, tightening=0.0)  # neither has any uncertainty
+    return ClosedLoop(parameters, reference(job.maneuver), model, job.effects, control=control, adapter=adapter)
 
 
 def drive(job: DriveJob) -> DriveResult:
@@ -133,7 +133,9 @@ def drive(job: DriveJob) -> DriveResult:
     loop = closed_loop(job)
     context = loop.initial_context(seed=job.noise_seed)
     if loop.adapter is not None and isinstance(job.believes, Learnt):
-        loop.adapter.set_posterior(loop.adapter.GetMyMutableContextFromRoot(context), job.believes.belief)
+        adapter_context = loop.adapter.GetMyMutableContextFromRoot(context)
+        loop.adapter.set_posterior(adapter_context, job.believes.belief)
+        loop.adapter.set_frozen(adapter_context, not job.believes.adapting)
     run = loop.run(context)
     return DriveResult(dataclasses.asdict(run.metrics()), run.table)
 

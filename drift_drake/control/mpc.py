@@ -10,6 +10,8 @@ from drift_drake.actuation import interpolate_plan, plan_size
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.control.step_model import StepModel
+from drift_drake.control.tightening import LaneTightening, lateral_deviation, tightened
+from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, STATE_COUNT
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -44,6 +46,7 @@ class MpcController(LeafSystem):
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
         theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
         memory: the model's further states, for a model that has any.
+        posterior_covariance: of the last layer [1024], with `tightening`.
 
     Output ports:
         plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N]; NaN before the first solve.
@@ -63,6 +66,7 @@ class MpcController(LeafSystem):
         delay: [s] from a measurement until its plan is in force: one period, which the solve may use up.
         initial_command: (delta [rad], tau [N m]) in force before the first plan.
         theta_size: length of the port `theta`; 0 for a model without.
+        tightening: narrows the lane by the model's uncertainty along the last solution; needs a learnt model.
     """
 
     def __init__(
@@ -77,6 +81,7 @@ class MpcController(LeafSystem):
         delay: float = 0.01,
         initial_command: tuple[float, float] = (0.0, 0.0),
         theta_size: int = 0,
+        tightening: LaneTightening | None = None,
     ) -> None:
         LeafSystem.__init__(self)
         self.reference = reference
@@ -90,6 +95,8 @@ class MpcController(LeafSystem):
         self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
         memory_size = model.memory_scale.size
         self._memory = self.DeclareVectorInputPort("memory", memory_size) if memory_size else None
+        self._tightening = tightening
+        self._covariance = self.DeclareVectorInputPort("posterior_covariance", COVARIANCE_COUNT) if tightening else None
         nothing = np.full(plan_size(horizon), np.nan)
         self._plan = self.DeclareDiscreteState(nothing)
         self._primal = self.DeclareDiscreteState(np.full(self.problem.size, np.nan))
@@ -151,11 +158,24 @@ class MpcController(LeafSystem):
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
-        self.problem.set(data)
         primal, dual = (context.get_discrete_state(index).value() for index in (self._primal, self._dual))
         if np.isnan(plan[0]):
-            return self._solver.solve(self.problem.initial_guess(data))
-        return self._solver.solve(self._shifted(primal, (start - plan[0]) / DT, data), dual)
+            guess, dual = self.problem.initial_guess(data), np.zeros(self._solver.multiplier_count)
+        else:
+            guess = self._shifted(primal, (start - plan[0]) / DT, data)
+        self.problem.set(self._tightened(context, model, data, guess))
+        return self._solver.solve(guess, dual)
+
+    def _tightened(self, context: Context, model: StepModel, data: OcpData, guess: Array) -> OcpData:
+        """The data with the lane narrowed, where that is asked for."""
+        if self._tightening is None or self._covariance is None:
+            return data
+        network, sigma, kappa = self._tightening
+        covariance = self._covariance.Eval(context).reshape(STATE_COUNT, FEATURE_COUNT, FEATURE_COUNT)
+        x, u, _ = self.problem.unstack(guess)
+        margin = kappa * lateral_deviation(model, network, sigma, covariance, x, u, data.curvature)
+        e_min, e_max = tightened(data.e_min, data.e_max, margin)
+        return data._replace(e_min=e_min, e_max=e_max)
 
     def _data(self, x: Array, s: float, command: Array) -> OcpData:
         horizon = self.reference.horizon(s, DT, self.horizon)

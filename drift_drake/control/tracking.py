@@ -16,13 +16,17 @@ INPUT_WEIGHT = np.array([40.0, 1e-4])  # of (delta, tau)
 
 
 def tracking_gains(model: StepModel, x: Array, u: Array, curvature: Array) -> Array:
-    """Time-varying LQR gains K_k [N, 2, 6] about a trajectory, u = u_plan + K (x - x_plan), by a Riccati recursion.
+    """Time-varying LQR gains K_k [N, 2, 6] about a trajectory, u = u_plan + K (x - x_plan).
 
     Args:
         model: one step of the car (without states of its own); x: [N+1, 6]; u: [N+1, 2]; curvature: [N] [1/m].
     """
     _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
-    b = b + b_next  # the correction is held over the step
+    return lqr_gains(a, b + b_next)  # the correction is held over the step
+
+
+def lqr_gains(a: Array, b: Array) -> Array:
+    """K_k [N, 2, 6] for d_{k+1} = A_k d_k + B_k K_k d_k by a Riccati recursion; a: [N, 6, 6]; b: [N, 6, 2]."""
     q, r = np.diag(STATE_WEIGHT), np.diag(INPUT_WEIGHT)
     value = q
     gains = np.empty((len(a), 2, 6))

@@ -6,14 +6,19 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.model.features import (
+    COVARIANCE_COUNT,
+    FEATURE_COUNT,
+    MEAN_COUNT,
+    STATE_COUNT,
+    features,
+    network_inputs,
+)
 from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
 
 Array = NDArray[np.float64]
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
-MEAN_COUNT = STATE_COUNT * FEATURE_COUNT
-COVARIANCE_COUNT = MEAN_COUNT * FEATURE_COUNT
 DEFAULT_THRESHOLD = 8.0
 
 
@@ -60,7 +65,7 @@ class BayesianAdapter(LeafSystem):
     def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP) -> None:
         """Args: model: its prior is the state that a default Context starts with."""
         super().__init__()
-        self._model = model
+        self.model = model
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
         self._command = self.DeclareVectorInputPort("command", 2)
@@ -90,7 +95,7 @@ class BayesianAdapter(LeafSystem):
         if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
             posterior, taken = adapt(
-                self._model, self.posterior(context), last[:STATE_COUNT], last[STATE_COUNT:], u, x, threshold
+                self.model, self.posterior(context), last[:STATE_COUNT], last[STATE_COUNT:], u, x, threshold
             )
             if taken:
                 self._write(discrete, posterior)

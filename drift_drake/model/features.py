@@ -17,6 +17,8 @@ INPUT_COUNT = 8
 HIDDEN_COUNT = 128
 STATE_COUNT = 4  # learnt states: r, v, beta, omega_r
 FEATURE_COUNT = 16
+MEAN_COUNT = STATE_COUNT * FEATURE_COUNT  # last-layer parameters
+COVARIANCE_COUNT = MEAN_COUNT * FEATURE_COUNT  # entries of their covariances
 INPUT_OFFSET = np.array([0.0, 12.0, 0.0, 14.0, 0.0, 120.0, 0.0, 120.0])
 INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0])
 

@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from scipy.stats import chi2
 
-from drift_drake.model.adapter import COVARIANCE_COUNT, MEAN_COUNT, MEASURED_COUNT
+from drift_drake.model.adapter import MEASURED_COUNT
 from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.model.features import (
+    COVARIANCE_COUNT,
+    FEATURE_COUNT,
+    MEAN_COUNT,
+    STATE_COUNT,
+    features,
+    network_inputs,
+)
 from drift_drake.model.posterior import Posterior, mahalanobis, predict
 
 Array = NDArray[np.float64]

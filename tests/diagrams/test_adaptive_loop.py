@@ -9,10 +9,12 @@ import pytest
 from diagrams.closed_loop import Change, ClosedLoop, ControlConfig
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.adapter import MEAN_COUNT, BayesianAdapter
+from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
+from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -82,3 +84,25 @@ def test_a_detector_needs_an_adapter() -> None:
     detector = OutOfDistributionDetector(load(), threshold=10.0)
     with pytest.raises(ValueError, match="give an adapter"):
         ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), detector=detector)
+
+
+def test_a_lane_tightened_by_uncertainty() -> None:
+    """A controller that trusts its model little finds the car outside what it leaves of the lane."""
+    learnt, parameters = load(), VehicleParameters()
+    reference = dataclasses.replace(figure_8(parameters), distance=4.0)
+    model, tables = step_model(learnt, learnt.prior(), "trapezoid"), []
+    for kappa in (0.0, 200.0):
+        control = dataclasses.replace(CONTROL, tightening=kappa)
+        loop = ClosedLoop(parameters, reference, model, control=control, adapter=BayesianAdapter(learnt))
+        tables.append(loop.run(loop.initial_context(seed=1, error=np.array([0.0, 0.0, 0.0, 0.0, 2.5, 0.0]))).table)
+    free, tight = (table["solve_slack"].iloc[1] for table in tables)
+    assert free == pytest.approx(0.0, abs=1e-3)
+    assert tight > 0.1
+    assert tables[1]["solve_failures"].iloc[-1] == 0.0
+
+
+def test_a_tightened_lane_needs_an_adapter() -> None:
+    parameters = VehicleParameters()
+    control = dataclasses.replace(CONTROL, tightening=1.0)
+    with pytest.raises(ValueError, match="give an adapter"):
+        ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), control=control)

@@ -1,0 +1,68 @@
+"""The lane narrowed by how far from the plan the car may be, by the model's own uncertainty.
+
+Along a plan, the deviation of the state from its prediction follows, to first order,
+
+    d_{k+1} = (A_k + B_k K_k) d_k + G_k (theta - theta_mean) + w_k,   d_0 = 0,
+
+with the last layer's features in G_k (row i: phi_i(z_k) for theta_i), theta the *same* at every step, theta_i ~
+N(mean_i, sigma_i^2 Lambda_i^{-1}), and w_k ~ N(0, diag(sigma^2)) new at every step. K_k is a time-varying LQR feedback
+about the plan: the controller plans anew long before the horizon's end, and without feedback a drift's deviations grow
+without bound. The uncertainty of a step reaches the path's coordinates from the next step on.
+
+The margin of stage k is kappa standard deviations of e, evaluated along the last solution (shifted to now), so that the
+QP stays what it is and its lane's bounds alone move. It is cut off at `MAX_SHARE` of the way to the path.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.step_model import StepModel
+from drift_drake.control.tracking import lqr_gains
+from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, Network, features, network_inputs
+
+Array = NDArray[np.float64]
+
+MAX_SHARE = 0.8
+LATERAL = 4  # index of e
+
+
+class LaneTightening(NamedTuple):
+    """What it takes beside the posterior's covariance."""
+
+    network: Network
+    sigma: Array  # noise scale of each learnt state [4]
+    kappa: float  # standard deviations of e
+
+
+def lateral_deviation(model: StepModel, network: Network, sigma: Array, covariance: Array, x: Array, u: Array,
+                      curvature: Array) -> Array:  # fmt: skip
+    """Predicted standard deviation of e [N+1] [m] along a plan.
+
+    Args:
+        model: one step of the car as believed; network, sigma: see `LaneTightening`.
+        covariance: Lambda^{-1} [4, 16, 16]; x: states [N+1, 6]; u: inputs [N+1, 2]; curvature: [N] [1/m].
+    """
+    _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
+    b = b + b_next
+    closed = a + b @ lqr_gains(a, b)
+    phi = features(network, network_inputs(x[:-1], u[:-1], u[1:]))
+    factor = sigma[:, None, None] * np.linalg.cholesky(covariance)
+    spread = np.einsum("kif,ifg->kig", phi, factor)  # of one step's learnt states by whitened theta
+    noise = np.zeros((6, 6))
+    noise[range(STATE_COUNT), range(STATE_COUNT)] = sigma**2
+    sensitivity, process = np.zeros((6, STATE_COUNT, FEATURE_COUNT)), np.zeros((6, 6))
+    variance = np.zeros(len(x))
+    for k in range(len(x) - 1):
+        sensitivity = np.einsum("ij,jfg->ifg", closed[k], sensitivity)
+        sensitivity[range(STATE_COUNT), range(STATE_COUNT)] += spread[k]
+        process = closed[k] @ process @ closed[k].T + noise
+        variance[k + 1] = np.sum(sensitivity[LATERAL] ** 2) + process[LATERAL, LATERAL]
+    return np.sqrt(variance)
+
+
+def tightened(e_min: Array, e_max: Array, margin: Array) -> tuple[Array, Array]:
+    """Lane bounds [N+1] [m] moved inwards by a margin [N+1], each by `MAX_SHARE` of its own size at most."""
+    low, high = (np.minimum(margin, MAX_SHARE * np.abs(bound)) for bound in (e_min, e_max))
+    return e_min + low, e_max - high

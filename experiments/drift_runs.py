@@ -64,8 +64,8 @@ class DriftConfig:
     """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
 
     def attempts(self) -> list[Attempt]:
-        """(vehicle, noise seed) of each attempt."""
-        return [(self.first + i, seed) for i in range(self.vehicles) for seed in range(self.noise_seeds)]
+        """(vehicle, noise seed) of each attempt, every vehicle's first before any second."""
+        return [(self.first + i, seed) for seed in range(self.noise_seeds) for i in range(self.vehicles)]
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
@@ -166,8 +166,8 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config, wanted, learnt, folder)
     jobs = []
-    for model in config.models:
-        for vehicle, seed in config.attempts():
+    for vehicle, seed in config.attempts():
+        for model in config.models:
             labels: dict[str, Any] = {"model": model, "vehicle": vehicle, "noise_seed": seed}
             believes: Literal["nominal", "oracle"] | Learnt
             if model == "nominal" or model == "oracle":

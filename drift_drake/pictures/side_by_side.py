@@ -39,11 +39,12 @@ def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
             # The real car is beneath, wide and pale: a car that does the same is seen on it.
             look = {"linewidth": 2.4, "alpha": 0.45} if index == 0 else {"linewidth": 1.0}
             axes.plot(run["t"], run[column] * unit, color=RUNS[index % len(RUNS)], label=name, **look)
-        low, high = float(np.nanmin(real[column])) * unit, float(np.nanmax(real[column])) * unit
-        reach = max(0.5 * (high - low), SMALLEST_REACH)
-        bottom, top = axes.get_ylim()
-        axes.set_ylim(max(bottom, low - reach), min(top, high + reach))
         axes.set_ylabel(label)
+        if real[column].notna().any():
+            low, high = float(real[column].min()) * unit, float(real[column].max()) * unit
+            reach = max(0.5 * (high - low), SMALLEST_REACH)
+            bottom, top = axes.get_ylim()
+            axes.set_ylim(max(bottom, low - reach), min(top, high + reach))
     steering, distance = grid[-1]
     steering.plot(real["t"], real["delta"] * DEGREES, color=RUNS[0])
     steering.set_ylabel("steering command [deg]")

@@ -36,15 +36,19 @@ class Comparison:
 
 
 def compare(played: Played) -> Comparison:
-    """RMS errors over the rows that every car has, so that a car that is lost does not look better for it."""
+    """RMS errors over the rows that every car has, so that a car that is lost does not look better for it.
+
+    Of the states, only those that the log has or that follow from it.
+    """
     tables, real = played.cars, played.real
     together = np.all([table["v"].notna() for table in tables.values()], axis=0)
-    rms: dict[str, dict[str, float]] = {state: {} for state in UNITS}
+    states = [state for state in UNITS if state == "position" or real[state].notna().any()]
+    rms: dict[str, dict[str, float]] = {state: {} for state in states}
     for name, table in tables.items():
         error = (table - real)[together]
         error["psi"] = np.arctan2(np.sin(error["psi"]), np.cos(error["psi"]))
         error["position"] = np.hypot(error["x"], error["y"])
-        for state in UNITS:
+        for state in states:
             rms[state][name] = float(np.sqrt(np.mean(error[state] ** 2)))
     period = float(real["t"].iloc[1] - real["t"].iloc[0])
     driven = float((real["window"] >= 0).sum()) * period

@@ -21,8 +21,8 @@ COURSE_WINDOW = 0.6  # [s] of positions that a course is taken from
 class MeasuredMotion:
     """The measured motion; what the log lacks is derived, and said in `remarks`.
 
-    `r` [rad/s], `v` [m/s], `beta` [rad], `omega_r` [m/s], `x`, `y` [m], `psi` [rad], each [rows], as logged;
-    `smooth` holds the same seven columns [rows, 7] with less noise, to start simulations from.
+    `r` [rad/s], `v` [m/s], `beta` [rad], `omega_r` [m/s] (NaN where it is not logged), `x`, `y` [m], `psi` [rad], each
+    [rows]; `smooth` holds the same seven columns [rows, 7] with less noise, to start simulations from.
     """
 
     r: Array
@@ -71,13 +71,14 @@ def measured_motion(run: Run, vehicle: VehicleParameters) -> MeasuredMotion:
     if x is None or y is None:
         x, y = (cumulative_trapezoid(run.v * f(psi + beta), run.t, initial=0.0) for f in (np.cos, np.sin))
         remarks.append("no x and y: the path is integrated from v, beta and the heading")
-    omega_r = run.omega_r
-    if omega_r is None:
-        omega_r = run.v * np.cos(beta)
+    rolling = run.omega_r
+    if rolling is None:
+        rolling = run.v * np.cos(beta)
         remarks.append("no omega_r: simulations start with the rear wheels rolling freely")
-    columns = (run.r, run.v, beta, omega_r, x, y, psi)
+    columns = (run.r, run.v, beta, rolling, x, y, psi)
     smooth = np.stack([_smoothed(column, run.period, WINDOW) for column in columns], axis=1)
-    return MeasuredMotion(*columns, smooth, tuple(remarks))
+    omega_r = np.full(len(run), np.nan) if run.omega_r is None else run.omega_r
+    return MeasuredMotion(run.r, run.v, beta, omega_r, x, y, psi, smooth, tuple(remarks))
 
 
 def _smoothed(values: Array, period: float, window: float, derivative: int = 0) -> Array:

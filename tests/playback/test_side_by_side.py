@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.pictures.side_by_side import side_by_side
 from drift_drake.playback.comparison import compare, drawn, wide_table
 from drift_drake.playback.side_by_side import CarModel, SideBySide, windows
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -59,6 +60,8 @@ def test_a_log_without_torque_and_rim_speed_keeps_the_speed(slalom, cars):
     played = SideBySide(slalom.without("tau_cmd", "omega_r"), cars).run(1.0)
     assert any("a force keeps the measured speed" in remark for remark in played.remarks)
     rms = compare(played).rms
+    assert "omega_r" not in rms
+    assert side_by_side(drawn(played)) is not None
     assert rms["v"]["nominal"] < 0.1
     assert rms["r"]["corrected"] < 0.5 * rms["r"]["nominal"]
 

@@ -52,7 +52,7 @@ from experiments.drift_runs import (
     reference,
     run_drives,
 )
-from experiments.executors import NoClusterError, run_jobs
+from experiments.executors import JobsFailedError, NoClusterError, run_jobs
 from experiments.information_gathering import ROLLOUT_STEPS, drifting_errors
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
@@ -248,5 +248,5 @@ def belief_errors(
 if __name__ == "__main__":
     try:
         main(tyro.cli(AblationsConfig))
-    except (OtherExperimentError, NoClusterError) as error:
+    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
         sys.exit(f"error: {error}")

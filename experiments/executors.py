@@ -38,6 +38,10 @@ class NoClusterError(RuntimeError):
     """A cluster that cannot be used; the message names the mend."""
 
 
+class JobsFailedError(RuntimeError):
+    """Some jobs failed; the message says how many, and the first one's error."""
+
+
 @contextmanager
 def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executor]:
     """The executor that a config asks for, shut down at the end.
@@ -81,10 +85,28 @@ def run_jobs(
     finish: Callable[[Job, Result], None],
     unit: str,
 ) -> None:
-    """Runs jobs anywhere, with a progress bar; `finish` is called here with each result as it comes in."""
+    """Runs jobs anywhere, with a progress bar; `finish` is called here with each result as it comes in.
+
+    Raises:
+        JobsFailedError: some job raised; all others have been finished.
+    """
     if not jobs:
         return
+    failures: list[str] = []
     with make_executor(config) as pool:
         waiting = {pool.submit(function, job): job for job in jobs}
-        for future in tqdm(concurrent.futures.as_completed(list(waiting)), total=len(jobs), unit=unit):
-            finish(waiting.pop(future), future.result())
+        try:
+            for future in tqdm(concurrent.futures.as_completed(list(waiting)), total=len(jobs), unit=unit):
+                job, error = waiting.pop(future), future.exception()
+                if error is None:
+                    finish(job, future.result())
+                else:
+                    failures.append(f"{type(error).__name__}: {error}")
+        except BaseException:  # broken off: the pool must not work through what is left first
+            for future in waiting:
+                future.cancel()
+            raise
+    if failures:
+        raise JobsFailedError(
+            f"{len(failures)} of {len(jobs)} jobs failed, the first with {failures[0]}; the others' results are kept"
+        )

@@ -15,7 +15,7 @@ import tyro
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drift_report import completion_table, draw, paper_table, summarise
 from experiments.drift_runs import ModelsConfig, OtherExperimentError, open_folder, reference, run_models
-from experiments.executors import NoClusterError
+from experiments.executors import JobsFailedError, NoClusterError
 
 
 def main(config: ModelsConfig) -> None:
@@ -41,5 +41,5 @@ def main(config: ModelsConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(ModelsConfig))
-    except (OtherExperimentError, NoClusterError) as error:
+    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
         sys.exit(f"error: {error}")

@@ -30,7 +30,7 @@ from experiments.drift_runs import (
     run_models,
     run_name,
 )
-from experiments.executors import NoClusterError
+from experiments.executors import JobsFailedError, NoClusterError
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
 MAX_SIDESLIP_ERROR = 0.15  # [rad], a quarter of the drift's
@@ -132,5 +132,5 @@ def main(config: LoopsConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(LoopsConfig))
-    except (OtherExperimentError, NoClusterError) as error:
+    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
         sys.exit(f"error: {error}")

@@ -39,7 +39,7 @@ from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_runs import DriftConfig, OtherExperimentError, open_folder, reference
-from experiments.executors import NoClusterError, run_jobs
+from experiments.executors import JobsFailedError, NoClusterError, run_jobs
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
 GROUPS: dict[Group, Population] = {"calibration": "validation", "in distribution": "held_out", "wide": "wide",
@@ -231,5 +231,5 @@ def main(config: DetectionConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(DetectionConfig))
-    except (OtherExperimentError, NoClusterError) as error:
+    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
         sys.exit(f"error: {error}")

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from experiments.executors import ExecutorConfig, run_jobs
+from experiments.executors import ExecutorConfig, JobsFailedError, run_jobs
 
 
 def square(number: float) -> tuple[float, int]:
@@ -27,6 +27,19 @@ def test_processes() -> None:
     results, processes = collect(ExecutorConfig(workers=1))
     assert results == {0.5 * k: 0.25 * k * k for k in range(12)}
     assert os.getpid() not in processes
+
+
+def refuse_two(number: int) -> int:
+    if number == 2:
+        raise ValueError("not this one")
+    return number
+
+
+def test_a_job_that_fails_loses_no_other() -> None:
+    finished = []
+    with pytest.raises(JobsFailedError, match="1 of 5 jobs failed, the first with ValueError: not this one"):
+        run_jobs(ExecutorConfig(workers=1), refuse_two, list(range(5)), lambda job, _: finished.append(job), "job")
+    assert sorted(finished) == [0, 1, 3, 4]
 
 
 def test_no_jobs_start_no_worker() -> None:

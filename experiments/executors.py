@@ -3,8 +3,8 @@
 Either way an experiment sees a `concurrent.futures.Executor`. The cluster's engine is dask.distributed, an extra:
 
     pip install "drift_drake[cluster]"
-    dask scheduler                                  # on one machine
-    dask worker tcp://SCHEDULER:8786                # on each machine, in the repository's root; no files are shared
+    dask scheduler                                                 # on one machine
+    dask worker tcp://SCHEDULER:8786 --nworkers -1 --nthreads 1    # on each machine, in the repository's root
     python -m experiments.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
 
 Jobs and results travel as messages and the experiment's own process writes all files, so machines share no disk.

@@ -1,0 +1,59 @@
+"""Real vehicles end to end, on a part of the logs (skipped where they are missing), and the pieces on made-up ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.commands import STAGES, first_order_lag
+from drift_drake.identification.identify import identify
+from drift_drake.logs.importing.importer import import_recordings
+from drift_drake.logs.importing.mapping import read_mapping
+from drift_drake.logs.table import Run
+from experiments.real_logs import HELD, POSE, RACER, SMALL_CAR, thinned
+from experiments.steering_steps import steering_lag_of_steps
+
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real vehicles' logs are not here (shared/data)")
+
+
+def test_thinned_rows_keep_their_times():
+    t = np.arange(300) * 0.01
+    run = thinned(Run("run", t, np.zeros(300), np.ones(300), np.zeros(300), beta=t), 3)
+    assert run.period == pytest.approx(0.03)
+    np.testing.assert_array_equal(run.beta, run.t)
+    assert run.psi is None
+
+
+def test_the_lag_of_steps_is_found():
+    t = np.arange(1000) * 0.01
+    command = 0.2 * np.sign(np.sin(2.0 * np.pi * t / 2.5))
+    fine = np.interp(np.arange(STAGES * 999 + 1) / STAGES, np.arange(1000), command)
+    delta = first_order_lag(fine, command[0], 0.01 / STAGES, 0.12)[::STAGES]
+    noise = 0.05 * np.random.default_rng(0).standard_normal(1000)
+    run = Run("steps", t, 2.0 * delta / 0.1735 + noise, np.full(1000, 2.0), command)
+    found = steering_lag_of_steps([run, run])
+    assert found["median"] == pytest.approx(0.12, abs=0.011)
+
+
+@needs_data
+@pytest.mark.slow
+def test_the_small_car_is_identified_on_a_drive_of_its_own():
+    recording = sorted((DATA / "dart" / "floor_a").glob("*12_34_30.csv"))
+    runs, _ = import_recordings(recording, read_mapping("dart"))
+    found = identify([thinned(run.without(*POSE), 2) for run in runs], SMALL_CAR, known=HELD,
+                     names=("steering_lag", "torque_lag"), stated={"r": 0.02, "v": 0.004, "beta": 0.0025})  # fmt: skip
+    c = found.calibration
+    assert c.held_out.high < 1.0
+    assert 0.02 < c.parameters["steering_lag"].estimate < 0.3
+    assert 0.3 < c.parameters["friction"].estimate < 1.5
+
+
+@needs_data
+@pytest.mark.slow
+def test_the_racer_is_identified_with_its_speed_fed():
+    runs, _ = import_recordings(sorted((DATA / "revs_250lm").glob("*.csv")), read_mapping("revs_250lm"), end=40.0)
+    found = identify([thinned(run, 2) for run in runs], RACER, known=HELD, names=("sideslip_bias",))
+    c = found.calibration
+    assert c.held_out.high < 1.0
+    assert "gear_ratio" in {name for direction in c.untold for name in direction.parts}

@@ -43,13 +43,13 @@ SMALL_CAR = VehicleParameters(  # measured, but for tyres and friction, which ar
     wheel_radius=0.03,
     rear_axle_inertia=2e-4,
     gear_ratio=1.0,
-    friction=0.6,
-    front_stiffness=40.0,
-    rear_stiffness=40.0,
+    friction=1.0,
+    front_stiffness=50.0,
+    rear_stiffness=50.0,
     front_coupling=1.0,
     steering_limit=0.45,
-    torque_min=-1.0,
-    torque_max=1.0,
+    torque_min=-0.1,
+    torque_max=0.6,
     tolerance=Tolerance(mass=0.005, wheel_radius=0.0, rear_axle_inertia=0.0),
 )
 RACER = VehicleParameters(  # from the literature, but for tyres, friction and driveline, which are guessed
@@ -70,6 +70,11 @@ HELD = ("mass", "wheel_radius", "rear_axle_inertia")
 FULL_SIZE = ("aero_drag", "cg_shift", "differential_yaw_moment", "drivetrain_friction", "longitudinal_load_transfer",
              "tyre_relaxation", "tyre_thermal_fade")  # fmt: skip
 SMALL_CATALOGUE = tuple(name for name in CATALOGUE if name not in FULL_SIZE)
+SMALL_EFFECTS = ("steering_lag", "torque_lag", "rolling_resistance", "front_rear_friction_split")
+# The encoder's readings come at 10 Hz, interpolated in between: no measurement of every row, so their noise is stated
+# that much larger; without them nothing would tell spinning wheels from gripping ones.
+RIM_SPEED = {"omega_r": "wheel"}
+RIM_NOISE = {"omega_r": 0.2}  # [m/s]
 # What the small car's x, y and psi say is in r, v and beta already, which are their derivatives.
 POSE = ("x", "y", "psi")
 
@@ -98,6 +103,8 @@ def imported(config: Config, folder: Path, name: str, preset: str, source: str, 
     out = folder / "logs" / name
     if not out.exists():
         mapping = read_mapping(preset)
+        if preset == "dart":
+            mapping = dataclasses.replace(mapping, formulas={**mapping.formulas, **RIM_SPEED})
         recordings = sorted((config.data / source).glob("*.csv"))
         runs, report = import_recordings(recordings, mapping, **part)
         write_case(out, runs, report, mapping)
@@ -122,7 +129,7 @@ def once(path: Path, work: Callable[..., Any], *arguments: Any) -> Any:
 def calibrate(folder: Path, name: str, case: Path, runs: list[Run], first: VehicleParameters,
               effects: tuple[str, ...]) -> Any:  # fmt: skip
     """Identifies a car; its vehicle file, report and numbers lie in the folder."""
-    found = identify(runs, first, case=name, known=HELD, names=effects, stated=stated_noise(case))
+    found = identify(runs, first, case=name, known=HELD, names=effects, stated=RIM_NOISE | stated_noise(case))
     write_vehicle(folder / f"{name}.yaml", found.vehicle, found.effects)
     write_report(found, folder / f"{name}.html")
     return found.calibration
@@ -142,7 +149,7 @@ def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, f
     """Errors of the first guess and the calibrated car on logs that are new to it, and a diagnosis of what is left."""
     car, own = read_vehicle(folder / f"{calibrated}.yaml")
     trust = json.loads((folder / f"{calibrated}.json").read_text())["found"]["trust"]
-    stated = stated_noise(case)
+    stated = RIM_NOISE | stated_noise(case)
     found = diagnose(runs, car, case=name, workers=1, catalogue=catalogue, process_scale=trust["process"],
                      noise_scale=trust["noise"], stated=stated, own=own)  # fmt: skip
     write_diagnosis(found, folder / f"{name}.html")
@@ -165,24 +172,28 @@ def main(config: Config) -> None:
     small = {
         name: imported(config, folder, name, "dart", f"dart/{name}") for name in ("floor_a", "floor_b", "free_driving")
     }
-    lags = ("steering_lag", "torque_lag", "rolling_resistance", "front_rear_friction_split")
-    for case in ("floor_a", "free_driving"):
-        name = f"small_car_{case}"
-        runs = runs_of(small[case], config, POSE)
-        once(folder / f"{name}.json", calibrate, folder, name, small[case], runs, SMALL_CAR, lags)
-    steps = imported(config, folder, "steering_steps", "dart_sensors", "dart/steering_steps")
-    once(folder / "steering_steps.json", steering_lag_of_steps, read_case(steps))
-    for case in ("floor_b", "free_driving"):
-        name = f"small_car_on_{case}"
-        runs = runs_of(small[case], config, POSE)
+
+    def identify_small(case: str) -> None:
+        name, runs = f"small_car_{case}", runs_of(small[case], config, POSE)
+        once(folder / f"{name}.json", calibrate, folder, name, small[case], runs, SMALL_CAR, SMALL_EFFECTS)
+
+    def ask_small(case: str) -> None:
+        name, runs = f"small_car_on_{case}", runs_of(small[case], config, POSE)
         car = "small_car_floor_a"
         once(folder / f"{name}.json", ask, folder, name, small[case], runs, car, SMALL_CAR, SMALL_CATALOGUE)
+
+    identify_small("floor_a")
+    steps = imported(config, folder, "steering_steps", "dart_sensors", "dart/steering_steps")
+    once(folder / "steering_steps.json", steering_lag_of_steps, read_case(steps))
+    ask_small("floor_b")
     first = imported(config, folder, "racer_first", "revs_250lm", "revs_250lm", end=150.0)
     rest = imported(config, folder, "racer_rest", "revs_250lm", "revs_250lm", start=150.0)
     shown = ("front_rear_friction_split", "sideslip_bias")  # without a torque and a command, the others are not
     once(folder / "racer.json", calibrate, folder, "racer", first, runs_of(first, config), RACER, shown)
     name, runs = "racer_on_rest", runs_of(rest, config)
     once(folder / f"{name}.json", ask, folder, name, rest, runs, "racer", RACER, tuple(CATALOGUE))
+    ask_small("free_driving")
+    identify_small("free_driving")
 
 
 if __name__ == "__main__":

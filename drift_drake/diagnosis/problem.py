@@ -2,8 +2,8 @@
 
 A parameter vector theta holds the nuisances first: the tolerances of the vehicle, in units of their standard
 deviation; then what the two commands were before each run's first row, relative to that row, in units of
-`START_SCALES`, where an effect with memory of the commands makes them matter. Then come the magnitudes of a
-hypothesis' effects, in the units of the catalogue.
+`START_STEERING` and `START_TORQUE`, where an effect with memory of the commands makes them matter. Then come the
+magnitudes of a hypothesis' effects, in the units of the catalogue.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ NUISANCES = (
 TOLERANCES = len(NUISANCES) - 1  # nuisances that are deviations of the vehicle
 LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow, times or by e^0.7
 
-START_SCALES = (0.03, 30.0)  # steering [rad] and torque [N m] that a command may jump by at a run's first row
+START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
 START_MATTERS = (  # effects under which the commands before the first row act on the car
     frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
     frozenset({"torque_lag", "sensor_latency"}),
@@ -260,11 +260,11 @@ def first_row(run: RunData, names: Sequence[str]) -> int:
 
 def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
     """What a run's commands become before they reach the car (`commands.actuated`)."""
-    run = problem.runs[index]
+    run, vehicle = problem.runs[index], problem.vehicle
     at = len(NUISANCES) + 2 * index
     before = (
-        float(run.delta[0] + START_SCALES[0] * theta[at]),
-        float(run.tau[0] + START_SCALES[1] * theta[at + 1]),
+        float(run.delta[0] + START_STEERING * theta[at]),
+        float(run.tau[0] + START_TORQUE * (vehicle.torque_max - vehicle.torque_min) * theta[at + 1]),
     )
     return actuated(run.delta, run.tau, before, run.period, effects)
 

@@ -138,7 +138,7 @@ def identify(
         squares_of(problem, best.theta, best.names, held=True),
     )  # fmt: skip
     tell("intervals", 0.95)
-    parameters, correlation, covariance = summarise(found, vehicle, known, first)
+    parameters, correlation, covariance = summarise(found, vehicle, effects, known)
     dropped = [n for n in chosen if parameters[n].low <= 0.0 <= parameters[n].high]
     kept = refit_without(problem, found, dropped)
     free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
@@ -204,7 +204,7 @@ def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Prog
 
 
 def summarise(
-    found: Estimate, vehicle: VehicleParameters, known: Sequence[str], first: np.ndarray
+    found: Estimate, vehicle: VehicleParameters, effects: Effects, known: Sequence[str]
 ) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
     """Parameters with intervals, their correlation and their covariance in their own units."""
     units = {name: info.unit for name, info in CATALOGUE.items()}
@@ -224,9 +224,10 @@ def summarise(
         value = s.origin + s.factor * float(found.theta[at[i]])
         sigma = float(min(deviation[i], prior))
         kind = "effect" if own else ("known" if PARAMETERS[i] in known or prior == 0.0 else "free")
+        start = float(getattr(effects, s.name)) if s.name in CATALOGUE else s.origin
         parameters[s.name] = Parameter(
-            s.unit, s.origin + s.factor * float(first[at[i]]), value, max(value - TWO_SIDED * sigma, low),
-            min(value + TWO_SIDED * sigma, high), sigma, prior, float(wider[at[i]]), kind,
+            s.unit, start, value, max(value - TWO_SIDED * sigma, low), min(value + TWO_SIDED * sigma, high), sigma,
+            prior, float(wider[at[i]]), kind,
         )  # fmt: skip
     sigmas = np.array([p.deviation for p in parameters.values()])
     return parameters, correlation, correlation * np.outer(sigmas, sigmas)

@@ -59,6 +59,14 @@ class ControlConfig:
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
 
+    def __post_init__(self) -> None:
+        # The actuator keeps one plan that waits for its time; a newer one each period would replace it for ever.
+        if not 0.0 <= self.delay < 2.5 * self.period:
+            raise ValueError(
+                f"control.delay is {self.delay:g} s: no plan would ever come into force; give at most two periods "
+                f"({2.0 * self.period:g} s)"
+            )
+
 
 @dataclasses.dataclass(frozen=True)
 class Limits:

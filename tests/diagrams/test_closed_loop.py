@@ -137,3 +137,8 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert name in svg
     assert (tmp_path / "closed_loop.png").stat().st_size > 10_000
     assert "closed_loop.svg" in capsys.readouterr().out
+
+
+def test_a_delay_after_which_no_plan_would_come_into_force_is_refused() -> None:
+    with pytest.raises(ValueError, match="at most two periods"):
+        ControlConfig(period=0.01, delay=0.03)

@@ -1,4 +1,9 @@
-"""What a diagnosis believes under each hypothesis, kept in the answer: enough to plan the next drive from."""
+"""What a diagnosis believes under each hypothesis, kept in the answer: enough to plan the next drive from.
+
+Beside the hypotheses that were fitted, those that the logs cannot speak of: an effect beside the leading hypothesis
+whose signature is so weak in these logs that a magnitude of its usual size goes unseen. Their probability is their
+prior's, times the share of their range that the logs leave open.
+"""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,10 +12,14 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.posterior import NONE, hypothesis_name
+from drift_drake.diagnosis.isolability import isolability
+from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, log_prior
+from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, Problem
+from drift_drake.vehicle.effects import CATALOGUE
 
-MOST, LEAST_PROBABILITY = 5, 1e-4  # hypotheses that are kept
+MOST_FITTED, MOST_UNSEEN = 4, 4  # hypotheses that are kept
+LEAST_PROBABILITY = 1e-3
 ROUNDING = 1e-9  # relative variance added, so that a root exists however alike two parameters are
 
 
@@ -39,36 +48,79 @@ class Sensing:
 
 
 def beliefs_as_data(
-    problem: Problem, hypotheses: Sequence[tuple[Fit, float]], probabilities: Mapping[str, float]
+    problem: Problem,
+    hypotheses: Sequence[tuple[Fit, float]],
+    probabilities: Mapping[str, float],
+    catalogue: Sequence[str],
+    calibration: Calibration,
 ) -> dict[str, Any]:
     """The most probable hypotheses and the sensors as plain data; empty where no torque is logged."""
     if problem.rim_fed:
         return {}
     ranked = sorted((f for f, _ in hypotheses), key=lambda f: -probabilities[hypothesis_name(f.names)])
-    kept = [f for f in ranked[:MOST] if probabilities[hypothesis_name(f.names)] >= LEAST_PROBABILITY]
+    fitted = [belief_of(f, probabilities[hypothesis_name(f.names)]) for f in ranked[:MOST_FITTED]]
+    kept = [belief for belief in fitted if belief.probability >= LEAST_PROBABILITY]
+    known = {hypothesis_name(f.names) for f in ranked}
+    hidden = [b for b in unseen(problem, ranked[0], kept[0], catalogue, calibration) if b.name not in known]
     return {
         "noise": problem.noise.tolist(),
         "used": np.all([run.used for run in problem.runs], axis=0).tolist(),
         "process": problem.process.tolist(),
-        "hypotheses": {hypothesis_name(f.names): _moments(f) for f in kept},
+        "hypotheses": {
+            b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()}
+            for b in kept + hidden[:MOST_UNSEEN]
+        },
     }
 
 
-def _moments(fit: Fit) -> dict[str, Any]:
+def belief_of(fit: Fit, probability: float) -> Belief:
+    """A fit without what it knows of its own runs' first commands."""
     kept = [*range(len(NUISANCES)), *range(fit.nuisances, len(fit.theta))]
-    covariance = fit.covariance[np.ix_(kept, kept)]
+    return Belief(fit.names, probability, fit.theta[kept], root_of(fit.covariance[np.ix_(kept, kept)]))
+
+
+def root_of(covariance: np.ndarray) -> np.ndarray:
+    """Lower triangular root of a covariance that rounding may have made singular."""
     sigma = np.sqrt(np.diag(covariance))
-    alike = covariance / np.outer(sigma, sigma) + ROUNDING * np.eye(len(kept))
-    return {"theta": fit.theta[kept].tolist(), "root": (sigma[:, None] * np.linalg.cholesky(alike)).tolist()}
+    alike = covariance / np.outer(sigma, sigma) + ROUNDING * np.eye(len(sigma))
+    return np.asarray(sigma[:, None] * np.linalg.cholesky(alike))
 
 
-def beliefs_from_data(data: Mapping[str, Any], probabilities: Mapping[str, float]) -> tuple[Sensing, list[Belief]]:
+def unseen(
+    problem: Problem, fit: Fit, leading: Belief, catalogue: Sequence[str], calibration: Calibration
+) -> list[Belief]:
+    """Effects beside the leading hypothesis that the logs leave open, the most probable first."""
+    if len(fit.names) > 1:
+        return []
+    others = [name for name in catalogue if name not in fit.names]
+    prior = log_prior(len(fit.names) + 1, len(catalogue), calibration)
+    odds = float(np.exp(prior - log_prior(len(fit.names), len(catalogue), calibration)))
+    out = []
+    for name, sigma in zip(others, isolability(problem, fit, others).deviation, strict=True):
+        low, high = bounds(name)
+        least = 0.0 if CATALOGUE[name].signed else low
+        open_share = min(np.sqrt(2.0 * np.pi) * sigma / (high - low), 1.0) * np.exp(-0.5 * (least / sigma) ** 2)
+        magnitude = float(np.clip(sigma, least, 0.5 * high))
+        spread = min(float(sigma), 0.5 * high)
+        out.append(_beside(leading, name, magnitude, spread, leading.probability * odds * float(open_share)))
+    return sorted((b for b in out if b.probability >= LEAST_PROBABILITY), key=lambda b: -b.probability)
+
+
+def _beside(leading: Belief, name: str, magnitude: float, spread: float, probability: float) -> Belief:
+    names = tuple(sorted((*leading.names, name)))
+    at = len(NUISANCES) + names.index(name)
+    covariance = np.insert(np.insert(leading.root @ leading.root.T, at, 0.0, axis=0), at, 0.0, axis=1)
+    covariance[at, at] = spread**2
+    return Belief(names, probability, np.insert(leading.theta, at, magnitude), root_of(covariance))
+
+
+def beliefs_from_data(data: Mapping[str, Any]) -> tuple[Sensing, list[Belief]]:
     """The sensors, and the beliefs, most probable first."""
     sensing = Sensing(np.array(data["noise"]), np.array(data["used"], dtype=np.bool_), np.array(data["process"]))
     beliefs = [
         Belief(
             () if name == NONE else tuple(name.split("+")),
-            probabilities[name],
+            moments["probability"],
             np.array(moments["theta"]),
             np.array(moments["root"]),
         )

@@ -145,7 +145,7 @@ def diagnose(
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
             "learned": dataclasses.asdict(learnt),
-            "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities),
+            "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),
         },
         warnings=warnings,
     )

@@ -37,7 +37,7 @@ from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
 ROWS = round(DT / PERIOD)
-RIVALS = 3  # of the leading hypothesis that plans are made against
+RIVALS = 4  # of the leading hypothesis that plans are made against
 OUT_OF_LANE = 0.05  # [m] of a plan's largest slack
 HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)  # [rad] of the lane that are tried where a road's grade is in doubt
 SLALOMS = ((1.0, 2.4), (1.5, 1.5))  # [m], [s]
@@ -95,7 +95,7 @@ class NextDrive:
         """What the drive is for and what it promises."""
         towards = f", heading {np.degrees(self.heading):.0f} degrees in the logs' frame" if self.heading else ""
         first, second, *others = self.names
-        more = f" (and {len(others)} less probable)" if others else ""
+        more = f" (and from {', '.join(others)})" if others else ""
         return (
             f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to tell "
             f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if "
@@ -116,7 +116,7 @@ def plan_from_answer(answer: Answer, vehicle: VehicleParameters, config: NextDri
             f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
             "commands); diagnose logs with the column tau_cmd anew"
         )
-    sensing, beliefs = beliefs_from_data(data, answer.posterior)
+    sensing, beliefs = beliefs_from_data(data)
     if len(beliefs) < 2:
         raise UnplannableError(
             f"{answer.case}: {beliefs[0].name} has no rival left that a drive could tell it from; nothing to plan"

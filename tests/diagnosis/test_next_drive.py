@@ -1,18 +1,28 @@
 """What to drive next: beliefs survive the answer's file, foresight knows likeness, plans keep their limits."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from drift_drake.actuation import interpolate_plan
 from drift_drake.diagnosis.answer import Answer, Interval, UnplannableError
-from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_as_data, beliefs_from_data
+from drift_drake.diagnosis.beliefs import (
+    Belief,
+    Sensing,
+    belief_of,
+    beliefs_as_data,
+    beliefs_from_data,
+    unseen,
+)
 from drift_drake.diagnosis.filter import CHANNELS
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.foresight import Commands, foresee, probability_of_truth
 from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer, plan_next, stand_ins
+from drift_drake.diagnosis.posterior import Calibration
 from drift_drake.diagnosis.prior import scale
 from drift_drake.diagnosis.problem import NUISANCES, PROCESS_NOISE, make_problem
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import NOISE
 
@@ -32,17 +42,40 @@ def belief(probability: float, **effects: float) -> Belief:
 LAG, DELAY = belief(0.5, steering_lag=0.08), belief(0.5, steering_delay=0.07)
 
 
-def test_beliefs_survive_their_plain_data(stiffness_case):
-    problem = make_problem(stiffness_case[1], VEHICLE)
-    size = problem.nuisances + 1
+@pytest.fixture(scope="module")
+def problem(stiffness_case):
+    return make_problem(stiffness_case[1], VEHICLE)
+
+
+def test_beliefs_survive_their_plain_data(problem):
+    size = problem.nuisances + 2
     root = np.tril(np.random.default_rng(0).normal(size=(size, size)))
-    fit = Fit(("aero_drag",), np.arange(size, dtype=float), 0.0, root @ root.T, 0.0, 1.0, 1)
-    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag": 0.8, "unknown": 0.2})
-    sensing, beliefs = beliefs_from_data(data, {"aero_drag": 0.8})
-    kept = [*range(len(NUISANCES)), size - 1]
+    names = ("aero_drag", "mass_error")
+    fit = Fit(names, np.full(size, 0.1), 0.0, root @ root.T, 0.0, 1.0, 1)
+    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 0.8}, list(CATALOGUE), Calibration())
+    sensing, beliefs = beliefs_from_data(data)
+    kept = [*range(len(NUISANCES)), size - 2, size - 1]
+    assert (beliefs[0].names, beliefs[0].probability) == (names, 0.8)
     np.testing.assert_allclose(beliefs[0].theta, fit.theta[kept])
     np.testing.assert_allclose(beliefs[0].root @ beliefs[0].root.T, fit.covariance[np.ix_(kept, kept)], rtol=1e-6)
     np.testing.assert_array_equal(sensing.noise, problem.noise)
+
+
+def test_what_a_log_cannot_show_is_a_rival_too(problem):
+    size = problem.nuisances
+    nothing = Fit((), np.zeros(size), 0.0, 0.01 * np.eye(size), 0.0, 1.0, 1)
+    slow = [dataclasses.replace(run, delta=0.01 * run.delta) for run in problem.runs]
+    found = unseen(
+        problem.replace(runs=slow),
+        nothing,
+        belief_of(nothing, 0.9),
+        ["steering_rate_limit", "aero_drag"],
+        Calibration(),
+    )
+    # The wheel never had to be fast; drag is plain in any drive.
+    assert [b.name for b in found] == ["steering_rate_limit"]
+    assert found[0].theta[-1] > CATALOGUE["steering_rate_limit"].low
+    assert found[0].probability < 0.9
 
 
 def test_foresight_sees_steering_dynamics_only_where_there_is_steering():

@@ -18,7 +18,7 @@ from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, Problem
 from drift_drake.vehicle.effects import CATALOGUE
 
-MOST_FITTED, MOST_UNSEEN = 4, 4  # hypotheses that are kept
+MOST_FITTED, MOST_UNSEEN = 3, 4  # hypotheses that are kept
 LEAST_PROBABILITY = 1e-3
 ROUNDING = 1e-9  # relative variance added, so that a root exists however alike two parameters are
 

@@ -72,8 +72,13 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     return y
 
 
-def nats_behind(vehicle: VehicleParameters, sensing: Sensing, rival: Belief, drive: Commands, y: np.ndarray) -> float:
-    """Log evidence [nats] that a hypothesis loses on noiseless readings, its parameters fitted anew from its belief."""
+def nats_behind(
+    vehicle: VehicleParameters, sensing: Sensing, rival: Belief, drive: Commands, y: np.ndarray, refits: int = REFITS
+) -> float:
+    """Log evidence [nats] that a hypothesis loses on noiseless readings, its parameters fitted anew from its belief.
+
+    With `refits` zero the fit is one linearised solution, whose loss is predicted, not evaluated.
+    """
     problem, theta = problem_of(vehicle, sensing, drive, y), parameters_of(rival)
     first = len(NUISANCES)
     free = np.array([*range(first), *range(first + 2, len(theta))])
@@ -85,12 +90,16 @@ def nats_behind(vehicle: VehicleParameters, sensing: Sensing, rival: Belief, dri
         return np.concatenate([flat(problem, innovations), whiten @ (theta[free] - rival.theta)])
 
     at = residual(theta, gains.innovations)
-    for _ in range(REFITS):
+    for _ in range(max(refits, 1)):
         jacobian = np.concatenate([sensitivity(problem, gains, theta, rival.names)[:, free], whiten])
         if not (np.isfinite(at).all() and np.isfinite(jacobian).all()):
             return CERTAIN
+        step = np.clip(theta[free] - np.linalg.lstsq(jacobian, at, rcond=None)[0], low, high) - theta[free]
+        if refits == 0:
+            at = at + jacobian @ step
+            break
         trial = theta.copy()
-        trial[free] = np.clip(theta[free] - np.linalg.lstsq(jacobian, at, rcond=None)[0], low, high)
+        trial[free] += step
         trial_gains = filter_case(problem, trial, rival.names)
         there = residual(trial, trial_gains.innovations)
         if not there @ there < at @ at:
@@ -101,14 +110,16 @@ def nats_behind(vehicle: VehicleParameters, sensing: Sensing, rival: Belief, dri
     return min(0.5 * float(at @ at), CERTAIN)
 
 
-def foresee(vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], drive: Commands) -> np.ndarray:
-    """Nats [truths, rivals] that each hypothesis would lose if another were true."""
+def foresee(
+    vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], drive: Commands, refits: int = REFITS
+) -> np.ndarray:
+    """Nats [truths, rivals] that each hypothesis would lose if another were true; see `nats_behind`."""
     out = np.zeros((len(beliefs), len(beliefs)))
     for i, truth in enumerate(beliefs):
         y = readings(vehicle, sensing, truth, drive)
         for j, rival in enumerate(beliefs):
-            if i != j:
-                out[i, j] = nats_behind(vehicle, sensing, rival, drive, y) if np.isfinite(y).all() else 0.0
+            if i != j and np.isfinite(y).all():
+                out[i, j] = nats_behind(vehicle, sensing, rival, drive, y, refits)
     return out
 
 

@@ -1,7 +1,7 @@
 """What to drive next: the manoeuvre that tells best which of the hypotheses that a log left is true.
 
 Candidates are plans of the optimal control problem with the T-optimal cost (`control.discrimination`) for the leading
-hypothesis against each of its rivals, from several first guesses, beside plain drives (straight on, slaloms). The
+hypothesis against its rivals, from several first guesses, beside plain drives (straight on, slaloms). The
 one is taken after which the true hypothesis is expected to have the highest probability, as the diagnosis's own
 filter foresees it (`foresight`): it knows transport delays, a road's grade and all sensors, which a one-step
 model cannot have and for which the plans' model has stand-ins.
@@ -30,14 +30,14 @@ from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_from_data
 from drift_drake.diagnosis.filter import CHANNELS
 from drift_drake.diagnosis.fit import MAGNITUDE_STEP, NUISANCE_STEP
-from drift_drake.diagnosis.foresight import PERIOD, Commands, foresee, probability_of_truth
+from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
 from drift_drake.diagnosis.prior import bounds, scale
 from drift_drake.diagnosis.problem import NUISANCES, Problem, car, tolerance_deviations
 from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
 ROWS = round(DT / PERIOD)
-RIVALS = 4  # of the leading hypothesis that plans are made against
+RIVALS = 3  # of the leading hypothesis that plans are made against
 OUT_OF_LANE = 0.05  # [m] of a plan's largest slack
 HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)  # [rad] of the lane that are tried where a road's grade is in doubt
 SLALOMS = ((1.0, 2.4), (1.5, 1.5))  # [m], [s]
@@ -139,23 +139,31 @@ def plan_next(
     plans = list(candidates(vehicle, sensing, beliefs, config))
     if not plans:
         raise UnplannableError("no plan keeps within the lane; widen it or lower the final speed")
-    return max(plans, key=lambda plan: (round(plan.after, 3), plan.sigmas))
+    best = max(plans, key=lambda plan: (round(plan.after, 3), plan.sigmas))
+    return foreseen(best, vehicle, sensing, beliefs, REFITS)
 
 
 def candidates(
     vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], config: NextDriveConfig
 ) -> Iterator[NextDrive]:
-    """All plans that keep within the lane, with what they are expected to tell."""
+    """All plans that keep within the lane, with what they are expected to tell by a linearised look ahead."""
     graded = any("road_grade" in belief.names for belief in beliefs)
     headings = HEADINGS if graded else HEADINGS[:1]
-    probabilities = np.array([belief.probability for belief in beliefs])
     names = tuple(belief.name for belief in beliefs)
-    before = probability_of_truth(probabilities, np.zeros((len(beliefs), len(beliefs))))
     for kind, x, u in trajectories(vehicle, sensing, beliefs, config):
         for heading in headings:
-            plan = NextDrive(x, u, heading, kind, names, np.zeros((0, 0)), before, before)
-            nats = foresee(vehicle, sensing, beliefs, plan.commands())
-            yield dataclasses.replace(plan, nats=nats, after=probability_of_truth(probabilities, nats))
+            plan = NextDrive(x, u, heading, kind, names, np.zeros((len(names), len(names))), 0.0, 0.0)
+            yield foreseen(plan, vehicle, sensing, beliefs, 0)
+
+
+def foreseen(
+    plan: NextDrive, vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], refits: int
+) -> NextDrive:
+    """A plan with what it is expected to tell."""
+    probabilities = np.array([belief.probability for belief in beliefs])
+    nats = foresee(vehicle, sensing, beliefs, plan.commands(), refits)
+    before, after = (probability_of_truth(probabilities, n) for n in (np.zeros_like(nats), nats))
+    return dataclasses.replace(plan, nats=nats, before=before, after=after)
 
 
 def trajectories(

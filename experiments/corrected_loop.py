@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import tyro
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import spearmanr
 from tqdm import tqdm
 
@@ -178,6 +179,10 @@ def picture(results: Sequence[dict[str, Any]]) -> Figure:
             ends = (0.8 * both.min(), 1.25 * both.max())
             ax.set_xscale("log")
             ax.set_yscale("log")
+            for axis in (ax.xaxis, ax.yaxis):
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+                axis.set_minor_locator(NullLocator())
         ax.plot(ends, ends, color=REFERENCE, lw=0.7, zorder=0)
         ax.set(xlim=ends, ylim=ends, aspect="equal", xlabel=f"real car: {label}", ylabel=f"simulator: {label}")
     axes[0].legend(loc="upper left", fontsize=6)

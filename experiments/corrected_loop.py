@@ -142,7 +142,7 @@ def table(summary: dict[str, Any]) -> str:
     ]
     for predictor in PREDICTORS:
         s = summary[predictor]
-        cells = [f"{q['median absolute error']:.3f} ({q['low']:.3f} to {q['high']:.3f})"
+        cells = [f"{q['median absolute error']:.4f} ({q['low']:.4f} to {q['high']:.4f})"
                  for q in (s["rms_e"], s["rms_sideslip_error"])]  # fmt: skip
         rank = s["rms_e"]["Spearman"]
         cells.append("" if np.isnan(rank) else f"{rank:.2f}")

@@ -23,7 +23,7 @@ def test_a_simulator_that_foretells_the_car_is_told_from_one_that_does_not():
     assert summary["corrected"]["rms_e"]["Spearman"] == pytest.approx(1.0)
     assert summary["nominal"]["rms_e"]["median absolute error"] == pytest.approx(0.4)
     assert np.isnan(summary["nominal"]["rms_e"]["Spearman"])
-    assert "| corrected | 0.050" in table(summary)
+    assert "| corrected | 0.0500" in table(summary)
     assert len(picture(results).axes) == 3
 
 

@@ -23,6 +23,7 @@ from drift_drake.diagnosis.problem import make_problem
 from drift_drake.diagnosis.reduction import errors_of
 from drift_drake.diagnosis.report import write_report as write_diagnosis
 from drift_drake.diagnosis.usable import usable
+from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import write_report
 from drift_drake.logs.importing.command import write_case
@@ -31,40 +32,13 @@ from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import Run, read_case, stated_noise
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import CATALOGUE, Effects
-from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
-from experiments.steering_steps import steering_lag_of_steps
+from experiments.steering_steps import steering_of_steps
 
-SMALL_CAR = VehicleParameters(  # measured, but for tyres and friction, which are guessed
-    mass=1.58,
-    yaw_inertia=1.58 * (0.1735**2 + 0.08**2) / 12.0,
-    front_axle_distance=0.0805,
-    rear_axle_distance=0.093,
-    wheel_radius=0.03,
-    rear_axle_inertia=2e-4,
-    gear_ratio=1.0,
-    friction=1.0,
-    front_stiffness=50.0,
-    rear_stiffness=50.0,
-    front_coupling=1.0,
-    steering_limit=0.45,
-    torque_min=-0.1,
-    torque_max=0.6,
-    tolerance=Tolerance(mass=0.005, wheel_radius=0.0, rear_axle_inertia=0.0),
-)
-RACER = VehicleParameters(  # from the literature, but for tyres, friction and driveline, which are guessed
-    mass=982.0,
-    yaw_inertia=982.0 * (1.7**2 + 4.09**2) / 12.0,
-    front_axle_distance=1.33,
-    rear_axle_distance=1.07,
-    wheel_radius=0.32,
-    rear_axle_inertia=5.0,
-    gear_ratio=8.0,
-    friction=1.2,
-    front_stiffness=1.0e5,
-    rear_stiffness=1.4e5,
-    tolerance=Tolerance(mass=0.03, wheel_radius=0.0),
-)
+VEHICLES = Path(__file__).parent / "vehicles"
+SMALL_CAR = VehicleParameters.from_yaml(VEHICLES / "small_car.yaml")
+RACER = VehicleParameters.from_yaml(VEHICLES / "racer.yaml")
 HELD = ("mass", "wheel_radius", "rear_axle_inertia")
 # Effects whose practical range is a full-size car's: in metres, newtons or joules.
 FULL_SIZE = ("aero_drag", "cg_shift", "differential_yaw_moment", "drivetrain_friction", "longitudinal_load_transfer",
@@ -139,9 +113,8 @@ def rms(runs: list[Run], car: VehicleParameters, own: Effects, stated: dict[str,
     """Root mean square prediction errors [horizons][states] of a car in the states' units."""
     problem = make_problem(usable(runs, car)[0], car, stated=stated, own=own)
     squares = np.concatenate(errors_of(problem, np.zeros(problem.nuisances), ()))
-    with np.errstate(invalid="ignore"):
-        mean = np.nansum(squares, axis=0) / np.sum(np.isfinite(squares), axis=0)
-    return [[float(q) for q in row] for row in np.sqrt(mean) * problem.noise[: len(STATES)]]
+    shown = judged_states(problem)
+    return [[float(q) for q in row] for row in np.sqrt(np.nanmean(squares[..., shown], axis=0)) * problem.noise[shown]]
 
 
 def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, first: VehicleParameters,
@@ -158,7 +131,7 @@ def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, f
         "sentence": answer.sentence(),
         "answer": dataclasses.asdict(answer),
         "horizons": HORIZONS,
-        "states": STATES,
+        "states": [s for i, s in enumerate(STATES) if i in judged_states(found.problem)],
         "first_guess": rms(runs, first, Effects(), stated),
         "calibrated": rms(runs, car, own, stated),
     }
@@ -184,7 +157,8 @@ def main(config: Config) -> None:
 
     identify_small("floor_a")
     steps = imported(config, folder, "steering_steps", "dart_sensors", "dart/steering_steps")
-    once(folder / "steering_steps.json", steering_lag_of_steps, read_case(steps))
+    wheelbase = SMALL_CAR.front_axle_distance + SMALL_CAR.rear_axle_distance
+    once(folder / "steering_steps.json", steering_of_steps, read_case(steps), wheelbase)
     ask_small("floor_b")
     first = imported(config, folder, "racer_first", "revs_250lm", "revs_250lm", end=150.0)
     rest = imported(config, folder, "racer_rest", "revs_250lm", "revs_250lm", start=150.0)

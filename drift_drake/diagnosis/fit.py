@@ -138,7 +138,10 @@ def normal_step(
     for _ in range(MOST_AT_BOUNDS):
         step[:] = 0.0
         h = hessian[np.ix_(free, free)]
-        step[free] = -np.linalg.solve(h + damping * np.diag(np.diag(h)), gradient[free])
+        try:
+            step[free] = -np.linalg.solve(h + damping * np.diag(np.diag(h)), gradient[free])
+        except np.linalg.LinAlgError:  # a filter that diverged has no derivatives: no step, and no gain from it
+            return np.zeros(len(theta)), 0.0
         outside = free & ((theta + step < low) | (theta + step > high))
         at_bound = outside & ((theta <= low) | (theta >= high))
         if not np.any(at_bound):

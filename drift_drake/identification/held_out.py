@@ -39,11 +39,17 @@ class HeldOut:
     high: float
 
 
+def judged_states(problem: Problem) -> list[int]:
+    """States that all runs measure and the car itself predicts: where the rim speed is fed, not the speeds."""
+    fed = ("v", "omega_r") if problem.rim_fed else ()
+    return [i for i, s in enumerate(STATES) if s not in fed and all(run.used[i] for run in problem.runs)]
+
+
 def squares_of(problem: Problem, theta: np.ndarray, names: Sequence[str], held: bool) -> list[np.ndarray]:
     """Squared errors [starts, horizons, states], in noise variances, of starts inside or outside the held-out rows."""
     errors = errors_of(problem, theta, names)
     return [
-        part[rows[start_rows(run)] == held]
+        part[rows[start_rows(run)] == held][..., judged_states(problem)]
         for run, rows, part in zip(problem.runs, in_fold(problem), errors, strict=True)
     ]
 
@@ -55,7 +61,7 @@ def judged(squares: Sequence[np.ndarray]) -> float:
 
 def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray], seed: int = 0) -> HeldOut:
     """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
-    used = [i for i in range(len(STATES)) if all(run.used[i] for run in problem.runs)]
+    used = judged_states(problem)
     sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])
     draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
     totals = sums[draws].sum(axis=1)
@@ -63,7 +69,7 @@ def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.n
     total = sums.sum(axis=0)
 
     def table(parts: Sequence[np.ndarray]) -> list[list[float]]:
-        rms = np.sqrt(np.nanmean(np.concatenate(parts)[:, :, used], axis=0)) * problem.noise[used]
+        rms = np.sqrt(np.nanmean(np.concatenate(parts), axis=0)) * problem.noise[used]
         return [[float(q) for q in row] for row in rms]
 
     return HeldOut(HORIZONS, tuple(STATES[i] for i in used), table(before), table(after),

@@ -33,7 +33,8 @@ from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
-BETTER = 0.98  # of the half-second error on the fitted rows that a deafer filter must reach to be preferred
+EASED = 0.1  # deafness of a filter that only finds the way
+ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 TWO_SIDED = 1.96
 
 Progress = Callable[[str, float], None]
@@ -185,22 +186,26 @@ def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Prog
     """The fit without the held-out rows, under the deafness that predicts the fitted rows best half a second ahead.
 
     A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
-    seconds. Where the model is right, both agree and the first is more exact; where it is not, or the noise is not
-    white, only the second is of use.
+    seconds. Where the model is right, both agree; where it is not, or the noise is not white, only the second is of
+    use. Of those that predict alike, the likeliest is taken. The way there is tried twice: as it is, and by a filter
+    that hears too well, whose likelihood has fewer valleys.
     """
     kept = without_fold(problem)
-    best, least, theta = None, np.inf, first
-    for stage, deafness in enumerate(DEAFNESS):
-        tell(f"fit {stage + 1} of {len(DEAFNESS)}", 0.8 * stage / len(DEAFNESS))
-        at = estimate(kept, names, theta, deafness)
-        theta = at.theta
-        error = float(np.sqrt(judged(squares_of(problem, theta, names, held=False))))
-        if best is None or error < BETTER * least:
-            best, least = at, error
-        else:
-            break
-    assert best is not None
-    return best
+
+    def error(at: Estimate) -> float:
+        return float(np.sqrt(judged(squares_of(problem, at.theta, at.names, held=False))))
+
+    tell("fit 1", 0.0)
+    direct = estimate(kept, names, first, DEAFNESS[0])
+    tell("fit 2", 0.2)
+    eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
+    fits = [min((direct, eased), key=error)]
+    for number, deafness in enumerate(DEAFNESS[1:], 3):
+        tell(f"fit {number}", 0.15 * number)
+        fits.append(estimate(kept, names, fits[-1].theta, deafness))
+    errors = [error(at) for at in fits]
+    alike = [at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors)]
+    return min(alike, key=lambda at: at.at.cost)
 
 
 def summarise(

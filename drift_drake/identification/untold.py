@@ -39,7 +39,7 @@ def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> l
         v = directions[:, i] * np.sign(directions[np.argmax(np.abs(directions[:, i])), i])
         order = np.argsort(-np.abs(v))
         parts = {names[j]: float(v[j]) for j in order if abs(v[j]) > PART}
-        out.append(Direction(parts, float(np.sqrt(left[i]))))
+        out.append(Direction(parts, min(float(np.sqrt(left[i])), 1.0)))
     return out
 
 

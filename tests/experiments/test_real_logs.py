@@ -11,7 +11,7 @@ from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import Run
 from experiments.real_logs import HELD, POSE, RACER, SMALL_CAR, thinned
-from experiments.steering_steps import steering_lag_of_steps
+from experiments.steering_steps import steering_of_steps
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real vehicles' logs are not here (shared/data)")
@@ -25,15 +25,16 @@ def test_thinned_rows_keep_their_times():
     assert run.psi is None
 
 
-def test_the_lag_of_steps_is_found():
+def test_offset_and_lag_of_steps_are_found():
     t = np.arange(1000) * 0.01
-    command = 0.2 * np.sign(np.sin(2.0 * np.pi * t / 2.5))
+    command = 0.06 * np.sign(np.sin(2.0 * np.pi * t / 2.5))
     fine = np.interp(np.arange(STAGES * 999 + 1) / STAGES, np.arange(1000), command)
     delta = first_order_lag(fine, command[0], 0.01 / STAGES, 0.12)[::STAGES]
     noise = 0.05 * np.random.default_rng(0).standard_normal(1000)
-    run = Run("steps", t, 2.0 * delta / 0.1735 + noise, np.full(1000, 2.0), command)
-    found = steering_lag_of_steps([run, run])
-    assert found["median"] == pytest.approx(0.12, abs=0.011)
+    run = Run("steps", t, 2.0 * (delta + 0.02) / 0.1735 + noise, np.full(1000, 2.0), command)
+    found = steering_of_steps([run, run], 0.1735)
+    assert found["lag"]["low"] <= 0.12 <= found["lag"]["high"] < 0.2
+    assert found["offset"]["estimate"] == pytest.approx(0.02, abs=0.002)
 
 
 @needs_data

@@ -36,6 +36,7 @@ DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 TWO_SIDED = 1.96
+STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
 
 Progress = Callable[[str, float], None]
 
@@ -158,7 +159,7 @@ def identify(
         held_out=held,
         trust=found.trust,
         seconds=time.perf_counter() - began,
-        warnings=warnings + end_warnings(found, parameters),
+        warnings=warnings + end_warnings(found, parameters) + stretched(parameters),
     )
     tell("done", 1.0)
     return Identification(calibration, new_vehicle, new_effects, problem, first, found)
@@ -258,6 +259,16 @@ def end_warnings(found: Estimate, parameters: Mapping[str, Parameter]) -> list[s
         "first guess"
         for name, i in zip(parameters, at, strict=True)
         if (found.theta[i] <= low[i] and low[i] != 0.0) or found.theta[i] >= high[i]
+    ]
+
+
+def stretched(parameters: Mapping[str, Parameter]) -> list[str]:
+    """Warnings of parameters that came out far from what the vehicle file holds to be known."""
+    return [
+        f"{name}, known to {p.prior:.3g} {p.unit}, came out {abs(p.estimate - p.start) / p.prior:.0f} tolerances off: "
+        "it makes up for something that the model lacks, or its tolerance is too small"
+        for name, p in parameters.items()
+        if p.kind == "known" and abs(p.estimate - p.start) > STRETCHED * p.prior
     ]
 
 

@@ -1,11 +1,13 @@
 """Identification on short runs: the truth within the intervals, the vehicle file, what the logs cannot tell."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from drift_drake.diagnosis.problem import make_problem
 from drift_drake.identification.estimate import mean_square
-from drift_drake.identification.identify import identify
+from drift_drake.identification.identify import identify, stretched
 from drift_drake.identification.report import write_report
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
@@ -24,6 +26,13 @@ def test_what_was_known_stays_within_its_tolerance(identified):
     p = identified.calibration.parameters["mass"]
     assert p.kind == "known"
     assert p.deviation <= p.prior * (1.0 + 1e-9)
+
+
+def test_a_known_parameter_that_came_out_elsewhere_is_doubted(identified):
+    p = identified.calibration.parameters["mass"]
+    assert stretched({"mass": p}) == []
+    (warning,) = stretched({"mass": dataclasses.replace(p, estimate=p.start - 7.0 * p.prior)})
+    assert "7 tolerances off" in warning
 
 
 def test_the_calibrated_vehicle_explains_the_logs(identified, strange_car_runs, tmp_path):

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
@@ -72,3 +73,19 @@ def test_diagnose_writes_an_answer(tmp_path, vehicle_path):
     out = tmp_path / "answer.json"
     assert main(["diagnose", str(tmp_path), "--vehicle", str(vehicle_path), "--json", str(out), "--quiet"]) == 0
     assert json.loads(out.read_text())["causes"] == ["aero_drag"]
+
+
+@pytest.mark.slow
+def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
+    truth = Truth({"steering_lag": 0.06}, {}, {"friction": 0.01})
+    run = make_case(truth, VehicleParameters(), np.random.default_rng(2), 3.0)[1]
+    write_run(run, tmp_path / "run_0.csv")
+    answer, plan = tmp_path / "answer.json", tmp_path / "plan.csv"
+    given = ["--vehicle", str(vehicle_path)]
+    assert main(["diagnose", str(tmp_path), *given, "--json", str(answer), "--quiet"]) == 0
+    assert main(["plan-next", str(answer), *given, "--out", str(plan)]) == 0
+    assert "is expected to fall behind" in capsys.readouterr().out
+    table = pd.read_csv(plan)
+    assert len(table) == 451
+    assert np.allclose(np.diff(table["t"]), 0.01)
+    assert table["e"].abs().max() < 3.0

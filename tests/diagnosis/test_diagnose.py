@@ -94,7 +94,7 @@ def test_the_report_is_one_file_that_says_the_verdict(report, diagnosis):
 def test_the_report_opens_in_a_browser(report):
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", report.as_uri()]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    assert shown.count("<svg") == 7
+    assert shown.count("<svg") == 8
     assert "How far it shrinks" in shown
 
 

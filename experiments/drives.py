@@ -58,8 +58,8 @@ class DrivesConfig:
     """What to drive."""
 
     seed: int = 0
-    train: int = 35  # vehicles
-    validation: int = 10  # for choices made while training
+    train: int = 80  # vehicles
+    validation: int = 20  # for choices made while training
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution
     samples: int = 325  # a vehicle, at 10 Hz

@@ -1,6 +1,6 @@
 """Makes the short lane drives that meta-training takes its contexts from: what the car is told before it must drift.
 
-    python -m experiments.lane_drives --vehicles 100
+    python -m experiments.lane_drives --seed 0
 
 Information gathering teaches the model on a straight lane and asks it to drift. So that the prior learns how the one
 tells of the other, each training vehicle is driven along the same lane: slaloms of random sizes, Info-OCP's plans from
@@ -27,7 +27,7 @@ from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import join_vehicles
 
-DRIVES = 6  # of a vehicle
+DRIVES = 8  # of a vehicle
 PLANS = 48  # in the pool that the vehicles' drives are drawn from
 LANE_STREAM = 2  # of a vehicle's random numbers
 
@@ -37,8 +37,8 @@ class LaneDrivesConfig:
     """What to drive."""
 
     seed: int = 0
-    train: int = 100  # vehicles
-    validation: int = 10
+    train: int = 80  # vehicles
+    validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2
     output: Path = Path("runs/drives")
@@ -62,7 +62,7 @@ def lane_plan(job: tuple[Path | None, int, int]) -> Trajectory | None:
             size, period = generator.uniform(0.2, 2.0), generator.uniform(1.2, 4.0)
             lateral = size * np.sin(2.0 * np.pi * t / period + generator.uniform(0.0, 2.0 * np.pi))
             return plan(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
-        return plan(model, model.prior(), config, float(generator.choice([1.0, 2.0, 4.0])), seed=index)
+        return plan(model, model.prior(), config, float(generator.choice([2.0, 4.0, 8.0, 16.0])), seed=index)
     except RuntimeError:
         return None
 

@@ -43,17 +43,17 @@ class TrainingConfig:
     """Choose the weight of a sample in the posterior on the validation vehicles; else it is 1."""
     adaptive: bool = True
     """False: a network of the same size that never adapts."""
-    epochs: int = 1000
+    epochs: int = 1600
     """How often to go through the data."""
     learning_rate: float = 2e-3
     """Of Adam, at the start."""
-    decay: float = 0.9965
+    decay: float = 0.9978
     """Of the learning rate, per epoch."""
     batch: int = 2048
     """Samples per gradient step."""
     weight_decay: float = 0.03
     """Of the network's weights (decoupled, as in AdamW)."""
-    time_limit: float = 1200.0
+    time_limit: float = 2400.0
     """[s] Of training in all; what has been reached by then is written."""
     threads: int = 2
     """Of torch."""
@@ -74,10 +74,10 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     """
     if recipe == "transfer":
         return config
-    windows = dataclasses.replace(config, lane=None, learning_rate=1e-3, decay=0.9975, gradient_clip=None)
+    windows = dataclasses.replace(config, lane=None, epochs=1000, learning_rate=1e-3, decay=0.9975, gradient_clip=None)
     if recipe == "paper":
         return dataclasses.replace(
-            windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, epoch_samples=None, temper=False
+            windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epoch_samples=None, temper=False
         )
     if recipe == "fixed":
         return dataclasses.replace(windows, adaptive=False, temper=False)

@@ -26,6 +26,7 @@ class LaneDrive:
     v_end: float = 20.0  # [m/s]
     half_width: float = 3.0  # [m] of the lane
     margin: float = 0.5  # [m] that plans keep from the lane's edge
+    min_speed: float = 6.0  # [m/s] in plans: models are unsure of a crawl, and it tells nothing of a drift
     max_slip: float = 8.0  # [m/s] of the rear rim over the ground in plans
     max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
 
@@ -44,7 +45,7 @@ def problem_data(config: LaneDrive, lateral: Array | None = None) -> OcpData:
 
 
 def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
-    """Bounds wheel spin and sideslip: plans stay where models hold and the car can be caught.
+    """Bounds speed from below, wheel spin and sideslip: plans stay where models hold and the car can be caught.
 
     Softened by the lane's slack, so that a linearised problem always has a solution.
     """
@@ -53,11 +54,12 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
     x, slack = variables[: size * (n + 1)].reshape(-1, size)[1:], variables[-n:]
     eye, unbounded = np.eye(n), np.full(n, np.inf)
     beta, rim, speed = STATE_SCALE[2] * eye, STATE_SCALE[3] * eye, STATE_SCALE[1] * eye
-    for states, quantity, limit, softening in (
-        (x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING),
-        (x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING),
+    for states, quantity, limit, softening, signs in (
+        (x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING, (1.0, -1.0)),
+        (x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING, (1.0, -1.0)),
+        (x[:, [1]], [speed], -config.min_speed, SLIP_SOFTENING, (-1.0,)),
     ):
-        for sign in (1.0, -1.0):
+        for sign in signs:
             row = np.concatenate([*(sign * block for block in quantity), -softening * eye], axis=1)
             problem.program.AddLinearConstraint(
                 row, -unbounded, np.full(n, limit), np.concatenate([states.ravel(order="F"), slack])

@@ -113,7 +113,7 @@ class Train:
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
     recipe: Recipe = "transfer"
-    """The paper's plain recipe, or a network that never adapts, in place of the calibrated one."""
+    """The paper's objective over windows, its plain recipe, or a network that never adapts, in place of tasks."""
 
 
 def run_train(command: Train) -> None:

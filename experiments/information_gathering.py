@@ -113,6 +113,13 @@ def drifting_errors(model: BayesianModel, belief: Posterior, samples: Samples) -
     }
 
 
+def full_weight_total(model: BayesianModel, belief: Posterior) -> float:
+    """The sum of the covariances' norms had every sample counted in full, as in the paper's recursion."""
+    before, after = np.linalg.inv(model.prior().covariance), np.linalg.inv(belief.covariance)
+    precision = before + (after - before) / model.sample_weight
+    return float(np.sum(1.0 / np.linalg.eigvalsh(precision).min(axis=-1)))
+
+
 def slalom(model: BayesianModel, config: GatheringConfig) -> Trajectory:
     """A slalom by hand: the OCP follows a sine across the lane."""
     phase = 2.0 * np.pi * DT * np.arange(config.steps + 1) / SLALOM_PERIOD
@@ -166,7 +173,11 @@ class _Vehicle:
     def judge(self, belief: Posterior) -> dict[str, Any]:
         """Norms and errors."""
         norms, total = covariance_norms(belief)
-        return {"norms": norms, "total": total} | drifting_errors(self._model, belief, self._judged)
+        return {
+            "norms": norms,
+            "total": total,
+            "full_weight_total": full_weight_total(self._model, belief),
+        } | drifting_errors(self._model, belief, self._judged)
 
     def drive(
         self, belief: Posterior, trajectory: Trajectory, seed: int

@@ -59,7 +59,16 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
             model[f"norm_{state}"] = _spread([found["norms"][i] for found in entries])
             model[f"one_step_{state}"] = _spread([found["one_step"][i] for found in entries])
             model[f"rollout_{state}"] = _spread([found["rollout"][i] for found in entries])
-        for key in ("total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta", "predicted", "obtained"):
+        for key in (
+            "total",
+            "full_weight_total",
+            "one_step_scaled",
+            "rollout_scaled",
+            "max_e",
+            "max_beta",
+            "predicted",
+            "obtained",
+        ):
             if key in entries[0]:
                 model[key] = _spread([found[key] for found in entries])
         if "ending" in entries[0]:
@@ -81,6 +90,9 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
     }
     summary["prior total over Twice-Info's"] = _spread(
         [r["prior"]["total"] / r["rounds"][1]["total"] for r in results if len(r["rounds"]) > 1]
+    )
+    summary["the same, every sample in full"] = _spread(
+        [r["prior"]["total"] / r["rounds"][1]["full_weight_total"] for r in results if len(r["rounds"]) > 1]
     )
     for k in range(max(len(result["rounds"]) for result in results)):
         rounds = [result["rounds"][k] for result in results if len(result["rounds"]) > k]
@@ -150,6 +162,8 @@ def markdown(summary: dict[str, Any]) -> str:
     lines += [f"- {text}: {count} of {summary['vehicles']}" for text, count in summary["counts"].items()]
     lines += [
         f"- the prior's total norm over Twice-Info's: {_cell(summary['prior total over Twice-Info' + chr(39) + 's'])}",
+        "- the same, had every sample counted in full, as in the paper's recursion: "
+        + _cell(summary["the same, every sample in full"]),
         f"- {summary['stopping']['rule']}: {min(driven)} to {max(driven)} rounds, {np.median(driven):g} in the median",
         "- CPU time of a plan: "
         + ", ".join(

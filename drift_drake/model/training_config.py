@@ -74,10 +74,10 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     """
     if recipe == "transfer":
         return config
-    windows = dataclasses.replace(config, lane=None, epochs=1000, learning_rate=1e-3, decay=0.9975, gradient_clip=None)
+    windows = dataclasses.replace(config, lane=None, learning_rate=1e-3, decay=0.9975, gradient_clip=None)
     if recipe == "paper":
         return dataclasses.replace(
-            windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epoch_samples=None, temper=False
+            windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, epoch_samples=None, temper=False
         )
     if recipe == "fixed":
         return dataclasses.replace(windows, adaptive=False, temper=False)

@@ -3,14 +3,19 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from experiments.information_gathering import InformationConfig, main
+from drift_drake.model.checkpoint import load
+from drift_drake.model.features import FEATURE_COUNT
+from drift_drake.model.posterior import covariance_norms, update_all
+from experiments.information_gathering import InformationConfig, full_weight_total, main
 from experiments.information_summary import markdown, stop_round, summarise
 
 
 def judged(total: float, error: float) -> dict[str, Any]:
-    return {"norms": [0.7 * total, 0.1 * total, 0.1 * total, 0.1 * total], "total": total, "one_step": [error] * 4,
+    norms = [0.7 * total, 0.1 * total, 0.1 * total, 0.1 * total]
+    return {"norms": norms, "total": total, "full_weight_total": 0.1 * total, "one_step": [error] * 4,
             "rollout": [error] * 4, "one_step_scaled": error, "rollout_scaled": error}  # fmt: skip
 
 
@@ -47,3 +52,12 @@ def test_the_rounds_stop_when_little_is_promised() -> None:
 def test_missing_drives_are_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=r"held_out\.npz: no such file; make the drives with `python -m experiments"):
         main(InformationConfig(drives=tmp_path))
+
+
+def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> None:
+    model = load()
+    generator = np.random.default_rng(0)
+    phi, y = generator.normal(size=(30, 4, FEATURE_COUNT)), generator.normal(size=(30, 4))
+    belief = update_all(model.prior(), phi, y, model.sample_weight)
+    full = update_all(model.prior(), phi, y)
+    assert full_weight_total(model, belief) == pytest.approx(covariance_norms(full)[1], rel=1e-6)

@@ -25,7 +25,7 @@ def test_it_writes_a_checkpoint(tmp_path: Path) -> None:
     save_samples(Samples(x[:-1], u[:-1], u[1:], x[1:], np.zeros(40), number, number), tmp_path / "train.npz")
     arguments = ["--data", str(tmp_path / "train.npz"), "--output", str(tmp_path / "model.npz"), "--validation", "None",
                  "--epochs", "2", "--threads", "1"]  # fmt: skip
-    assert main(["train", *arguments, "--recipe", "calibrated"]) == 0
+    assert main(["train", *arguments, "--recipe", "windows"]) == 0
     model = load(tmp_path / "model.npz")
     assert model.record["epochs"] == 2
     assert model.record["config"]["data"] == "train.npz"

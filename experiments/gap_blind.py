@@ -64,6 +64,8 @@ class Score:
     """Open the labels and score the answers."""
 
     out: Path
+    partial: bool = False
+    """Of a set that was broken off: score what is answered. The rest can then no longer be answered blind."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,31 +166,33 @@ def answer(command: Respond) -> None:
             (command.out / "answers" / f"{jobs[job]}.json").write_text(text)
 
 
-def opened(out: Path) -> list[dict[str, Any]]:
-    """Labels of a set of cases whose answers are all there.
+def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
+    """Labels of a set of cases whose answers are all there, or of those that have one.
 
     Raises:
         SystemExit: an answer is missing, or the labels are not those that were sealed.
     """
     manifest = json.loads((out / "manifest.json").read_text())
     missing = [name for name in manifest["cases"] if not (out / "answers" / f"{name}.json").exists()]
-    if missing:
+    if missing and not partial:
         sys.exit(f"{out}: {len(missing)} cases have no answer yet; run 'answer' before the labels are opened")
     sealed = (out / "labels.sealed").read_bytes()
     if hashlib.sha256(sealed).hexdigest() != manifest["labels_sha256"]:
         sys.exit(f"{out}: labels.sealed is not what the manifest's hash was made of")
     labels: list[dict[str, Any]] = json.loads(zlib.decompress(base64.b64decode(sealed)))["labels"]
-    return labels
+    return [label for label in labels if label["case"] not in missing]
 
 
-def answered(out: Path) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+def answered(out: Path, partial: bool = False) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """(label, answer) of each case."""
-    return [(label, json.loads((out / "answers" / f"{label['case']}.json").read_text())) for label in opened(out)]
+    return [
+        (label, json.loads((out / "answers" / f"{label['case']}.json").read_text())) for label in opened(out, partial)
+    ]
 
 
 def score(command: Score) -> None:
     """Prints and writes the scores, and draws their pictures."""
-    pairs = answered(command.out)
+    pairs = answered(command.out, command.partial)
     result = scores(pairs)
     (command.out / "scores.json").write_text(json.dumps(result, indent=1))
     text = score_text(result)

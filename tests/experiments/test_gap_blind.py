@@ -32,8 +32,10 @@ def test_labels_open_only_after_all_answers_and_only_as_sealed(cases):
     with pytest.raises(SystemExit, match="2 cases have no answer yet"):
         opened(cases)
     (cases / "answers").mkdir()
-    for name in json.loads((cases / "manifest.json").read_text())["cases"]:
-        (cases / "answers" / f"{name}.json").write_text("{}")
+    first, second = json.loads((cases / "manifest.json").read_text())["cases"]
+    (cases / "answers" / f"{first}.json").write_text("{}")
+    assert [label["case"] for label in opened(cases, partial=True)] == [first]
+    (cases / "answers" / f"{second}.json").write_text("{}")
     assert len(opened(cases)) == 2
     sealed = cases / "labels.sealed"
     sealed.write_bytes(sealed.read_bytes() + b"x")

@@ -54,14 +54,18 @@ def beliefs_as_data(
     catalogue: Sequence[str],
     calibration: Calibration,
 ) -> dict[str, Any]:
-    """The most probable hypotheses and the sensors as plain data; empty where no torque is logged."""
+    """The most probable hypotheses and the sensors as plain data; no hypotheses where all are improbable (`unknown`).
+
+    Empty where no torque is logged.
+    """
     if problem.rim_fed:
         return {}
     ranked = sorted((f for f, _ in hypotheses), key=lambda f: -probabilities[hypothesis_name(f.names)])
     fitted = [belief_of(f, probabilities[hypothesis_name(f.names)]) for f in ranked[:MOST_FITTED]]
     kept = [belief for belief in fitted if belief.probability >= LEAST_PROBABILITY]
     known = {hypothesis_name(f.names) for f in ranked}
-    hidden = [b for b in unseen(problem, ranked[0], kept[0], catalogue, calibration) if b.name not in known]
+    beside = unseen(problem, ranked[0], kept[0], catalogue, calibration) if kept else []
+    hidden = [b for b in beside if b.name not in known]
     return {
         "noise": problem.noise.tolist(),
         "used": np.all([run.used for run in problem.runs], axis=0).tolist(),

@@ -61,6 +61,13 @@ def test_beliefs_survive_their_plain_data(problem):
     np.testing.assert_array_equal(sensing.noise, problem.noise)
 
 
+def test_where_all_hypotheses_are_improbable_there_are_no_beliefs(problem):
+    names = ("aero_drag", "mass_error")
+    fit = Fit(names, np.full(size, 0.1), 0.0, root @ root.T, 0.0, 1.0, 1)
+    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 1e-9}, list(CATALOGUE), Calibration())
+    assert beliefs_from_data(data)[1] == []
+
+
 def test_what_a_log_cannot_show_is_a_rival_too(problem):
     size = problem.nuisances
     nothing = Fit((), np.zeros(size), 0.0, 0.01 * np.eye(size), 0.0, 1.0, 1)

@@ -62,8 +62,9 @@ def test_beliefs_survive_their_plain_data(problem):
 
 
 def test_where_all_hypotheses_are_improbable_there_are_no_beliefs(problem):
+    size = problem.nuisances + 2
     names = ("aero_drag", "mass_error")
-    fit = Fit(names, np.full(size, 0.1), 0.0, root @ root.T, 0.0, 1.0, 1)
+    fit = Fit(names, np.full(size, 0.1), 0.0, np.eye(size), 0.0, 1.0, 1)
     data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 1e-9}, list(CATALOGUE), Calibration())
     assert beliefs_from_data(data)[1] == []
 

@@ -17,7 +17,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / name).mkdir()
         (tmp_path / name / "run_0.csv").write_text("t\n")
 
-    def answer(path: Path, _vehicle: VehicleParameters) -> SimpleNamespace:
+    def answer(path: Path, _vehicle: VehicleParameters, _options: object) -> SimpleNamespace:
         if path.name == "b":
             raise InvalidLogError(f"{path.name}: spoilt")
         return SimpleNamespace(case=path.name)

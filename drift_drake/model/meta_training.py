@@ -34,12 +34,10 @@ def _objective(
     if config.lane is None:
         return WindowObjective(config, samples, watched, vehicle), [samples]
     lane = load_samples(config.lane)
-    if watched is None or config.validation_lane is None:
-        return TransferObjective(config, (samples, lane), None, vehicle), [samples, lane]
-    return TransferObjective(config, (samples, lane), (watched, load_samples(config.validation_lane)), vehicle), [
-        samples,
-        lane,
-    ]
+    pair = None
+    if watched is not None and config.validation_lane is not None:
+        pair = (watched, load_samples(config.validation_lane))
+    return TransferObjective(config, (samples, lane), pair, vehicle), [samples, lane]
 
 
 def train(config: TrainingConfig) -> BayesianModel:

@@ -94,7 +94,10 @@ def load_samples(path: str | Path) -> Samples:
                 raise InvalidSamplesError(f"{path}: no column {', '.join(missing)}; make it with `experiments.drives`")
             samples = Samples(*(stored[name] for name in Samples._fields))
     except FileNotFoundError:
-        raise InvalidSamplesError(f"{path}: no such file; make it with `python -m experiments.drives`") from None
+        raise InvalidSamplesError(
+            f"{path}: no such file; make it with `python -m experiments.drives`, "
+            "or `python -m experiments.lane_drives` for a table of lane drives"
+        ) from None
     except InvalidSamplesError:
         raise
     except (ValueError, OSError, EOFError) as error:

@@ -60,6 +60,9 @@ class Diagnose:
     """Factor on the process noise: above one for a real car, as `drift-drake identify` found it."""
     noise_scale: float = 1.0
     """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
+    row_weight: float = 1.0
+    """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. The misfit that
+    the calibrated car had on the day it was calibrated is then no gap; only what goes beyond it is."""
     workers: int = 2
     """Threads for one case; a folder of cases is spread over processes."""
     quiet: bool = False
@@ -134,7 +137,12 @@ def run_train(command: Train) -> None:
 def run_diagnose(command: Diagnose) -> None:
     """`drift-drake diagnose`."""
     vehicle, own = read_vehicle(command.vehicle)
-    options = {"own": own, "process_scale": command.process_scale, "noise_scale": command.noise_scale}
+    options = {
+        "own": own,
+        "process_scale": command.process_scale,
+        "noise_scale": command.noise_scale,
+        "row_weight": command.row_weight,
+    }
     folders = case_folders(command.case)
     if folders != [command.case]:
         _diagnose_many(command, vehicle, len(folders), options)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from drift_drake.vehicle.bicycle import body_wrench, front_contact_velocity, front_slip, rear_slip, static_loads
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.scalar import absolute, cos, exp, jitable, maximum, select, sin, tanh
+from drift_drake.vehicle.scalar import absolute, cos, exp, jitable, maximum, norm2, select, sin, tanh
 from drift_drake.vehicle.tires import brush_force
 
 
@@ -49,6 +49,7 @@ class Strange(NamedTuple):
     grabbing_brake: Any = 0.0
     driveline_oscillation: Any = 0.0
     slippery_patch: Any = 0.0
+    tyre_curve: Any = 0.0  # no family of the blind check: an everyday misfit, from 0 to 1 (`rational_force`)
 
 
 @jitable
@@ -56,6 +57,14 @@ def ground_friction(x: Any, y: Any, q: Strange) -> Any:
     """Factor of friction at a place [m]: stripes of 6 m each 20 m along x + y / 2, with soft edges."""
     phase = sin(0.314159 * (x + 0.5 * y))
     return 1.0 - q.slippery_patch / (1.0 + exp(-(phase - 0.6) / 0.05))
+
+
+@jitable
+def rational_force(sigma_x: Any, sigma_y: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:
+    """Axle force with the brush's stiffness and peak [N] that comes to its peak sooner and falls off beyond it."""
+    z = stiffness * norm2(sigma_x, sigma_y) / peak
+    secant = stiffness / (1.0 + 0.25 * z * z)
+    return secant * sigma_x, -secant * sigma_y
 
 
 @jitable
@@ -93,7 +102,14 @@ def strange_wrench(
     lack_x, lack_y, lack_m = body_wrench(
         delta, 0.0, low_f - f_yf, low_x - plain_x, low_y - plain_y, p.front_axle_distance, p.rear_axle_distance
     )
-    return f_x + lack_x, f_y + lack_y, m_z + lack_m
+    # Tyres of another shape: a part of their force follows another curve.
+    _, other_f = rational_force(0.0 * v_x, sigma_f, p.front_stiffness, p.friction * f_zf)
+    other_x, other_y = rational_force(sigma_x, sigma_y, p.rear_stiffness, p.friction * f_zr)
+    curve_x, curve_y, curve_m = body_wrench(
+        delta, 0.0, q.tyre_curve * (other_f - f_yf), q.tyre_curve * (other_x - plain_x),
+        q.tyre_curve * (other_y - plain_y), p.front_axle_distance, p.rear_axle_distance,
+    )  # fmt: skip
+    return f_x + lack_x + curve_x, f_y + lack_y + curve_y, m_z + lack_m + curve_m
 
 
 @jitable

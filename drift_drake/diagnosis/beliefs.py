@@ -45,6 +45,7 @@ class Sensing:
     noise: np.ndarray  # [9] standard deviations, in the order of `filter.CHANNELS`
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
+    row_weight: float = 1.0  # what one of their rows is worth
 
 
 def beliefs_as_data(
@@ -70,6 +71,7 @@ def beliefs_as_data(
         "noise": problem.noise.tolist(),
         "used": np.all([run.used for run in problem.runs], axis=0).tolist(),
         "process": problem.process.tolist(),
+        "row_weight": problem.row_weight,
         "hypotheses": {
             b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()}
             for b in kept + hidden[:MOST_UNSEEN]
@@ -120,7 +122,12 @@ def _beside(leading: Belief, name: str, magnitude: float, spread: float, probabi
 
 def beliefs_from_data(data: Mapping[str, Any]) -> tuple[Sensing, list[Belief]]:
     """The sensors, and the beliefs, most probable first."""
-    sensing = Sensing(np.array(data["noise"]), np.array(data["used"], dtype=np.bool_), np.array(data["process"]))
+    sensing = Sensing(
+        np.array(data["noise"]),
+        np.array(data["used"], dtype=np.bool_),
+        np.array(data["process"]),
+        data.get("row_weight", 1.0),
+    )
     beliefs = [
         Belief(
             () if name == NONE else tuple(name.split("+")),

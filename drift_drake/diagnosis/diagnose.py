@@ -86,13 +86,15 @@ def diagnose(
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
     own: Effects = Effects(),  # noqa: B008 (immutable)
+    row_weight: float = 1.0,
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
 
     Args:
         runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
-        catalogue: names of the effects to consider; process_scale, noise_scale, stated: see `make_problem`;
+        catalogue: names of the effects to consider; process_scale, noise_scale, stated,
+        row_weight: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them.
 
     Raises:
@@ -104,7 +106,7 @@ def diagnose(
     runs, warnings = usable(runs, vehicle)
     names, more = seen_effects(runs, catalogue)
     warnings += more
-    problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own)
+    problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     hypotheses = found.hypotheses()
     refined = refine_noise(problem, hypotheses[0][0])

@@ -13,6 +13,7 @@ from drift_drake.diagnosis.problem import (
     TOLERANCES,
     Gains,
     Problem,
+    counted,
     filter_case,
     flat,
     observe,
@@ -112,7 +113,7 @@ def _start_columns(
             column = len(NUISANCES) + 2 * i + kind
             moved = theta.copy()
             moved[column] += NUISANCE_STEP
-            e = observe(problem, gains, moved, names, i)[run.counted][:, run.used].ravel()
+            e = counted(problem, run, observe(problem, gains, moved, names, i)).ravel()
             out[row : row + len(e), column] = (e - base[row : row + len(e)]) / NUISANCE_STEP
             row += len(e)
 
@@ -224,8 +225,9 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     known = all(is_gap(name, float(q), problem.vehicle.tolerance) for name, q in magnitudes)
     if not known or not np.isfinite(log_evidence):  # within tolerance, or a filter that diverged
         log_evidence = -np.inf
+    mean_square = float(np.mean(e**2)) / problem.row_weight
     return Fit(
-        tuple(names), theta, at.cost, covariance, log_evidence, float(np.mean(e**2)), at.iterations, problem.exactness
+        tuple(names), theta, at.cost, covariance, log_evidence, mean_square, at.iterations, problem.exactness
     )
 
 

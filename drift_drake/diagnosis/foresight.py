@@ -45,7 +45,10 @@ def problem_of(vehicle: VehicleParameters, sensing: Sensing, drive: Commands, y:
     """A drive with measurements y [rows, 9] as the estimator wants it."""
     counted = np.arange(len(y)) * PERIOD >= SETTLING_TIME
     run = RunData("planned", PERIOD, y, sensing.used, drive.delta, drive.tau, counted)
-    return Problem([run], vehicle, vehicle.constants(), tolerance_deviations(vehicle), sensing.noise, sensing.process)
+    return Problem(
+        [run], vehicle, vehicle.constants(), tolerance_deviations(vehicle), sensing.noise, sensing.process,
+        row_weight=sensing.row_weight,
+    )  # fmt: skip
 
 
 def parameters_of(belief: Belief) -> np.ndarray:

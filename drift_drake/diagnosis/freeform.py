@@ -9,12 +9,13 @@ functions are the ceiling of what a free-form model reaches.
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from drift_drake.diagnosis.filter import SIZE
-from drift_drake.diagnosis.fit import Fit, prior_precision, sensitivity
-from drift_drake.diagnosis.problem import Gains, Problem, car, filter_case, flat, observe
+from drift_drake.diagnosis.fit import prior_precision, sensitivity
+from drift_drake.diagnosis.problem import Gains, Problem, car, counted, filter_case, flat, observe
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
@@ -23,6 +24,16 @@ FORCE_UNIT = 100.0  # [N] or [N m] that weights are in
 PULSE = 0.5  # [s] width of a pulse
 MOST_PULSES = 40  # in one run
 EM_STEPS = 30
+
+
+class Fitted(Protocol):
+    """A hypothesis that was fitted."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    @property
+    def theta(self) -> np.ndarray: ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +47,7 @@ class Regression:
     removed: float  # share of the squared innovations that the regressors take away
 
 
-def filtered_states(problem: Problem, gains: Gains, fit: Fit) -> list[np.ndarray]:
+def filtered_states(problem: Problem, gains: Gains, fit: Fitted) -> list[np.ndarray]:
     """Corrected states [rows, 13] of each run under a fit."""
     out = []
     for i, run in enumerate(problem.runs):
@@ -46,7 +57,7 @@ def filtered_states(problem: Problem, gains: Gains, fit: Fit) -> list[np.ndarray
     return out
 
 
-def state_functions(problem: Problem, fit: Fit, states: np.ndarray, index: int) -> np.ndarray:
+def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: int) -> np.ndarray:
     """Functions of the state and the commands [rows, functions], each about one in size."""
     run = problem.runs[index]
     constants, _ = car(problem, fit.theta, fit.names)
@@ -94,7 +105,7 @@ def pulses(rows: int, period: float) -> np.ndarray:
     return np.maximum(1.0 - np.abs(t[:, None] - centres) / width, 0.0)
 
 
-def pushed(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+def pushed(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """Derivatives [rows, 9, channels, shapes] of innovations by the weights of shapes in time [rows, shapes]."""
     out = np.empty((*base.shape, len(FORCE_CHANNELS), shapes.shape[1]))
     for channel in range(len(FORCE_CHANNELS)):
@@ -110,7 +121,7 @@ def pushed(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarra
     return out
 
 
-def offset_responses(problem: Problem, gains: Gains, fit: Fit, index: int, base: np.ndarray) -> np.ndarray:
+def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray) -> np.ndarray:
     """Derivatives [rows, 9, channels in use] of innovations by constant offsets of the sensors, in noise levels."""
     run = problem.runs[index]
     out = []
@@ -122,8 +133,19 @@ def offset_responses(problem: Problem, gains: Gains, fit: Fit, index: int, base:
     return np.stack(out, axis=-1)
 
 
-def regress(problem: Problem, fit: Fit, gains: Gains, states: Sequence[np.ndarray], kind: str) -> Regression:
-    """Regression of a fit's innovations on pushes, jointly with the fit's own parameters.
+@dataclasses.dataclass(frozen=True)
+class Equations:
+    """Normal equations of a hypothesis' own parameters and, behind them, the weights of regressors."""
+
+    hessian: np.ndarray  # without the priors
+    gradient: np.ndarray  # with that of the own parameters' prior
+    own: int  # parameters ahead of the weights
+    channel_of: np.ndarray  # index of each weight's force channel (or SENSORS)
+    squares: float  # of the innovations
+
+
+def equations(problem: Problem, fit: Fitted, gains: Gains, states: Sequence[np.ndarray], kind: str) -> Equations:
+    """Normal equations of a fit's own parameters and of pushes.
 
     Args:
         kind: "pulses" (weights of their own in each run) or "functions" (of the state, shared by the runs).
@@ -136,18 +158,19 @@ def regress(problem: Problem, fit: Fit, gains: Gains, states: Sequence[np.ndarra
     for i, run in enumerate(problem.runs):
         base = gains.innovations[i]
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states[i], i)
-        d = pushed(problem, gains, fit, i, base, shapes)[run.counted][:, run.used]
+        d = counted(problem, run, pushed(problem, gains, fit, i, base, shapes))
         d = d.reshape(-1, len(FORCE_CHANNELS) * shapes.shape[1])
         groups = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
         if kind == "functions":
-            offsets = offset_responses(problem, gains, fit, i, base)[run.counted][:, run.used]
+            offsets = counted(problem, run, offset_responses(problem, gains, fit, i, base))
             d = np.hstack([d, offsets.reshape(len(d), -1)])
             groups = np.concatenate([groups, np.full(offsets.shape[-1], SENSORS)])
         blocks.append((d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
         row += len(d)
         channel_of = groups if kind == "functions" else np.concatenate([channel_of, groups])
     hessian, gradient = _normal_equations(blocks, own, shared=kind == "functions")
-    return _evidence(problem, fit, hessian, gradient, channel_of, own, float(residual @ residual))
+    gradient[:own] += prior_precision(problem, own) * fit.theta
+    return Equations(hessian, gradient, own, channel_of, float(residual @ residual))
 
 
 def _normal_equations(
@@ -171,19 +194,10 @@ def _normal_equations(
     return hessian, gradient
 
 
-def _evidence(
-    problem: Problem,
-    fit: Fit,
-    hessian: np.ndarray,
-    gradient: np.ndarray,
-    channel_of: np.ndarray,
-    own: int,
-    squares: float,
-) -> Regression:
+def regress(problem: Problem, fit: Fitted, of: Equations) -> Regression:
     """Evidence of the weights with one prior scale a channel, found by expectation maximisation."""
+    hessian, gradient, own, channel_of, squares = of.hessian, of.gradient, of.own, of.channel_of, of.squares
     prior = prior_precision(problem, len(fit.theta))
-    gradient = gradient.copy()
-    gradient[:own] += prior * fit.theta
     without = _log_evidence(hessian[:own, :own] + np.diag(prior), gradient[:own], np.zeros(0))
     groups = SENSORS + 1
     scales = np.full(groups, 1.0)
@@ -213,8 +227,12 @@ def _log_evidence(matrix: np.ndarray, gradient: np.ndarray, precision: np.ndarra
     return 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(factor)))) + 0.5 * float(np.sum(np.log(precision)))
 
 
-def misfit(problem: Problem, fit: Fit, kind: str = "pulses") -> Regression:
+def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
     """What a fit leaves unexplained, by regressors of that kind (`regress`)."""
+    return regress(problem, fit, equations_of(problem, fit, kind))
+
+
+def equations_of(problem: Problem, fit: Fitted, kind: str) -> Equations:
+    """The normal equations of a fit with its own filter."""
     gains = filter_case(problem, fit.theta, fit.names)
-    states = filtered_states(problem, gains, fit)
-    return regress(problem, fit, gains, states, kind)
+    return equations(problem, fit, gains, filtered_states(problem, gains, fit), kind)

@@ -69,7 +69,7 @@ class Gains:
     gain: list[np.ndarray]
     whitening: list[np.ndarray]
     innovations: list[np.ndarray]
-    logdet: float
+    logdet: float  # times the row weight
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,6 +86,7 @@ class Problem:
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
     own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
     ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
+    row_weight: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
 
     def replace(self, **changes: object) -> "Problem":
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
@@ -143,12 +144,14 @@ def make_problem(
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
     own: Effects = Effects(),  # noqa: B008 (immutable)
+    row_weight: float = 1.0,
 ) -> Problem:
     """Runs and vehicle as the estimator wants them; noise levels are estimated here.
 
     `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
     `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
-    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file.
+    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `row_weight`
+    is what one row is worth: below one where innovations hang together, as `identify` finds it.
     """
     data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2
@@ -158,7 +161,8 @@ def make_problem(
     known = np.array([(stated or {}).get(name, 0.0) for name in CHANNELS])
     noise = noise_scale * np.maximum(noise_levels(data), known)
     tolerance = tolerance_deviations(vehicle)
-    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own)
+    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own,
+                      row_weight=row_weight)  # fmt: skip
     return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 
 
@@ -291,7 +295,7 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
         gains.append(k)
         whitenings.append(w)
         innovations.append(e)
-    return Gains(gains, whitenings, innovations, logdet)
+    return Gains(gains, whitenings, innovations, problem.row_weight * logdet)
 
 
 NO_ROWS = np.empty((0, SIZE))
@@ -323,10 +327,15 @@ def observe(
 
 
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
-    """Innovations that count, of all runs in a row [count]."""
+    """Innovations that count, of all runs in a row [count], such that half their squares are weighted nats."""
     return np.concatenate(
-        [e[run.counted][:, run.used].ravel() for run, e in zip(problem.runs, innovations, strict=True)]
+        [counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)]
     )
+
+
+def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:
+    """Rows and channels of one run's innovations [rows, 9, ...] that count, times the root of the row weight."""
+    return np.asarray(np.sqrt(problem.row_weight) * innovations[run.counted][:, run.used])
 
 
 def observe_case(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:

@@ -79,7 +79,7 @@ def summary(found: Identification) -> str:
         lines.append(f"Not told from zero, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not told: {direction.sentence()}." for direction in c.untold]
     lines += [f"Told only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
-    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g}"
+    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 

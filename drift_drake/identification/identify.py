@@ -26,6 +26,7 @@ from drift_drake.identification.unknowns import (
     seen,
     widened,
 )
+from drift_drake.identification.row_weight import row_weight
 from drift_drake.identification.untold import Direction, tied, untold
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run, read_case, stated_noise
@@ -68,6 +69,7 @@ class Calibration:
     left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
     held_out: HeldOut
     trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
+    row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
     seconds: float
     warnings: list[str]
 
@@ -158,6 +160,7 @@ def identify(
         left_out=dropped,
         held_out=held,
         trust=found.trust,
+        row_weight=row_weight(found, np.array([parameters[name].widened for name in parameters])),
         seconds=time.perf_counter() - began,
         warnings=warnings + end_warnings(found, parameters) + stretched(parameters),
     )

@@ -226,9 +226,7 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     if not known or not np.isfinite(log_evidence):  # within tolerance, or a filter that diverged
         log_evidence = -np.inf
     mean_square = float(np.mean(e**2)) / problem.row_weight
-    return Fit(
-        tuple(names), theta, at.cost, covariance, log_evidence, mean_square, at.iterations, problem.exactness
-    )
+    return Fit(tuple(names), theta, at.cost, covariance, log_evidence, mean_square, at.iterations, problem.exactness)
 
 
 def laplace_terms(

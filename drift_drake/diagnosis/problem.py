@@ -328,9 +328,7 @@ def observe(
 
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
     """Innovations that count, of all runs in a row [count], such that half their squares are weighted nats."""
-    return np.concatenate(
-        [counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)]
-    )
+    return np.concatenate([counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)])
 
 
 def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:

@@ -16,6 +16,7 @@ from drift_drake.diagnosis.usable import usable
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
 from drift_drake.identification.estimate import Estimate, Trust, estimate
 from drift_drake.identification.held_out import HeldOut, compare, judged, squares_of, without_fold
+from drift_drake.identification.row_weight import row_weight
 from drift_drake.identification.unknowns import (
     EFFECTS,
     KNOWN,
@@ -26,7 +27,6 @@ from drift_drake.identification.unknowns import (
     seen,
     widened,
 )
-from drift_drake.identification.row_weight import row_weight
 from drift_drake.identification.untold import Direction, tied, untold
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run, read_case, stated_noise

@@ -4,8 +4,8 @@
 
 Every car does something that neither the nominal equations nor the catalogue have (`experiments.strange_effects`, or
 tyres of another shape). It is calibrated on the first day's drives (`identify`). On the second day it is diagnosed as
-it is, and with one catalogued effect added, with the row weight that the identification states and without. A car
-that is done is kept: start again to go on.
+it is, and with one catalogued effect added: with the everyday forces that the identification learnt and their row
+weight, with the row weight alone, and with neither. A car that is done is kept: start again to go on.
 """
 
 import dataclasses
@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.identification.identify import Identification, identify
+from drift_drake.logs.table import Run
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -44,6 +45,8 @@ class Config:
     out: Path | None = None
     """Run folder; one that exists is gone on with."""
     vehicles: int = 12
+    duration: float = 12.0
+    """Of each of a day's four drives [s]."""
     seed: int = 31
 
 
@@ -66,13 +69,12 @@ def drawn_days(rng: np.random.Generator, index: int, vehicle: VehicleParameters)
     return Days(Truth({}, strange, deviations), Truth(effect, strange, deviations))
 
 
-def asked(found: Identification, truth: Truth, seed: list[int], row_weight: float) -> dict[str, Any]:
-    """What a diagnosis of the calibrated car says of the second day."""
-    runs = make_case(truth, VehicleParameters(), np.random.default_rng(seed))
+def asked(found: Identification, runs: list[Run], **trusted: Any) -> dict[str, Any]:
+    """What a diagnosis of the calibrated car says of the second day's runs."""
     began = time.process_time()
     trust = found.calibration.trust
     answer = diagnose(runs, found.vehicle, workers=1, process_scale=trust.process, noise_scale=trust.noise,
-                      own=found.effects, row_weight=row_weight).answer  # fmt: skip
+                      own=found.effects, **trusted).answer  # fmt: skip
     return {
         "sentence": answer.sentence(),
         "name": "+".join(answer.causes) or answer.verdict,
@@ -92,17 +94,21 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
     vehicle = VehicleParameters()
     rng = np.random.default_rng([config.seed, index])
     days = drawn_days(rng, index, vehicle)
-    found = identify(make_case(days.everyday, vehicle, rng), vehicle)
+    found = identify(make_case(days.everyday, vehicle, rng, config.duration), vehicle)
     c = found.calibration
+    ways = {"everyday": {"row_weight": c.row_weight, "everyday": c.everyday}, "row weight": {"row_weight": c.row_weight},
+            "neither": {}}  # fmt: skip
     answers = {}
     for day, truth in (("changed", days.changed), ("same", days.everyday)):
-        for key, weight in (("weighed", c.row_weight), ("plain", 1.0)):
-            answers[f"{day}, {key}"] = asked(found, truth, [config.seed, index, 2], weight)
+        runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)
+        for way, trusted in ways.items():
+            answers[f"{day}, {way}"] = asked(found, runs, **trusted)
     return {
         "misfit": days.everyday.strange,
         "effect": days.changed.effects,
         "trust": c.trust,
         "row_weight": c.row_weight,
+        "row_weight_beside_everyday": c.everyday.row_weight if c.everyday else None,
         "answers": answers,
     }
 

@@ -58,21 +58,36 @@ class Answer:
         if self.verdict == "unknown":
             return (
                 f"{self.case}: there is a gap that no catalogued effect explains "
-                f"(probability {self.posterior['unknown']:.2f})."
+                f"(probability {self.posterior['unknown']:.2f})." + self._nearest()
             )
-        parts = []
-        for name in self.causes:
-            m, unit = self.magnitudes[name], CATALOGUE[name].unit
-            unit = "" if unit == "-" else f" {unit}"
-            digits = significant_digits(m)
-            numbers = [f"{q:.{digits}g}" for q in (m.estimate, m.low, m.high)]
-            parts.append(f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})")
+        parts = [_stated(name, self.magnitudes[name]) for name in self.causes]
         probability = self.posterior["+".join(sorted(self.causes))]
         remove = "it removes" if len(parts) == 1 else "they remove"
         return (
             f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} "
             f"{100 * self.reduction.estimate:.0f} % of the gap on parts of runs that were not fitted."
         )
+
+    def _nearest(self) -> str:
+        """What `unknown` leaves an engineer with (`diagnosis.nearest`); nothing in answers of before."""
+        found = self.details.get("nearest")
+        if not found:
+            return ""
+        causes = [_stated(name, Interval(**m)) for name, m in found["magnitudes"].items()]
+        free = f"{100 * found['free_forces_remove']:.0f} %"
+        where = "of the nominal car's squared innovations on parts of runs that were not fitted"
+        if not causes:
+            return f" No known cause comes near; free forces remove {free} {where}."
+        removes = f"{'removes' if len(causes) == 1 else 'remove'} {100 * found['removes']:.0f} %"
+        return f" The nearest known, {' and '.join(causes)}, {removes} {where}, free forces {free}."
+
+
+def _stated(name: str, m: Interval) -> str:
+    """A cause with its magnitude and interval, in words."""
+    unit = CATALOGUE[name].unit
+    unit = "" if unit == "-" else f" {unit}"
+    numbers = [f"{q:.{significant_digits(m)}g}" for q in (m.estimate, m.low, m.high)]
+    return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
 
 
 def significant_digits(m: Interval) -> int:

@@ -12,12 +12,15 @@ import numpy as np
 
 from drift_drake.diagnosis.answer import Answer, Interval
 from drift_drake.diagnosis.beliefs import beliefs_as_data
+from drift_drake.diagnosis.everyday import traced
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
 from drift_drake.diagnosis.horizons import HORIZONS, start_rows
 from drift_drake.diagnosis.learned import learned
+from drift_drake.diagnosis.nearest import nearest
 from drift_drake.diagnosis.noise import refined_levels
 from drift_drake.diagnosis.posterior import (
+    UNKNOWN,
     Calibration,
     Posterior,
     hypothesis_name,
@@ -26,7 +29,7 @@ from drift_drake.diagnosis.posterior import (
     read_calibration,
 )
 from drift_drake.diagnosis.prior import bounds
-from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Problem, filter_case, make_problem
+from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
 from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, without_effects
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.usable import usable
@@ -87,6 +90,7 @@ def diagnose(
     stated: Mapping[str, float] | None = None,
     own: Effects = Effects(),  # noqa: B008 (immutable)
     row_weight: float = 1.0,
+    everyday: Everyday | None = None,
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
 
@@ -95,7 +99,8 @@ def diagnose(
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
         catalogue: names of the effects to consider; process_scale, noise_scale, stated,
         row_weight: see `make_problem`;
-        own: effects that the vehicle file has already; what is found adds to them.
+        own: effects that the vehicle file has already; what is found adds to them;
+        everyday: misfit that is no gap, whose row weight then counts in place of `row_weight`.
 
     Raises:
         InvalidLogError: no run can be used.
@@ -106,7 +111,9 @@ def diagnose(
     runs, warnings = usable(runs, vehicle)
     names, more = seen_effects(runs, catalogue)
     warnings += more
+    row_weight = everyday.row_weight if everyday else row_weight
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
+    problem = traced(problem.replace(everyday=everyday))
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     hypotheses = found.hypotheses()
     refined = refine_noise(problem, hypotheses[0][0])
@@ -124,8 +131,12 @@ def diagnose(
     where = find_gap(problem, before, floor, lacking)
     tell("what the learnt model says", 0.97)
     learnt = learned(problem, before, floor)
-    magnitudes = {name: magnitude_interval(fit, name, calibration) for name in fit.names} if named else {}
+    fitted = {name: magnitude_interval(fit, name, calibration) for name in fit.names}
+    magnitudes = fitted if named else {}
     warnings += bound_warnings(magnitudes)
+    beside = {}
+    if posterior.verdict == UNKNOWN:
+        beside["nearest"] = nearest(problem, hypothesis_name(fit.names), fit, nothing, fitted).as_data()
     answer = Answer(
         case=case,
         verdict=posterior.verdict,
@@ -146,6 +157,7 @@ def diagnose(
             "free_form_removes": left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
+            **beside,
             "learned": dataclasses.asdict(learnt),
             "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),
         },
@@ -167,7 +179,7 @@ def refine_noise(problem: Problem, fit: Fit) -> Problem:
     innovations = np.concatenate([e[run.counted] for run, e in zip(problem.runs, gains.innovations, strict=True)])
     whitening = np.concatenate([w[run.counted] for run, w in zip(problem.runs, gains.whitening, strict=True)])
     used = np.all([run.used for run in problem.runs], axis=0)
-    return problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening))
+    return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
 
 
 def magnitude_interval(fit: Fit, name: str, calibration: Calibration) -> Interval:

@@ -134,6 +134,19 @@ def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, ba
 
 
 @dataclasses.dataclass(frozen=True)
+class Responses:
+    """What one run's innovations that count do as a fit's own parameters and the regressors' weights move."""
+
+    weights: np.ndarray  # derivatives [count, weights]
+    own: np.ndarray  # derivatives [count, own parameters]
+    residual: np.ndarray  # the innovations [count]
+
+    def rows(self, kept: np.ndarray) -> "Responses":
+        """Those of some of the measurements [count] bool."""
+        return Responses(self.weights[kept], self.own[kept], self.residual[kept])
+
+
+@dataclasses.dataclass(frozen=True)
 class Equations:
     """Normal equations of a hypothesis' own parameters and, behind them, the weights of regressors."""
 
@@ -144,16 +157,17 @@ class Equations:
     squares: float  # of the innovations
 
 
-def equations(problem: Problem, fit: Fitted, gains: Gains, states: Sequence[np.ndarray], kind: str) -> Equations:
-    """Normal equations of a fit's own parameters and of pushes.
+def responses(problem: Problem, fit: Fitted, kind: str) -> tuple[list[Responses], np.ndarray]:
+    """Each run's responses, and the channel of each weight.
 
     Args:
         kind: "pulses" (weights of their own in each run) or "functions" (of the state, shared by the runs).
     """
+    gains = filter_case(problem, fit.theta, fit.names)
+    states = filtered_states(problem, gains, fit)
     jacobian = sensitivity(problem, gains, fit.theta, fit.names)
     residual = flat(problem, gains.innovations)
-    own = len(fit.theta)
-    blocks, row = [], 0
+    out, row = [], 0
     channel_of = np.zeros(0, dtype=int)
     for i, run in enumerate(problem.runs):
         base = gains.innovations[i]
@@ -165,24 +179,20 @@ def equations(problem: Problem, fit: Fitted, gains: Gains, states: Sequence[np.n
             offsets = counted(problem, run, offset_responses(problem, gains, fit, i, base))
             d = np.hstack([d, offsets.reshape(len(d), -1)])
             groups = np.concatenate([groups, np.full(offsets.shape[-1], SENSORS)])
-        blocks.append((d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
+        out.append(Responses(d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
         row += len(d)
         channel_of = groups if kind == "functions" else np.concatenate([channel_of, groups])
-    hessian, gradient = _normal_equations(blocks, own, shared=kind == "functions")
-    gradient[:own] += prior_precision(problem, own) * fit.theta
-    return Equations(hessian, gradient, own, channel_of, float(residual @ residual))
+    return out, channel_of
 
 
-def _normal_equations(
-    blocks: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], own: int, shared: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix and gradient of [own parameters, weights]."""
-    widths = [d.shape[1] for d, _, _ in blocks]
-    total = widths[0] if shared else sum(widths)
+def equations(problem: Problem, fit: Fitted, runs: Sequence[Responses], channel_of: np.ndarray) -> Equations:
+    """Normal equations of [own parameters, weights]; weights are shared by the runs if each has all of them."""
+    own, total = len(fit.theta), len(channel_of)
     hessian, gradient = np.zeros((own + total, own + total)), np.zeros(own + total)
     at = own
-    for d, j, e in blocks:
-        to = slice(own, own + total) if shared else slice(at, at + d.shape[1])
+    for run in runs:
+        d, j, e = run.weights, run.own, run.residual
+        to = slice(own, own + total) if d.shape[1] == total else slice(at, at + d.shape[1])
         hessian[:own, :own] += j.T @ j
         cross = j.T @ d
         hessian[:own, to] += cross
@@ -191,7 +201,9 @@ def _normal_equations(
         gradient[:own] += j.T @ e
         gradient[to] += d.T @ e
         at += d.shape[1]
-    return hessian, gradient
+    gradient[:own] += prior_precision(problem, own) * fit.theta
+    residual = np.concatenate([run.residual for run in runs])
+    return Equations(hessian, gradient, own, channel_of, float(residual @ residual))
 
 
 def regress(problem: Problem, fit: Fitted, of: Equations) -> Regression:
@@ -229,10 +241,4 @@ def _log_evidence(matrix: np.ndarray, gradient: np.ndarray, precision: np.ndarra
 
 def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
     """What a fit leaves unexplained, by regressors of that kind (`regress`)."""
-    return regress(problem, fit, equations_of(problem, fit, kind))
-
-
-def equations_of(problem: Problem, fit: Fitted, kind: str) -> Equations:
-    """The normal equations of a fit with its own filter."""
-    gains = filter_case(problem, fit.theta, fit.names)
-    return equations(problem, fit, gains, filtered_states(problem, gains, fit), kind)
+    return regress(problem, fit, equations(problem, fit, *responses(problem, fit, kind)))

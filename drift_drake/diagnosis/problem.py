@@ -60,6 +60,16 @@ class RunData:
     delta: np.ndarray
     tau: np.ndarray
     counted: np.ndarray  # [rows] bool: rows whose innovations count
+    trace: np.ndarray | None = None  # [rows, 9] that the misfit of every day leaves in the innovations
+
+
+@dataclasses.dataclass(frozen=True)
+class Everyday:
+    """The misfit that a calibrated car has every day, as `identify` learns it (`diagnosis.everyday`)."""
+
+    forces: Mapping[str, Sequence[float]]  # by channel, weights of `freeform.state_functions` in `freeform.FORCE_UNIT`
+    offsets: Mapping[str, float]  # of sensors, in noise levels
+    row_weight: float  # what one row is worth beside them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,6 +96,7 @@ class Problem:
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
     own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
     ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
+    everyday: Everyday | None = None  # whose trace the runs hold
     row_weight: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
 
     def replace(self, **changes: object) -> "Problem":
@@ -292,6 +303,8 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
         )  # fmt: skip
         # The whitening matrices are inverse Cholesky factors of the innovations' covariances.
         logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
+        if run.trace is not None:
+            e += run.trace
         gains.append(k)
         whitenings.append(w)
         innovations.append(e)
@@ -323,7 +336,7 @@ def observe(
         run.y, first_row(run, names), run.used, delta, torque, run.period, constants, without_actuators(effects), push,
         gains.gain[index], gains.whitening[index], e, states,
     )  # fmt: skip
-    return e
+    return e if run.trace is None else e + run.trace
 
 
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:

@@ -35,6 +35,12 @@ def fold_of(run: RunData) -> np.ndarray:
     return np.asarray((np.arange(len(run.y)) * run.period / HELD_OUT).astype(int) % FOLDS)
 
 
+def folds(problem: Problem) -> list[np.ndarray]:
+    """For each fold, which of the measurements that count are held out in it [count] bool."""
+    of = np.concatenate([np.repeat(fold_of(run)[run.counted], int(np.sum(run.used))) for run in problem.runs])
+    return [of == fold for fold in range(FOLDS)]
+
+
 def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:
     """The fit without one fold's rows, all runs' blocks of which go uncounted."""
     runs = [dataclasses.replace(run, counted=run.counted & (fold_of(run) != fold)) for run in problem.runs]

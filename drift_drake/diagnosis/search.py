@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.diagnosis.everyday import traced
 from drift_drake.diagnosis.fit import (
     MAGNITUDE_STEP,
     Fit,
@@ -80,7 +81,7 @@ class Base:
 
 def coarse(problem: Problem) -> Problem:
     """The same problem with more process noise."""
-    return problem.replace(process=problem.process * COARSE**2)
+    return traced(problem.replace(process=problem.process * COARSE**2))
 
 
 def believed(problem: Problem, exactness: float) -> Problem:

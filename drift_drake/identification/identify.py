@@ -11,12 +11,12 @@ import numpy as np
 from drift_drake.diagnosis.answer import Interval
 from drift_drake.diagnosis.diagnose import seen_effects
 from drift_drake.diagnosis.fit import limits
-from drift_drake.diagnosis.problem import Problem, flat, make_problem
+from drift_drake.diagnosis.problem import Everyday, Problem, flat, make_problem
 from drift_drake.diagnosis.usable import usable
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
 from drift_drake.identification.estimate import Estimate, Trust, estimate
+from drift_drake.identification.everyday_misfit import everyday_misfit
 from drift_drake.identification.held_out import HeldOut, compare, judged, squares_of, without_fold
-from drift_drake.identification.row_weight import row_weight
 from drift_drake.identification.unknowns import (
     EFFECTS,
     KNOWN,
@@ -70,6 +70,7 @@ class Calibration:
     held_out: HeldOut
     trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
     row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
+    everyday: Everyday | None  # and what `--calibration` takes out before, where that makes rows worth more
     seconds: float
     warnings: list[str]
 
@@ -145,6 +146,7 @@ def identify(
     parameters, correlation, covariance = summarise(found, vehicle, effects, known)
     dropped = [n for n in chosen if parameters[n].low <= 0.0 <= parameters[n].high]
     kept = refit_without(problem, found, dropped)
+    row_weight, everyday = everyday_misfit(kept)
     free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
     free_names = [list(parameters)[i] for i in free]
     prior = np.array([p.prior for p in parameters.values()])
@@ -160,7 +162,8 @@ def identify(
         left_out=dropped,
         held_out=held,
         trust=found.trust,
-        row_weight=row_weight(found, np.array([parameters[name].widened for name in parameters])),
+        row_weight=row_weight,
+        everyday=everyday,
         seconds=time.perf_counter() - began,
         warnings=warnings + end_warnings(found, parameters) + stretched(parameters),
     )

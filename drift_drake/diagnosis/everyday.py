@@ -1,0 +1,50 @@
+"""The misfit that a calibrated car has every day: what its innovations look like with the forces that it lacks.
+
+`identify` learns on its logs which functions of the state, as forces and as offsets of sensors, the calibrated car
+lacks (`freeform.state_functions`). A diagnosis of another day adds what they do to the innovations, once: those
+forces are no gap, only what differs from them is.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from drift_drake.diagnosis.filter import CHANNELS
+from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
+from drift_drake.diagnosis.problem import Problem, filter_case, observe
+
+
+@dataclasses.dataclass(frozen=True)
+class _Nominal:
+    names: tuple[str, ...]
+    theta: np.ndarray
+
+
+def traced(problem: Problem) -> Problem:
+    """The problem with the trace that its everyday forces leave in the innovations of the car as it is.
+
+    To first order, they then are those of a car with these forces. The trace depends on the filter: whoever changes
+    noise or process noise traces again. A problem without everyday forces is left as it is.
+    """
+    everyday = problem.everyday
+    if everyday is None:
+        return problem
+    bare = [dataclasses.replace(run, trace=None) for run in problem.runs]
+    problem = problem.replace(runs=bare)
+    nominal = _Nominal((), np.zeros(problem.nuisances))
+    gains = filter_case(problem, nominal.theta, nominal.names)
+    states = filtered_states(problem, gains, nominal)
+    weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
+    traces = []
+    for i, run in enumerate(bare):
+        forces = FORCE_UNIT * state_functions(problem, nominal, states[i], i) @ weights.T
+        y = run.y.copy()
+        for name, offset in everyday.offsets.items():
+            channel = CHANNELS.index(name)
+            y[:, channel] += offset * problem.noise[channel] * run.used[channel]
+        moved = problem.replace(runs=[*bare[:i], dataclasses.replace(run, y=y), *bare[i + 1 :]])
+        torque = forces[:, 3] / problem.nominal.gear_ratio
+        e = observe(moved, gains, nominal.theta, nominal.names, i, push=forces[:, :3].copy(), extra_torque=torque)
+        traces.append(e - gains.innovations[i])
+    runs = [dataclasses.replace(run, trace=trace) for run, trace in zip(bare, traces, strict=True)]
+    return problem.replace(runs=runs)

@@ -1,0 +1,73 @@
+"""What an engineer is left with where no known cause explains the gap: the nearest one, and what free forces reach.
+
+Both are judged alike: by how much they take off the nominal car's squared innovations on blocks of the runs that they
+were not fitted to.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.answer import Interval
+from drift_drake.diagnosis.fit import Fit, prior_precision
+from drift_drake.diagnosis.freeform import equations, regress, responses
+from drift_drake.diagnosis.problem import Problem, filter_case, flat
+from drift_drake.diagnosis.reduction import folds, held_out_fit
+
+
+@dataclasses.dataclass(frozen=True)
+class Nearest:
+    """The best known hypothesis beside a verdict of `unknown`, and the free forces' ceiling."""
+
+    name: str  # "none" if no effect comes nearer than the car as it is
+    magnitudes: dict[str, Interval]
+    removes: float  # share of the nominal car's squared innovations, on blocks that were not fitted
+    free_forces_remove: float  # the same of functions of the state beside the car without effects
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, for an answer's details."""
+        return dataclasses.asdict(self)
+
+
+def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dict[str, Interval]) -> Nearest:
+    """Judges the best known hypothesis and free forces on held-out blocks.
+
+    Args:
+        fit: of the best known hypothesis; nothing: of the car without effects.
+    """
+    before = squares(problem, np.zeros(problem.nuisances), (), all_rows(problem))
+    known = sum(
+        squares(problem, held_out_fit(problem, fit, fold).theta, fit.names, rows)
+        for fold, rows in enumerate(folds(problem))
+    )
+    return Nearest(name, magnitudes, 1.0 - known / before, 1.0 - free_squares(problem, nothing) / before)
+
+
+def all_rows(problem: Problem) -> np.ndarray:
+    """Every measurement that counts [count]."""
+    return np.ones(problem.count, dtype=bool)
+
+
+def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: np.ndarray) -> float:
+    """Sum of the squared innovations of some measurements [count] under parameters."""
+    e = flat(problem, filter_case(problem, theta, names).innovations)[rows]
+    return float(e @ e)
+
+
+def free_squares(problem: Problem, fit: Fit) -> float:
+    """Squared innovations that functions of the state leave beside a fit, each fold's under weights from the others."""
+    runs, channel_of = responses(problem, fit, "functions")
+    scales = regress(problem, fit, equations(problem, fit, runs, channel_of)).scales
+    precision = np.concatenate([prior_precision(problem, len(fit.theta)), 1.0 / scales[channel_of] ** 2])
+    edges = np.cumsum([len(run.residual) for run in runs])[:-1]
+    left = 0.0
+    for rows in folds(problem):
+        parts = list(zip(runs, np.split(rows, edges), strict=True))
+        others = equations(problem, fit, [run.rows(~held) for run, held in parts], channel_of)
+        step = -np.linalg.solve(others.hessian + np.diag(precision), others.gradient)
+        for run, held in parts:
+            kept = run.rows(held)
+            e = kept.residual + kept.own @ step[: others.own] + kept.weights @ step[others.own :]
+            left += float(e @ e)
+    return left

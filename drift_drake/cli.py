@@ -17,6 +17,7 @@ from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, Unplannable
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
 from drift_drake.drives.command import Simulate, run_simulate
+from drift_drake.identification.calibration_file import CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.identification.command import Identify, run_identify
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
@@ -34,8 +35,8 @@ class MissingTrainingError(ImportError):
 
 
 BAD_INPUT_ERRORS = (
-    InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidSamplesError,
-    MissingTrainingError, UnplannableError)  # fmt: skip
+    InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidCalibrationError,
+    InvalidSamplesError, MissingTrainingError, UnplannableError)  # fmt: skip
 BAD_INPUT = 2  # exit code for input that cannot be used
 
 
@@ -63,6 +64,9 @@ class Diagnose:
     row_weight: float = 1.0
     """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. The misfit that
     the calibrated car had on the day it was calibrated is then no gap; only what goes beyond it is."""
+    calibration: Path | None = None
+    """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its everyday misfit
+    are taken out too, so that a row is worth more."""
     workers: int = 2
     """Threads for one case; a folder of cases is spread over processes."""
     quiet: bool = False
@@ -134,15 +138,28 @@ def run_train(command: Train) -> None:
     print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s")
 
 
+def trust_in(command: Diagnose) -> CarTrust:
+    """How far to trust sensors and model, from the calibration or the factors.
+
+    Raises:
+        InvalidCalibrationError: both are given, or a factor is out of range.
+    """
+    factors = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
+    if command.calibration is not None:
+        if factors != CarTrust(1.0, 1.0, 1.0, None):
+            raise InvalidCalibrationError("--calibration has the scales and the row weight; give it or them, not both")
+        return read_trust(command.calibration)
+    if not 0.0 < factors.row_weight <= 1.0:
+        raise InvalidCalibrationError(f"--row-weight {factors.row_weight:g}: give a number above 0, up to 1")
+    if factors.noise_scale <= 0.0 or factors.process_scale <= 0.0:
+        raise InvalidCalibrationError("--noise-scale and --process-scale are factors above 0")
+    return factors
+
+
 def run_diagnose(command: Diagnose) -> None:
     """`drift-drake diagnose`."""
     vehicle, own = read_vehicle(command.vehicle)
-    options = {
-        "own": own,
-        "process_scale": command.process_scale,
-        "noise_scale": command.noise_scale,
-        "row_weight": command.row_weight,
-    }
+    options = {"own": own, **trust_in(command).options()}
     folders = case_folders(command.case)
     if folders != [command.case]:
         _diagnose_many(command, vehicle, len(folders), options)

@@ -96,8 +96,12 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
     days = drawn_days(rng, index, vehicle)
     found = identify(make_case(days.everyday, vehicle, rng, config.duration), vehicle)
     c = found.calibration
-    ways = {"everyday": {"row_weight": c.row_weight, "everyday": c.everyday}, "row weight": {"row_weight": c.row_weight},
-            "neither": {}}  # fmt: skip
+    weight = {"row_weight": c.row_weight}
+    ways: dict[str, dict[str, Any]] = {
+        "everyday": weight | {"everyday": c.everyday},
+        "row weight": weight,
+        "neither": {},
+    }
     answers = {}
     for day, truth in (("changed", days.changed), ("same", days.everyday)):
         runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)

@@ -23,6 +23,7 @@ from drift_drake.diagnosis.problem import make_problem
 from drift_drake.diagnosis.reduction import errors_of
 from drift_drake.diagnosis.report import write_report as write_diagnosis
 from drift_drake.diagnosis.usable import usable
+from drift_drake.identification.calibration_file import trust_of
 from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import write_report
@@ -121,14 +122,16 @@ def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, f
         catalogue: tuple[str, ...]) -> dict[str, Any]:  # fmt: skip
     """Errors of the first guess and the calibrated car on logs that are new to it, and a diagnosis of what is left."""
     car, own = read_vehicle(folder / f"{calibrated}.yaml")
-    trust = json.loads((folder / f"{calibrated}.json").read_text())["found"]["trust"]
+    trust = trust_of(json.loads((folder / f"{calibrated}.json").read_text())["found"])
     stated = RIM_NOISE | stated_noise(case)
-    found = diagnose(runs, car, case=name, workers=1, catalogue=catalogue, process_scale=trust["process"],
-                     noise_scale=trust["noise"], stated=stated, own=own)  # fmt: skip
+    began = time.process_time()
+    found = diagnose(runs, car, case=name, workers=1, catalogue=catalogue, stated=stated, own=own, **trust.options())
+    seconds = time.process_time() - began
     write_diagnosis(found, folder / f"{name}.html")
     answer = found.answer
     return {
         "sentence": answer.sentence(),
+        "diagnosis_seconds_of_cpu": seconds,
         "answer": dataclasses.asdict(answer),
         "horizons": HORIZONS,
         "states": [s for i, s in enumerate(STATES) if i in judged_states(found.problem)],

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from drift_drake.identification.identify import Identification, Parameter, identify_folder
 from drift_drake.identification.unknowns import EFFECTS, KNOWN
 from drift_drake.run_folder import to_json
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 
@@ -58,7 +58,7 @@ def run_identify(command: Identify) -> None:
         found = identify_folder(
             command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show
         )
-    print(summary(found), file=said_to(command.json))
+    print(summary(found, command.json), file=said_to(command.json))
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
     if command.json is not None:
@@ -69,8 +69,8 @@ def run_identify(command: Identify) -> None:
         write_report(found, command.report)
 
 
-def summary(found: Identification) -> str:
-    """What a person is told."""
+def summary(found: Identification, json: Path | None = None) -> str:
+    """What a person is told; `json` is where the calibration goes."""
     c = found.calibration
     lines = [c.sentence()]
     for name, p in c.parameters.items():
@@ -81,6 +81,10 @@ def summary(found: Identification) -> str:
     lines += [f"Told only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
+    if c.everyday is not None:
+        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
+        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its everyday misfit: "
+                     f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 
 

@@ -1,0 +1,51 @@
+"""Forces that a car lacks every day, taken out of the innovations."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.everyday import traced
+from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT
+from drift_drake.diagnosis.problem import Everyday, filter_case, flat, make_problem
+from drift_drake.diagnosis.search import coarse
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.gap_cases import Truth, make_case
+
+RESISTANCE = 0.03
+FUNCTIONS = 20  # of the state, the first of them constant
+BIAS = 0.01  # [rad]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    truth = Truth({"rolling_resistance": RESISTANCE, "sideslip_bias": BIAS})
+    return make_problem(make_case(truth, VehicleParameters(), np.random.default_rng(3), 3.0)[:2], VehicleParameters())
+
+
+@pytest.fixture(scope="module")
+def everyday(problem):
+    """What that car lacks: a force backwards, and an offset of the sideslip (readings are moved back by it)."""
+    vehicle = problem.vehicle
+    forces = {channel: [0.0] * FUNCTIONS for channel in FORCE_CHANNELS}
+    forces["body longitudinal force"][0] = -RESISTANCE * vehicle.mass * vehicle.gravity / FORCE_UNIT
+    return Everyday(forces, {"beta": -BIAS / problem.noise[2]}, 1.0)
+
+
+def mean_square(problem):
+    e = flat(problem, filter_case(problem, np.zeros(problem.nuisances), ()).innovations)
+    return float(np.mean(e**2))
+
+
+def test_a_car_with_its_everyday_forces_is_followed(problem, everyday):
+    taken_out = traced(problem.replace(everyday=everyday))
+    assert mean_square(problem) > 2.0
+    assert mean_square(taken_out) == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_trace_follows_the_filter(problem, everyday):
+    rough = coarse(traced(problem.replace(everyday=everyday)))
+    assert mean_square(rough) < mean_square(coarse(problem))
+    assert mean_square(rough) < 1.0
+
+
+def test_without_everyday_forces_nothing_changes(problem):
+    assert traced(problem) is problem

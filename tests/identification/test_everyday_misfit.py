@@ -1,0 +1,55 @@
+"""What one row is worth, and the forces that a calibrated car lacks."""
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.everyday import traced
+from drift_drake.diagnosis.freeform import FORCE_CHANNELS, Equations
+from drift_drake.diagnosis.problem import filter_case, flat, make_problem
+from drift_drake.identification.estimate import estimate
+from drift_drake.identification.everyday_misfit import everyday_misfit, scatter
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.gap_cases import Truth, make_case
+
+ROWS, WEIGHTS = 4000, 40
+
+
+def equations_with(lacking):
+    """Normal equations of random regressors whose innovations have noise and `lacking` of each regressor."""
+    rng = np.random.default_rng(0)
+    d, j = rng.standard_normal((ROWS, WEIGHTS)), rng.standard_normal((ROWS, 2))
+    e = rng.standard_normal(ROWS) + d @ rng.normal(0.0, lacking, WEIGHTS)
+    both = np.hstack([j, d])
+    return Equations(both.T @ both, both.T @ e, 2, np.repeat([0, 1], WEIGHTS // 2), float(e @ e))
+
+
+def test_scores_of_white_innovations_scatter_as_they_should():
+    assert scatter(equations_with(0.0), np.zeros(2)) == pytest.approx([1.0, 1.0], abs=0.5)
+
+
+def test_scores_of_forces_that_are_lacking_scatter_by_their_power():
+    """Each score is that of its weight, information times weight, beside the noise."""
+    assert scatter(equations_with(0.1), np.zeros(2)) == pytest.approx([1.0 + 0.01 * ROWS] * 2, rel=0.6)
+
+
+def test_a_car_that_the_model_follows_keeps_its_rows(identified):
+    assert 0.3 < identified.calibration.row_weight <= 1.0
+
+
+@pytest.fixture(scope="module")
+def strange():
+    """A car whose tyres have another curve, as well as the filter can follow it."""
+    runs = make_case(Truth({}, {"tyre_curve": 0.3}), VehicleParameters(), np.random.default_rng(7), 4.0)
+    problem = make_problem(runs, VehicleParameters())
+    return estimate(problem, (), np.zeros(problem.nuisances), 1.0)
+
+
+def test_what_a_car_lacks_every_day_makes_its_rows_worth_more(strange):
+    plain, everyday = everyday_misfit(strange)
+    assert plain < 0.5
+    assert plain < everyday.row_weight <= 1.0
+    assert set(everyday.forces) == set(FORCE_CHANNELS)
+    taken_out = traced(strange.problem.replace(everyday=everyday))
+    nothing = np.zeros(taken_out.nuisances)
+    left, before = (flat(p, filter_case(p, nothing, ()).innovations) for p in (taken_out, strange.problem))
+    assert np.sum(left**2) < np.sum(before**2)

@@ -11,8 +11,9 @@ from drift_drake.drives.drive import LOG_PERIOD, Drive, Limits
 from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
-from drift_drake.run_folder import write_json
+from drift_drake.run_folder import to_json
 from drift_drake.sensors import NoiseLevels
+from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
@@ -51,7 +52,7 @@ class Simulate:
     steering: float = 0.12
     """[rad] of step_steer and slalom."""
     json: Path | None = None
-    """Where to write what was driven."""
+    """Where to write what was driven (-: standard output)."""
 
 
 def run_simulate(command: Simulate) -> None:
@@ -69,10 +70,10 @@ def run_simulate(command: Simulate) -> None:
     end = "as planned" if ending == "time" else f"early: {ending}"
     beta = np.zeros(1) if run.beta is None else run.beta
     print(f"{command.out}: {command.drive}, {run.t[-1]:.2f} s, ended {end}; {np.min(run.v):.1f} to {np.max(run.v):.1f} "
-          f"m/s, sideslip up to {np.max(np.abs(beta)):.2f} rad")  # fmt: skip
+          f"m/s, sideslip up to {np.max(np.abs(beta)):.2f} rad", file=said_to(command.json))  # fmt: skip
     if command.json is not None:
-        command.json.parent.mkdir(parents=True, exist_ok=True)
-        write_json(command.json, {"command": command, "effects": magnitudes, "ending": ending, "rows": len(run)})
+        driven = {"command": command, "effects": magnitudes, "ending": ending, "rows": len(run)}
+        write_text(command.json, to_json(driven))
 
 
 def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects) -> tuple[Run, str]:

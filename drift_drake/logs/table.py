@@ -1,6 +1,7 @@
 """One run as a table of columns (SI, ISO 8855): read, checked, written."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,11 @@ def read_case(folder: str | Path) -> list[Run]:
     paths = run_paths(folder)
     if not paths:
         raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
+    for first, second in itertools.pairwise(paths):
+        if _name(first) == _name(second):
+            raise InvalidLogError(
+                f"{folder}: {first.name} and {second.name} are both {_name(first)}; keep one, or number them apart"
+            )
     return [read_run(path) for path in paths]
 
 

@@ -10,9 +10,19 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 
+WHEELBASE = 2.47  # [m] of the car that the other sizes are of
+FULL_SIZE = 1.0  # [m] of wheelbase from which a car is no model
+
+
+def model_scale(parameters: VehicleParameters) -> float:
+    """1 for a full-size car; for a model, its wheelbase beside one's (a tenth or so)."""
+    wheelbase = parameters.front_axle_distance + parameters.rear_axle_distance
+    return 1.0 if wheelbase > FULL_SIZE else wheelbase / WHEELBASE
+
+
 @dataclasses.dataclass(frozen=True)
 class CarShape:
-    """Sizes [m] of a car for pictures; only the axles' places come from the vehicle."""
+    """Sizes [m] of a car for pictures; axles and wheels come from the vehicle, the rest from its scale."""
 
     front_axle: float
     rear_axle: float
@@ -22,11 +32,18 @@ class CarShape:
     width: float = 1.84
     front_overhang: float = 0.92
     rear_overhang: float = 0.84
+    scale: float = 1.0
 
     @classmethod
     def of(cls, parameters: VehicleParameters) -> "CarShape":
         """The shape that goes with a vehicle."""
-        return cls(parameters.front_axle_distance, parameters.rear_axle_distance, parameters.wheel_radius)
+        scale = model_scale(parameters)
+        p = parameters
+        return cls(p.front_axle_distance / scale, p.rear_axle_distance / scale, p.wheel_radius / scale).scaled(scale)
+
+    def scaled(self, scale: float) -> "CarShape":
+        """The same car, so many times as large."""
+        return CarShape(*(scale * getattr(self, field.name) for field in dataclasses.fields(self)))
 
     @property
     def nose(self) -> float:
@@ -47,16 +64,16 @@ class CarShape:
         """Outline of the body [K, 2] [m], counter-clockwise from the rear right, the nose tapering."""
         half = 0.5 * self.width
         right = np.array([
-            [self.tail, -0.80 * half], [self.tail + 0.25, -half], [self.nose - 1.0, -half],
-            [self.nose - 0.30, -0.86 * half], [self.nose, -0.48 * half]])  # fmt: skip
+            [self.tail, -0.80 * half], [self.tail + 0.25 * self.scale, -half], [self.nose - 1.0 * self.scale, -half],
+            [self.nose - 0.30 * self.scale, -0.86 * half], [self.nose, -0.48 * half]])  # fmt: skip
         return np.concatenate([right, right[::-1] * [1.0, -1.0]])
 
     def cabin(self) -> Array:
         """Outline of the glass house [K, 2] [m]; it tells the front from the rear."""
         half = 0.5 * self.width
         right = np.array([
-            [self.tail + 0.55, -0.62 * half], [self.front_axle - 0.95, -0.72 * half],
-            [self.front_axle - 0.30, -0.80 * half]])  # fmt: skip
+            [self.tail + 0.55 * self.scale, -0.62 * half], [self.front_axle - 0.95 * self.scale, -0.72 * half],
+            [self.front_axle - 0.30 * self.scale, -0.80 * half]])  # fmt: skip
         return np.concatenate([right, right[::-1] * [1.0, -1.0]])
 
     def wheel_centres(self) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
-from drift_drake.pictures.car_shape import CarShape
+from drift_drake.pictures.car_shape import CarShape, model_scale
 from drift_drake.pictures.style import RUNS, check_columns
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -48,7 +48,7 @@ def replay(
 
     The cars are `/runs/0`, `/runs/1`, ... in the scene tree of the controls, in the colours of the overhead picture;
     a panel names them, moves them apart, lets the camera follow them or see all of the ground, and scrubs through
-    time. A car stands where its pose is NaN.
+    time. A car stands where its pose is NaN. A model car's scene is magnified to a full-size one's.
 
     Args:
         runs: tables with t, x, y, psi, delta (SI) by name.
@@ -68,12 +68,17 @@ def replay(
         raise ValueError("no runs to replay; give at least one")
     for name, run in runs.items():
         check_columns(run, COLUMNS, name)
+    parameters = parameters or VehicleParameters()
+    scale = model_scale(parameters)
+    runs = {name: run.assign(x=run["x"] / scale, y=run["y"] / scale) for name, run in runs.items()}
+    if scale != 1.0:
+        note = f"{note} Drawn {1.0 / scale:.0f} times as large.".strip()
     meshcat = Meshcat()
-    low, high = _extent(runs, reference)
+    low, high = _extent(runs, reference, scale)
     home = _set_scene(meshcat, low, high)
     if reference is not None:
-        _draw_reference(meshcat, reference)
-    shape = CarShape.of(parameters or VehicleParameters())
+        _draw_reference(meshcat, reference, scale)
+    shape = CarShape.of(parameters).scaled(1.0 / scale)
     longest = max(float(np.ptp(run["t"])) for run in runs.values())
     rate = float(np.clip(MOST_FRAMES / max(longest, 1.0), *FRAMES_PER_SECOND))
     meshcat.StartRecording(rate, set_visualizations_while_recording=False)
@@ -103,11 +108,11 @@ def _colour(index: int) -> str:
     return RUNS[index % len(RUNS)]
 
 
-def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None) -> tuple[Array, Array]:
-    """Corners [2] [m] of the ground that matters."""
+def _extent(runs: Mapping[str, pd.DataFrame], reference: Reference | None, scale: float) -> tuple[Array, Array]:
+    """Corners [2] [m] of the ground that matters; the reference is yet to be magnified by 1 / scale."""
     points = [run[["x", "y"]].to_numpy(dtype=float) for run in runs.values()]
     if reference is not None:
-        points.append(np.stack(reference.path.pose(_line_positions(reference))[:2], axis=-1))
+        points.append(np.stack(reference.path.pose(_line_positions(reference))[:2], axis=-1) / scale)
     everywhere = np.concatenate(points)
     return np.nanmin(everywhere, axis=0), np.nanmax(everywhere, axis=0)
 
@@ -154,18 +159,19 @@ def _line_positions(reference: Reference) -> Array:
     return np.linspace(0.0, length, int(np.ceil(length / LINE_SPACING)) + 1)
 
 
-def _draw_reference(meshcat: Meshcat, reference: Reference) -> None:
+def _draw_reference(meshcat: Meshcat, reference: Reference, scale: float) -> None:
     s = _line_positions(reference)
     low, high = reference.lane(s)
 
     def strip(name: str, right: Array, left: Array, height: float, rgba: Rgba) -> None:
-        right_edge, left_edge = (np.stack(reference.path.to_world(s, e)) for e in (right, left))
+        right_edge, left_edge = (np.stack(reference.path.to_world(s, e)) / scale for e in (right, left))
         _set_ribbon(meshcat, f"/lane/{name}", right_edge, left_edge, height, rgba)
 
-    white, dark, half = Rgba(1.0, 1.0, 1.0, 1.0), Rgba(0.35, 0.35, 0.36, 1.0), 0.5 * LINE_WIDTH
+    white, dark, width = Rgba(1.0, 1.0, 1.0, 1.0), Rgba(0.35, 0.35, 0.36, 1.0), scale * LINE_WIDTH
+    half = 0.5 * width
     strip("surface", low, high, LANE, Rgba(0.66, 0.67, 0.69, 1.0))
-    strip("right", low, low + LINE_WIDTH, LINE, white)
-    strip("left", high - LINE_WIDTH, high, LINE, white)
+    strip("right", low, low + width, LINE, white)
+    strip("left", high - width, high, LINE, white)
     strip("reference", np.full_like(s, -half), np.full_like(s, half), LINE, dark)
 
 

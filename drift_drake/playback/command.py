@@ -10,7 +10,8 @@ import tyro
 from drift_drake.logs.table import InvalidLogError, read_run
 from drift_drake.playback.comparison import Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, Played, SideBySide
-from drift_drake.run_folder import write_json
+from drift_drake.run_folder import to_json
+from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -33,7 +34,7 @@ class Replay:
     html: Path | None = None
     """Where to write the 3D replay: one HTML file that any browser plays."""
     json: Path | None = None
-    """Where to write the errors."""
+    """Where to write the errors (-: standard output)."""
 
 
 def run_replay(command: Replay) -> None:
@@ -45,13 +46,13 @@ def run_replay(command: Replay) -> None:
     cars = read_cars(command.vehicle, command.corrected)
     played = play(prepare(command.log, cars), command.restart)
     comparison = compare(played)
-    print(describe(command.log.name, comparison, command.restart))
+    print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))
     if command.json is not None:
-        command.json.parent.mkdir(parents=True, exist_ok=True)
-        write_json(command.json, {"log": command.log, "restart": command.restart} | comparison.to_dict())
+        errors = {"log": command.log, "restart": command.restart} | comparison.to_dict()
+        write_text(command.json, to_json(errors))
     if command.html is not None:
         write_replay(played, command.html, command.log.name, command.restart, cars["nominal"].parameters)
-        print(f"{command.html}: open it in a browser")
+        print(f"{command.html}: open it in a browser", file=said_to(command.json))
 
 
 def read_cars(vehicle: Path, corrected: Path | None) -> dict[str, CarModel]:

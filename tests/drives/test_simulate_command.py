@@ -57,6 +57,13 @@ def test_a_seed_replays_and_noise_can_be_left_out(vehicle):
     assert json.loads((vehicle.parent / "driven.json").read_text())["effects"] == {"aero_drag": 1.0}
 
 
+def test_what_was_driven_goes_to_standard_output(vehicle, capsys):
+    simulate(vehicle, "slalom", "a.csv", "--duration", "1", "--json", "-")
+    out, error = capsys.readouterr()
+    assert json.loads(out)["ending"] == "time"
+    assert "ended as planned" in error
+
+
 def test_a_log_drives_again_by_its_commands(vehicle):
     first = simulate(vehicle, "step_steer", "run_0.csv.gz", "--noise", "0", "--duration", "2.5")
     again = simulate(vehicle, vehicle.parent / "run_0.csv.gz", "again.csv", "--noise", "0")

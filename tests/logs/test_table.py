@@ -44,6 +44,13 @@ def test_case_is_read_in_the_order_of_numbers(tmp_path):
     assert [run.name for run in read_case(tmp_path)] == ["run_0", "run_2", "run_10"]
 
 
+def test_a_run_that_is_there_twice_is_refused(tmp_path):
+    for ending in (".csv", ".csv.gz"):
+        write_run(Run(name="x", **columns()), tmp_path / f"run_0{ending}")
+    with pytest.raises(InvalidLogError, match=r"run_0.csv and run_0.csv.gz are both run_0; keep one"):
+        read_case(tmp_path)
+
+
 def clock(row, change):
     t = columns()["t"]
     t[row:] += change

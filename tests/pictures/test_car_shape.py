@@ -36,6 +36,20 @@ def test_a_positive_steering_angle_turns_the_front_wheels_left_and_the_rear_ones
     np.testing.assert_allclose(angles, [0.4, 0.4, 0.0, 0.0], atol=1e-12)
 
 
+def test_a_model_car_is_a_small_one_in_all_its_sizes():
+    p = VehicleParameters()
+    small = CarShape.of(
+        p.replace(
+            front_axle_distance=0.1 * p.front_axle_distance,
+            rear_axle_distance=0.1 * p.rear_axle_distance,
+            wheel_radius=0.1 * p.wheel_radius,
+        )
+    )
+    for part in (CarShape.body, CarShape.cabin, CarShape.wheel_centres):
+        np.testing.assert_allclose(part(small), 0.1 * part(SHAPE), rtol=1e-9)
+    np.testing.assert_allclose(small.scaled(10.0).wheels(0.3), SHAPE.wheels(0.3), rtol=1e-9)
+
+
 def test_placing_turns_counter_clockwise_then_moves():
     np.testing.assert_allclose(placed(np.array([[1.0, 0.0]]), 5.0, 6.0, np.pi / 2.0), [[5.0, 7.0]], atol=1e-12)
     np.testing.assert_allclose(turned(np.array([[0.0, 1.0]]), np.pi / 2.0), [[-1.0, 0.0]], atol=1e-12)

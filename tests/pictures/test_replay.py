@@ -5,6 +5,7 @@ import re
 import pytest
 
 from drift_drake.pictures.replay import replay
+from drift_drake.vehicle.parameters import VehicleParameters
 
 
 def test_the_replay_is_one_file_that_loads_nothing_else(eight, perfect_run, tmp_path):
@@ -29,6 +30,15 @@ def test_more_cars_and_longer_runs_make_more_of_it(perfect_run, tmp_path):
 def test_a_run_without_a_column_is_named(perfect_run, tmp_path):
     with pytest.raises(ValueError, match=r"run 'a' lacks the column\(s\) psi"):
         replay({"a": perfect_run.drop(columns="psi")}, tmp_path / "replay.html")
+
+
+def test_a_model_cars_scene_is_magnified(perfect_run, tmp_path):
+    p = VehicleParameters()
+    model = p.replace(front_axle_distance=0.1 * p.front_axle_distance, rear_axle_distance=0.1 * p.rear_axle_distance)
+    assert (
+        "Drawn 10 times as large." in replay({"a": perfect_run}, tmp_path / "model.html", parameters=model).read_text()
+    )
+    assert "times as large" not in replay({"a": perfect_run}, tmp_path / "car.html").read_text()
 
 
 def test_the_panel_names_the_cars_and_a_gap_in_a_run_is_no_error(perfect_run, tmp_path):

@@ -28,6 +28,13 @@ def test_a_log_is_replayed_beside_both_cars(files, capsys):
     assert "Simulated cars start from the real one every 1 s." in page
 
 
+def test_errors_go_to_standard_output(files, capsys):
+    assert main(arguments(files, "--json", "-")) == 0
+    out, error = capsys.readouterr()
+    assert json.loads(out)["restart"] == 1.0
+    assert "position [m]" in error
+
+
 def test_without_a_corrected_car_the_nominal_one_is_replayed(files, capsys):
     assert main(arguments(files, "--restart", "0")) == 0
     assert "never restarted" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.features import Network
+from drift_drake.model.features import INPUT_COUNT, Network
 from drift_drake.model.posterior import Posterior, from_precision
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -43,7 +43,8 @@ class BayesianModel:
         return from_precision(self.prior_mean, precision)
 
     def trainable_count(self) -> int:
-        """Number of trainable parameters: network, prior mean and precision, noise scales (27,012 in the paper)."""
+        """Number of trainable parameters: network, prior mean and precision, noise scales (27,012 in the paper; its
+        network's inputs are z alone)."""
         weights = sum(np.size(getattr(self.network, name)) for name in _WEIGHTS)
         return weights + self.prior_mean.size + self.precision_factor.size + self.sigma.size
 
@@ -88,4 +89,6 @@ def load(path: str | Path | None = None) -> BayesianModel:
             f"{source}: checkpoint format {about.get('format')!r}, this version reads {FORMAT}; train it anew"
         )
     vehicle = VehicleParameters.from_dict(about["vehicle"], f"{source} (vehicle)")
-    return BayesianModel(Network(**weights), **prior, sample_weight=weight, vehicle=vehicle, record=about["record"])
+    physical = len(weights["input_offset"]) > INPUT_COUNT
+    network = Network(**weights, nominal=vehicle.constants() if physical else None)
+    return BayesianModel(network, **prior, sample_weight=weight, vehicle=vehicle, record=about["record"])

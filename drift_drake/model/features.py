@@ -2,14 +2,18 @@
 
 z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}); two hidden layers of 128 are shared by the four
 learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its own (section II of
-Davydov et al.). The output layers are linear, so theta folds into them: for the mean of the model the 64 features
-become 4 outputs, and the Jacobian needs 4 reverse rows.
+Davydov et al.). Beside z the network may be given what the nominal car's tyres say of z (`physical_inputs`, beyond the
+paper). The output layers are linear, so theta folds into them: for the mean of the model the 64 features become 4
+outputs, and the Jacobian needs 4 reverse rows.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_inputs
+from drift_drake.vehicle.parameters import Constants
 
 Array = NDArray[np.float64]
 
@@ -24,16 +28,24 @@ INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0])
 
 
 class Network(NamedTuple):
-    """Weights of the feature network, and the fixed scaling (z - offset) / scale of its inputs."""
+    """Weights of the feature network, and the fixed scaling (inputs - offset) / scale: 8 inputs, or 16 with physics."""
 
-    input_offset: Array  # [8]
-    input_scale: Array  # [8]
-    w1: Array  # [8, 128]
+    input_offset: Array  # [8 or 16]
+    input_scale: Array  # [8 or 16]
+    w1: Array  # [8 or 16, 128]
     b1: Array  # [128]
     w2: Array  # [128, 128]
     b2: Array  # [128]
     w_out: Array  # [4, 128, 16]
     b_out: Array  # [4, 16]
+    nominal: Constants | None = None  # the car whose tyres are asked; none: z alone
+
+
+def input_scaling(physical: bool) -> tuple[Array, Array]:
+    """(offset, scale) of a network's inputs, with or without the physical ones."""
+    if not physical:
+        return INPUT_OFFSET.copy(), INPUT_SCALE.copy()
+    return np.append(INPUT_OFFSET, np.zeros(PHYSICAL_COUNT)), np.append(INPUT_SCALE, PHYSICAL_SCALE)
 
 
 def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
@@ -41,17 +53,30 @@ def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
     return np.concatenate([np.asarray(x)[..., :STATE_COUNT], u, u_next], axis=-1)
 
 
+def all_inputs(z: Array, nominal: Constants | None) -> Array:
+    """The network's inputs [..., 8 or 16]: z [..., 8], and what the nominal car's tyres say of it."""
+    return z if nominal is None else np.concatenate([z, physical_inputs(z, nominal)[0]], axis=-1)
+
+
 def _hidden(network: Network, z: Array) -> tuple[Array, Array]:
-    scaled = (z - network.input_offset) / network.input_scale
+    scaled = (all_inputs(z, network.nominal) - network.input_offset) / network.input_scale
     h1 = np.tanh(scaled @ network.w1 + network.b1)
     return h1, np.tanh(h1 @ network.w2 + network.b2)
 
 
-def _reverse(network: Network, h1: Array, h2: Array, seed: Array) -> Array:
+def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
+    """Gradients [..., k, 8] with respect to z, from those [..., k, inputs] with respect to all inputs."""
+    if by_physics is None:
+        return by_inputs
+    return by_inputs[..., :INPUT_COUNT] + by_inputs[..., INPUT_COUNT:] @ by_physics
+
+
+def _reverse(network: Network, z: Array, h1: Array, h2: Array, seed: Array) -> Array:
     """Gradients with respect to z, [..., k, 8], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
     g2 = seed * (1.0 - h2 * h2)[..., None, :]
     g1 = (g2 @ network.w2.T) * (1.0 - h1 * h1)[..., None, :]
-    return (g1 @ network.w1.T) / network.input_scale
+    by_physics = None if network.nominal is None else physical_inputs(z, network.nominal)[1]
+    return _by_z((g1 @ network.w1.T) / network.input_scale, by_physics)
 
 
 def features(network: Network, z: Array) -> Array:
@@ -65,7 +90,7 @@ def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
     h1, h2 = _hidden(network, z)
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
     rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
-    jacobian = _reverse(network, h1, h2, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
+    jacobian = _reverse(network, z, h1, h2, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
     return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
 
 
@@ -85,7 +110,7 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     spread = 1.0 + np.sum(phi * weighted, axis=-1)
     gain = 0.5 * np.sum(np.log(spread), axis=-1)
     seed = np.einsum("ihf,...if->...h", network.w_out, weighted / spread[..., None], optimize=True)
-    return gain, _reverse(network, h1, h2, seed[..., None, :])[..., 0, :]
+    return gain, _reverse(network, z, h1, h2, seed[..., None, :])[..., 0, :]
 
 
 class MeanFunction:
@@ -115,15 +140,15 @@ class MeanFunction:
         other._fold(theta)
         return other
 
-    def _forward(self, z: Array) -> tuple[Array, ...]:
-        count = z.shape[0]
+    def _forward(self, inputs: Array) -> tuple[Array, ...]:
+        count = inputs.shape[0]
         if count not in self._work:
             hidden = (count, HIDDEN_COUNT)
             self._work[count] = (*(np.empty(hidden) for _ in range(4)),
                                  *(np.empty((STATE_COUNT, *hidden)) for _ in range(2)))  # fmt: skip
         work = self._work[count]
         h1, h2 = work[0], work[1]
-        np.matmul(z, self._w1, out=h1)
+        np.matmul(inputs, self._w1, out=h1)
         h1 += self._b1
         np.tanh(h1, out=h1)
         np.matmul(h1, self._w2, out=h2)
@@ -133,12 +158,16 @@ class MeanFunction:
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 8]."""
-        h2 = self._forward(z)[1]
+        h2 = self._forward(all_inputs(z, self._network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 8] at z [n, 8], by reverse mode."""
-        h1, h2, slope1, slope2, g2, g1 = self._forward(z)
+        inputs, by_physics = z, None
+        if self._network.nominal is not None:
+            values, by_physics = physical_inputs(z, self._network.nominal)
+            inputs = np.concatenate([z, values], axis=-1)
+        h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
         value = h2 @ self._w3.T + self._b3
         np.multiply(h2, h2, out=slope2)
         np.subtract(1.0, slope2, out=slope2)
@@ -148,5 +177,5 @@ class MeanFunction:
         count = z.shape[0]
         np.matmul(g2.reshape(-1, HIDDEN_COUNT), self._w2_t, out=g1.reshape(-1, HIDDEN_COUNT))
         g1 *= slope1
-        jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, INPUT_COUNT)
-        return value, jacobian.transpose(1, 0, 2)
+        jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
+        return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)

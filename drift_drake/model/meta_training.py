@@ -12,7 +12,7 @@ import torch
 from tqdm import tqdm
 
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import FEATURE_COUNT, INPUT_OFFSET, INPUT_SCALE, STATE_COUNT, Network
+from drift_drake.model.features import FEATURE_COUNT, INPUT_COUNT, STATE_COUNT, Network, input_scaling
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
 from drift_drake.model.torch_network import Parameters, initial_parameters
@@ -49,7 +49,7 @@ def train(config: TrainingConfig) -> BayesianModel:
     torch.set_num_threads(config.threads)
     vehicle = VehicleParameters() if config.vehicle is None else VehicleParameters.from_yaml(config.vehicle)
     objective, tables = _objective(config, vehicle)
-    parameters = initial_parameters(torch.Generator().manual_seed(config.seed))
+    parameters = initial_parameters(torch.Generator().manual_seed(config.seed), config.physical_inputs)
     if config.lane is not None:
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
         parameters["logit_weight"] = torch.tensor(logit, dtype=torch.float64, requires_grad=True)
@@ -114,8 +114,9 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
     output_scale = scale.double().numpy()
     weights = {name: numbers[name] for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")}
     factor = numbers["precision_factor"] if adaptive else 1e6 * np.tile(np.eye(FEATURE_COUNT), (STATE_COUNT, 1, 1))
+    physical = len(weights["w1"]) > INPUT_COUNT
     return BayesianModel(
-        Network(INPUT_OFFSET.copy(), INPUT_SCALE.copy(), **weights),
+        Network(*input_scaling(physical), **weights, nominal=vehicle.constants() if physical else None),
         prior_mean=numbers["prior_mean"] * output_scale[:, None],
         precision_factor=factor,
         sigma=np.exp(numbers["log_sigma"]) * output_scale,

@@ -12,23 +12,26 @@ from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
     INPUT_COUNT,
-    INPUT_OFFSET,
-    INPUT_SCALE,
     STATE_COUNT,
+    input_scaling,
 )
 
 Parameters = dict[str, torch.Tensor]
 
 
-def initial_parameters(generator: torch.Generator) -> Parameters:
-    """The 27,012 trainable numbers: uniform weights of width 1/sqrt(inputs), identity precision."""
+def initial_parameters(generator: torch.Generator, physical: bool = False) -> Parameters:
+    """The trainable numbers: uniform weights of width 1/sqrt(inputs), identity precision.
+
+    27,012 with z alone, as in the paper; 28,036 with the physical inputs.
+    """
+    inputs_count = len(input_scaling(physical)[0])
 
     def uniform(*shape: int, inputs: int) -> torch.Tensor:
         return (2.0 * torch.rand(shape, generator=generator) - 1.0) / math.sqrt(inputs)
 
     parameters = {
-        "w1": uniform(INPUT_COUNT, HIDDEN_COUNT, inputs=INPUT_COUNT),
-        "b1": uniform(HIDDEN_COUNT, inputs=INPUT_COUNT),
+        "w1": uniform(inputs_count, HIDDEN_COUNT, inputs=inputs_count),
+        "b1": uniform(HIDDEN_COUNT, inputs=inputs_count),
         "w2": uniform(HIDDEN_COUNT, HIDDEN_COUNT, inputs=HIDDEN_COUNT),
         "b2": uniform(HIDDEN_COUNT, inputs=HIDDEN_COUNT),
         "w_out": uniform(STATE_COUNT, HIDDEN_COUNT, FEATURE_COUNT, inputs=HIDDEN_COUNT),
@@ -40,9 +43,10 @@ def initial_parameters(generator: torch.Generator) -> Parameters:
     return {name: value.requires_grad_() for name, value in parameters.items()}
 
 
-def torch_features(parameters: Parameters, z: torch.Tensor) -> torch.Tensor:
-    """phi [n, 4, 16] at z [n, 8]: torch's twin of `features.features`."""
-    scaled = (z - torch.as_tensor(INPUT_OFFSET, dtype=z.dtype)) / torch.as_tensor(INPUT_SCALE, dtype=z.dtype)
+def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor:
+    """phi [n, 4, 16] at inputs [n, 8 or 16]: torch's twin of `features.features`."""
+    offset, scale = (torch.as_tensor(a, dtype=inputs.dtype) for a in input_scaling(inputs.shape[1] > INPUT_COUNT))
+    scaled = (inputs - offset) / scale
     hidden = torch.tanh(torch.addmm(parameters["b1"], scaled, parameters["w1"]))
     hidden = torch.tanh(torch.addmm(parameters["b2"], hidden, parameters["w2"]))
     w_out = parameters["w_out"].permute(1, 0, 2).reshape(HIDDEN_COUNT, -1)

@@ -41,6 +41,8 @@ class TrainingConfig:
     """An epoch's share of a larger table, drawn anew each time; without, all of it."""
     temper: bool = True
     """Choose the weight of a sample in the posterior on the validation vehicles; else it is 1."""
+    physical_inputs: bool = True
+    """Give the network the slips and forces of the nominal car's tyres beside z."""
     adaptive: bool = True
     """False: a network of the same size that never adapts."""
     epochs: int = 1600
@@ -66,15 +68,17 @@ class TrainingConfig:
 def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     """The configuration of a recipe.
 
-    "transfer" is the configuration as it stands. "windows" has the paper's objective, over windows of mixed lengths, up
-    to all of a vehicle's samples with its drives in random order, and chooses the weight of a sample on the validation
-    vehicles. "paper" is the paper's plain recipe: windows of 10 samples in the order driven, 1000 epochs of Adam at
-    1e-3 with a decay of 0.9975, every sample at full weight (give it the table of every tenth row, train.npz). "fixed"
-    is "windows" without adaptation.
+    "transfer" is the configuration as it stands. "windows" has the paper's inputs (z alone) and objective, over windows
+    of mixed lengths, up to all of a vehicle's samples with its drives in random order, and chooses the weight of a
+    sample on the validation vehicles. "paper" is the paper's plain recipe: windows of 10 samples in the order driven,
+    1000 epochs of Adam at 1e-3 with a decay of 0.9975, every sample at full weight (give it the table of every tenth
+    row, train.npz). "fixed" is "windows" without adaptation.
     """
     if recipe == "transfer":
         return config
-    windows = dataclasses.replace(config, lane=None, learning_rate=1e-3, decay=0.9975, gradient_clip=None)
+    windows = dataclasses.replace(
+        config, lane=None, physical_inputs=False, learning_rate=1e-3, decay=0.9975, gradient_clip=None
+    )
     if recipe == "paper":
         return dataclasses.replace(
             windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, epoch_samples=None, temper=False

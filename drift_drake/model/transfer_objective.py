@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from drift_drake.model.bayesian_step import residual
-from drift_drake.model.features import STATE_COUNT, network_inputs
+from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
 from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
 from drift_drake.model.training_config import TrainingConfig
@@ -51,11 +51,12 @@ def drives_by_phase(samples: Samples, first_row: int) -> dict[int, list[list[Row
 class Tasks:
     """The samples of drifts and of lane drives on torch's side, mirrored too, and how a task is drawn from them."""
 
-    def __init__(self, drift: Samples, lane: Samples, vehicle: VehicleParameters) -> None:
+    def __init__(self, drift: Samples, lane: Samples, vehicle: VehicleParameters, physical: bool) -> None:
         tables = [drift, lane, mirrored(drift), mirrored(lane)]
         offsets = np.concatenate([[0], np.cumsum([len(table.x) for table in tables])])
         together = concatenate(tables)
-        self.z = torch.as_tensor(network_inputs(together.x, together.u, together.u_next), dtype=torch.float32)
+        z = network_inputs(together.x, together.u, together.u_next)
+        self.inputs = torch.as_tensor(all_inputs(z, vehicle.constants() if physical else None), dtype=torch.float32)
         self.y = torch.as_tensor(residual(together.x, together.u, together.x_next, vehicle.constants()))
         drifts, lanes = drives_by_phase(drift, 0), drives_by_phase(lane, 0)
 
@@ -135,8 +136,8 @@ class TransferObjective:
     ) -> None:
         """Args: samples, watched: (drifting drives, lane drives)."""
         self._config = config
-        self._tasks = Tasks(*samples, vehicle)
-        self._watched = None if watched is None else Tasks(*watched, vehicle)
+        self._tasks = Tasks(*samples, vehicle, config.physical_inputs)
+        self._watched = None if watched is None else Tasks(*watched, vehicle, config.physical_inputs)
         self.scale = self._tasks.y.std(dim=0)
 
     def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
@@ -157,7 +158,7 @@ class TransferObjective:
     ) -> tuple[torch.Tensor, int]:
         contexts, targets = zip(*(tasks.draw(generator) for _ in range(count)), strict=True)
         index, mask = zip(padded(contexts), padded(targets), strict=True)
-        phi = torch_features(parameters, tasks.z[torch.cat([rows.reshape(-1) for rows in index])])
+        phi = torch_features(parameters, tasks.inputs[torch.cat([rows.reshape(-1) for rows in index])])
         parts = [
             (part.reshape(*rows.shape, STATE_COUNT, -1), tasks.y[rows] / self.scale, valid)
             for part, rows, valid in zip(phi.split([rows.numel() for rows in index]), index, mask, strict=True)

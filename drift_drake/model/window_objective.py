@@ -18,7 +18,7 @@ import torch
 from numpy.typing import NDArray
 
 from drift_drake.model.bayesian_step import residual
-from drift_drake.model.features import STATE_COUNT, network_inputs
+from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import Samples, concatenate, mirrored
 from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
 from drift_drake.model.training_config import TrainingConfig
@@ -30,8 +30,9 @@ LONG = 40  # [samples] longest window that stays within one drive
 class Windows:
     """The samples on torch's side, and how an epoch cuts them into windows."""
 
-    def __init__(self, samples: Samples, vehicle: VehicleParameters) -> None:
-        self.z = torch.as_tensor(network_inputs(samples.x, samples.u, samples.u_next), dtype=torch.float32)
+    def __init__(self, samples: Samples, vehicle: VehicleParameters, physical: bool) -> None:
+        z = network_inputs(samples.x, samples.u, samples.u_next)
+        self.inputs = torch.as_tensor(all_inputs(z, vehicle.constants() if physical else None), dtype=torch.float32)
         self.y = torch.as_tensor(residual(samples.x, samples.u, samples.x_next, vehicle.constants()))
         cuts = np.flatnonzero(np.diff(samples.drive)) + 1
         drives = np.split(np.arange(len(samples.drive)), cuts)
@@ -97,8 +98,8 @@ class WindowObjective:
         self, config: TrainingConfig, samples: Samples, watched: Samples | None, vehicle: VehicleParameters
     ) -> None:
         self._config = config
-        self._windows = Windows(concatenate([samples, mirrored(samples)]), vehicle)
-        self._watched = None if watched is None else Windows(watched, vehicle)
+        self._windows = Windows(concatenate([samples, mirrored(samples)]), vehicle, config.physical_inputs)
+        self._watched = None if watched is None else Windows(watched, vehicle, config.physical_inputs)
         self.scale = self._windows.y.std(dim=0)
 
     def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
@@ -130,7 +131,7 @@ class WindowObjective:
     ) -> tuple[torch.Tensor, int]:
         # In the density of the physical units.
         index, mask = padded(batch)
-        phi = torch_features(parameters, windows.z[index.reshape(-1)]).reshape(*index.shape, STATE_COUNT, -1)
+        phi = torch_features(parameters, windows.inputs[index.reshape(-1)]).reshape(*index.shape, STATE_COUNT, -1)
         total = window_nll(parameters, phi, windows.y[index] / self.scale, mask, self._config.adaptive).sum()
         count = int(mask.sum())
         return total / count + 2.0 * torch.log(self.scale).sum(), count

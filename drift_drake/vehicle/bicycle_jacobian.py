@@ -30,6 +30,39 @@ def brush_gradient(sigma_x: Any, sigma_y: Any, stiffness: Any, peak: Any) -> tup
 
 
 @jitable
+def slip_point(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, p: Constants, slip: Any, gradient: Any) -> None:
+    """Writes the slips (sigma_x, sigma_y) of the front and of the rear axle [4] and their gradients [4, 5].
+
+    Gradients are with respect to (r, v, beta, omega_r, delta); the slips are `bicycle.front_slip`'s and `rear_slip`'s.
+    """
+    sb, cb, sd, cd = sin(beta), cos(beta), sin(delta), cos(delta)
+    lf, lr, share = p.front_axle_distance, p.rear_axle_distance, p.front_coupling
+    u_x, u_y = v * cb, v * sb
+    du_x = (0.0, cb, -u_y, 0.0, 0.0)
+    du_y = (0.0, sb, u_x, 0.0, 0.0)
+    front_y = u_y + lf * r
+    v_x, v_y = u_x * cd + front_y * sd, -u_x * sd + front_y * cd
+    rim_f = v_x + share * (omega_r - v_x)
+    floor_f, floor_r = rim_f <= MIN_SLIP_SPEED, omega_r <= MIN_SLIP_SPEED
+    den_f = MIN_SLIP_SPEED if floor_f else rim_f
+    den_r = MIN_SLIP_SPEED if floor_r else omega_r
+    slip[0], slip[1] = share * (omega_r - v_x) / den_f, v_y / den_f
+    slip[2], slip[3] = (omega_r - u_x) / den_r, (u_y - lr * r) / den_r
+    for j in range(5):
+        dfront_y = du_y[j] + (lf if j == 0 else 0.0)
+        steer = 1.0 if j == 4 else 0.0
+        dv_x = du_x[j] * cd + dfront_y * sd + steer * v_y
+        dv_y = -du_x[j] * sd + dfront_y * cd - steer * v_x
+        spin = 1.0 if j == 3 else 0.0
+        dexcess = share * (spin - dv_x)
+        dden_f = 0.0 if floor_f else dv_x + dexcess
+        dden_r = 0.0 if floor_r else spin
+        gradient[0, j], gradient[1, j] = (dexcess - slip[0] * dden_f) / den_f, (dv_y - slip[1] * dden_f) / den_f
+        gradient[2, j] = (spin - du_x[j] - slip[2] * dden_r) / den_r
+        gradient[3, j] = (du_y[j] - (lr if j == 0 else 0.0) - slip[3] * dden_r) / den_r
+
+
+@jitable
 def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a: Any, b: Any) -> None:
     """Writes x_dot [6], A = d x_dot / dx [6, 6] and B = d x_dot / du [6, 2] at one point into the given arrays."""
     r, v, beta, omega_r, e, dphi = x[0], x[1], x[2], x[3], x[4], x[5]
@@ -41,41 +74,19 @@ def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a:
     f_zf, f_zr = static_loads(p)
     lf, lr = p.front_axle_distance, p.rear_axle_distance
     sb, cb, sd, cd = sin(beta), cos(beta), sin(delta), cos(delta)
-    u_x, u_y = v * cb, v * sb
-    # Derivatives run over q = (r, v, beta, omega_r, delta); tau enters the wheel alone.
-    du_x = (0.0, cb, -u_y, 0.0, 0.0)
-    du_y = (0.0, sb, u_x, 0.0, 0.0)
-    front_y = u_y + lf * r
-    v_x, v_y = u_x * cd + front_y * sd, -u_x * sd + front_y * cd
-    share = p.front_coupling
-    rim_f = v_x + share * (omega_r - v_x)
-    floor_f = rim_f <= MIN_SLIP_SPEED
-    den_f = MIN_SLIP_SPEED if floor_f else rim_f
-    slip_xf, slip_yf = share * (omega_r - v_x) / den_f, v_y / den_f
-    f_xf, f_yf, k_fxx, k_fxy, k_fyx, k_fyy = brush_gradient(slip_xf, slip_yf, p.front_stiffness, p.friction * f_zf)
-    floor_r = omega_r <= MIN_SLIP_SPEED
-    den_r = MIN_SLIP_SPEED if floor_r else omega_r
-    slip_x, slip_y = (omega_r - u_x) / den_r, (u_y - lr * r) / den_r
-    _, _, k_xx, k_xy, k_yx, k_yy = brush_gradient(slip_x, slip_y, p.rear_stiffness, p.friction * f_zr)
+    slip, dslip = np.empty(4), np.empty((4, 5))
+    slip_point(r, v, beta, omega_r, delta, p, slip, dslip)
+    f_xf, f_yf, k_fxx, k_fxy, k_fyx, k_fyy = brush_gradient(slip[0], slip[1], p.front_stiffness, p.friction * f_zf)
+    _, _, k_xx, k_xy, k_yx, k_yy = brush_gradient(slip[2], slip[3], p.rear_stiffness, p.friction * f_zr)
     slow = v <= MIN_SPEED
     v_floor = MIN_SPEED if slow else v
     course = rates.a_y * cb - rates.a_x * sb
     for j in range(5):
-        dfront_y = du_y[j] + (lf if j == 0 else 0.0)
         steer = 1.0 if j == 4 else 0.0
-        dv_x = du_x[j] * cd + dfront_y * sd + steer * v_y
-        dv_y = -du_x[j] * sd + dfront_y * cd - steer * v_x
-        spin = 1.0 if j == 3 else 0.0
-        dexcess = share * (spin - dv_x)
-        dden_f = 0.0 if floor_f else dv_x + dexcess
-        dslip_xf, dslip_yf = (dexcess - slip_xf * dden_f) / den_f, (dv_y - slip_yf * dden_f) / den_f
-        df_xf = k_fxx * dslip_xf + k_fxy * dslip_yf
-        df_yf = k_fyx * dslip_xf + k_fyy * dslip_yf
-        dden_r = 0.0 if floor_r else spin
-        dslip_x = (spin - du_x[j] - slip_x * dden_r) / den_r
-        dslip_y = (du_y[j] - (lr if j == 0 else 0.0) - slip_y * dden_r) / den_r
-        df_xr = k_xx * dslip_x + k_xy * dslip_y
-        df_yr = k_yx * dslip_x + k_yy * dslip_y
+        df_xf = k_fxx * dslip[0, j] + k_fxy * dslip[1, j]
+        df_yf = k_fyx * dslip[0, j] + k_fyy * dslip[1, j]
+        df_xr = k_xx * dslip[2, j] + k_xy * dslip[3, j]
+        df_yr = k_yx * dslip[2, j] + k_yy * dslip[3, j]
         dlateral = df_yf * cd - steer * f_yf * sd + df_xf * sd + steer * f_xf * cd
         da_x = (df_xf * cd - steer * f_xf * sd - df_yf * sd - steer * f_yf * cd + df_xr) / p.mass
         da_y = (dlateral + df_yr) / p.mass

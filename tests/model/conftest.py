@@ -4,20 +4,31 @@ import numpy as np
 import pytest
 
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import INPUT_OFFSET, INPUT_SCALE, Network
+from drift_drake.model.features import Network, input_scaling
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
-@pytest.fixture(scope="session")
-def random_network() -> Network:
+def untrained(physical: bool) -> Network:
     """Untrained features: smooth, of order one."""
     generator = np.random.default_rng(3)
+    offset, scale = input_scaling(physical)
 
     def normal(*shape: int) -> np.ndarray:
         return generator.normal(size=shape) / np.sqrt(shape[-2] if len(shape) > 1 else 8)
 
-    return Network(INPUT_OFFSET, INPUT_SCALE, normal(8, 128), normal(128), normal(128, 128), normal(128),
-                   normal(4, 128, 16), normal(4, 16))  # fmt: skip
+    nominal = VehicleParameters().constants() if physical else None
+    return Network(offset, scale, normal(len(offset), 128), normal(128), normal(128, 128), normal(128),
+                   normal(4, 128, 16), normal(4, 16), nominal)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def random_network() -> Network:
+    return untrained(physical=False)
+
+
+@pytest.fixture(scope="session")
+def physical_network() -> Network:
+    return untrained(physical=True)
 
 
 @pytest.fixture(scope="session")

@@ -10,15 +10,16 @@ from drift_drake.model.features import (
     INPUT_SCALE,
     MeanFunction,
     Network,
+    all_inputs,
     feature_jacobian,
     features,
     information_gain,
 )
 
 
-@pytest.fixture(scope="module")
-def network(random_network: Network) -> Network:
-    return random_network
+@pytest.fixture(scope="module", params=["z alone", "with physical inputs"])
+def network(request, random_network: Network, physical_network: Network) -> Network:
+    return random_network if request.param == "z alone" else physical_network
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,8 @@ def central_difference(function, z: np.ndarray) -> np.ndarray:
 
 def test_features_are_the_networks_formula(network: Network, points: np.ndarray) -> None:
     z = points[0]
-    h1 = np.tanh(network.w1.T @ ((z - network.input_offset) / network.input_scale) + network.b1)
+    inputs = all_inputs(z, network.nominal)
+    h1 = np.tanh(network.w1.T @ ((inputs - network.input_offset) / network.input_scale) + network.b1)
     h2 = np.tanh(network.w2.T @ h1 + network.b2)
     expected = np.stack([network.w_out[i].T @ h2 + network.b_out[i] for i in range(4)])
     np.testing.assert_allclose(features(network, z), expected, rtol=0, atol=1e-13)

@@ -8,7 +8,8 @@ import pytest
 
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import load
-from drift_drake.model.features import FEATURE_COUNT, feature_jacobian, features, network_inputs
+from drift_drake.model.features import FEATURE_COUNT, all_inputs, feature_jacobian, features, network_inputs
+from drift_drake.model.physical_inputs import physical_inputs
 from drift_drake.model.posterior import predict, update
 from drift_drake.model.samples import Samples, load_samples, save_samples
 from drift_drake.model.training_config import TrainingConfig, with_recipe
@@ -79,8 +80,9 @@ def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
 
 
 def test_parameters_number_as_in_the_paper() -> None:
-    parameters = initial_parameters(torch.Generator().manual_seed(0))
-    assert sum(value.numel() for value in parameters.values()) == 27_012
+    for physical, count in ((False, 27_012), (True, 27_012 + 8 * 128)):
+        parameters = initial_parameters(torch.Generator().manual_seed(0), physical)
+        assert sum(value.numel() for value in parameters.values()) == count
 
 
 def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network(config: TrainingConfig) -> None:
@@ -97,14 +99,16 @@ def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network
     parameters = {
         name: torch.as_tensor(getattr(stored.network, name)) for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")
     }
-    points = torch.as_tensor(z).requires_grad_()
+    points = torch.as_tensor(all_inputs(z, stored.network.nominal)).requires_grad_()
+    assert points.shape == (20, 16)
     phi = torch_features(parameters, points)
     np.testing.assert_allclose(features(stored.network, z), phi.detach().numpy(), rtol=0, atol=1e-12)
     gradient = torch.autograd.grad(phi[:, 2, 5].sum(), points)[0].numpy()
-    np.testing.assert_allclose(feature_jacobian(stored.network, z)[1][:, 2, 5], gradient, rtol=0, atol=1e-12)
-    single = torch_features(
-        {name: value.float() for name, value in parameters.items()}, torch.as_tensor(z, dtype=torch.float32)
+    gradient = gradient[:, :8] + np.einsum(
+        "np,npz->nz", gradient[:, 8:], physical_inputs(z, stored.vehicle.constants())[1]
     )
+    np.testing.assert_allclose(feature_jacobian(stored.network, z)[1][:, 2, 5], gradient, rtol=0, atol=1e-12)
+    single = torch_features({name: value.float() for name, value in parameters.items()}, points.detach().float())
     np.testing.assert_allclose(features(stored.network, z), single.numpy(), rtol=0, atol=3e-6)
 
 
@@ -186,7 +190,7 @@ def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> Non
 
 def test_targets_are_of_the_contexts_vehicle_and_never_in_the_context(table: Path) -> None:
     drift = load_samples(table)
-    tasks = Tasks(drift, drift._replace(x=drift.x + 0.001), VehicleParameters())
+    tasks = Tasks(drift, drift._replace(x=drift.x + 0.001), VehicleParameters(), physical=True)
     rows_of = len(drift.x)
     vehicle = np.concatenate([drift.vehicle, drift.vehicle, drift.vehicle + 10, drift.vehicle + 10])
     kinds = set()

@@ -20,7 +20,6 @@ from drift_drake.diagnosis.problem import (
     observe_case,
 )
 
-NUISANCE_STEP = 0.05  # of a tolerance, for differences
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
 LEAST_SHARE = 0.1  # of a constant of the vehicle file
 CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
@@ -91,7 +90,7 @@ def sensitivity(
             continue
         if column == LIMITER and "steering_rate_limit" not in names:
             continue
-        step = NUISANCE_STEP if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
+        step = problem.step if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
         step = step if theta[column] + step <= high[column] else -step
         moved = theta.copy()
         moved[column] += step
@@ -112,9 +111,9 @@ def _start_columns(
         for i, run in enumerate(problem.runs):
             column = len(NUISANCES) + 2 * i + kind
             moved = theta.copy()
-            moved[column] += NUISANCE_STEP
+            moved[column] += problem.step
             e = counted(problem, run, observe(problem, gains, moved, names, i)).ravel()
-            out[row : row + len(e), column] = (e - base[row : row + len(e)]) / NUISANCE_STEP
+            out[row : row + len(e), column] = (e - base[row : row + len(e)]) / problem.step
             row += len(e)
 
 

@@ -29,10 +29,10 @@ from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_from_data
 from drift_drake.diagnosis.filter import CHANNELS
-from drift_drake.diagnosis.fit import MAGNITUDE_STEP, NUISANCE_STEP
+from drift_drake.diagnosis.fit import MAGNITUDE_STEP
 from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
 from drift_drake.diagnosis.prior import bounds, scale
-from drift_drake.diagnosis.problem import NUISANCES, Problem, car, tolerance_deviations
+from drift_drake.diagnosis.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
 from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 

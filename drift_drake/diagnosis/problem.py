@@ -34,6 +34,7 @@ NUISANCES = (
     "limiter_settling",  # how sharply a rate limiter lets go: no two actuators or simulators agree on it
 )
 TOLERANCES = len(NUISANCES) - 1  # nuisances that are deviations of the vehicle
+NUISANCE_STEP = 0.05  # of a tolerance, for differences
 LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow, times or by e^0.7
 
 START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
@@ -97,6 +98,7 @@ class Problem:
     own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
     ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
     everyday: Everyday | None = None  # whose trace the runs hold
+    step: float = NUISANCE_STEP  # for differences
     row_weight: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
 
     def replace(self, **changes: object) -> "Problem":

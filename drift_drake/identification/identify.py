@@ -34,6 +34,7 @@ from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
+STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 TWO_SIDED = 1.96
@@ -133,7 +134,8 @@ def identify(
     chosen, more = seen_effects(runs, seen(asked, runs))
     warnings += more
     wide = widened(vehicle, known)
-    problem = make_problem(runs, wide, stated=stated).replace(ranges=effect_ranges(chosen, vehicle, runs))
+    problem = make_problem(runs, wide, stated=stated)
+    problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
     first = first_guess(problem, chosen, effects)
     best = search(problem, chosen, first, tell)
     tell("all rows", 0.8)

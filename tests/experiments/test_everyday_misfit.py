@@ -1,0 +1,39 @@
+"""Counts of the everyday misfit's experiment, and the cars that it draws."""
+
+import numpy as np
+
+from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.everyday_misfit import MISFITS, drawn_days, numbers
+
+
+def test_misfits_take_turns_and_the_second_day_adds_one_effect():
+    days = [drawn_days(np.random.default_rng([3, i]), i, VehicleParameters()) for i in range(len(MISFITS))]
+    assert [next(iter(day.everyday.strange)) for day in days] == list(MISFITS)
+    for day in days:
+        assert day.everyday.effects == {}
+        assert len(day.changed.effects) == 1
+        assert set(day.changed.effects) <= set(CATALOGUE)
+        assert (day.changed.strange, day.changed.deviations) == (day.everyday.strange, day.everyday.deviations)
+
+
+def answered(name, ambiguity, magnitudes):
+    return {"name": name, "ambiguity": ambiguity, "leading_known": name, "magnitudes": magnitudes}
+
+
+def test_right_answers_are_counted_by_day():
+    held = {"aero_drag": {"low": 0.9, "high": 1.1}}
+    results = [
+        {"effect": {"aero_drag": 1.0}, "answers": {
+            "changed, everyday": answered("aero_drag", ["aero_drag"], held),
+            "same, everyday": answered("none", ["none"], {})}},
+        {"effect": {"aero_drag": 2.0}, "answers": {
+            "changed, everyday": answered("unknown", ["unknown", "aero_drag"], {}),
+            "same, everyday": answered("unknown", ["unknown"], {})}},
+    ]  # fmt: skip
+    found = numbers(results)
+    assert found["vehicles"] == 2
+    assert (found["changed, everyday"]["right"], found["same, everyday"]["right"]) == (1, 1)
+    assert found["changed, everyday"]["in_ambiguity_set"] == 2
+    assert found["changed, everyday"]["magnitudes_held"] == [1]
+    assert found["same, everyday"]["unknown"] == 1

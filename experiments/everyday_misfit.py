@@ -47,6 +47,9 @@ class Config:
     vehicles: int = 12
     duration: float = 12.0
     """Of each of a day's four drives [s]."""
+    ways: tuple[str, ...] = ("changed, everyday", "changed, neither", "same, everyday", "changed, row weight",
+                             "same, neither", "same, row weight")  # fmt: skip
+    """Day, and what of the identification is given to the diagnosis."""
     seed: int = 31
 
 
@@ -103,10 +106,11 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
         "neither": {},
     }
     answers = {}
-    for day, truth in (("changed", days.changed), ("same", days.everyday)):
+    for asked_for in config.ways:
+        day, way = asked_for.split(", ")
+        truth = days.changed if day == "changed" else days.everyday
         runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)
-        for way, trusted in ways.items():
-            answers[f"{day}, {way}"] = asked(found, runs, **trusted)
+        answers[asked_for] = asked(found, runs, **ways[way])
     return {
         "misfit": days.everyday.strange,
         "effect": days.changed.effects,

@@ -12,7 +12,7 @@ import numpy as np
 
 from drift_drake.diagnosis.answer import Answer, Interval
 from drift_drake.diagnosis.beliefs import beliefs_as_data
-from drift_drake.diagnosis.everyday import traced
+from drift_drake.diagnosis.everyday import applied, traced
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.freeform import Regression, misfit
 from drift_drake.diagnosis.horizons import HORIZONS, start_rows
@@ -100,7 +100,7 @@ def diagnose(
         catalogue: names of the effects to consider; process_scale, noise_scale, stated,
         row_weight: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them;
-        everyday: misfit that is no gap, whose row weight then counts in place of `row_weight`.
+        everyday: misfit that is no gap, with a row weight of its own (`everyday.applied`).
 
     Raises:
         InvalidLogError: no run can be used.
@@ -111,9 +111,10 @@ def diagnose(
     runs, warnings = usable(runs, vehicle)
     names, more = seen_effects(runs, catalogue)
     warnings += more
-    row_weight = everyday.row_weight if everyday else row_weight
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
-    problem = traced(problem.replace(everyday=everyday))
+    if everyday is not None:
+        problem, more = applied(problem, everyday)
+        warnings += more
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     hypotheses = found.hypotheses()
     refined = refine_noise(problem, hypotheses[0][0])

@@ -11,13 +11,35 @@ import numpy as np
 
 from drift_drake.diagnosis.filter import CHANNELS
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
-from drift_drake.diagnosis.problem import Problem, filter_case, observe
+from drift_drake.diagnosis.problem import Everyday, Problem, filter_case, flat, observe
 
 
 @dataclasses.dataclass(frozen=True)
 class _Nominal:
     names: tuple[str, ...]
     theta: np.ndarray
+
+
+def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
+    """The problem with everyday forces and the row weight beside them, and warnings.
+
+    As it is, where they bring the car no nearer to these logs: functions of the state say nothing of states that the
+    calibration never saw.
+    """
+    taken_out = traced(problem.replace(everyday=everyday, row_weight=everyday.row_weight))
+    before, after = (mean_square(p) for p in (problem, taken_out))
+    if after < before:
+        return taken_out, []
+    return problem, [
+        f"the everyday forces of the calibration do not carry over to these logs (mean square innovation {after:.3g} "
+        f"with them, {before:.3g} without): they are left out, and a row is worth {problem.row_weight:.2g}"
+    ]
+
+
+def mean_square(problem: Problem) -> float:
+    """Mean square innovation of the car as it is."""
+    e = flat(problem, filter_case(problem, np.zeros(problem.nuisances), ()).innovations)
+    return float(np.mean(e**2)) / problem.row_weight
 
 
 def traced(problem: Problem) -> Problem:

@@ -28,6 +28,8 @@ def scores(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray) -> list
 def widening(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Factors of at least one [n] on the standard deviations of the parameters.
 
+    What a prior alone holds is not widened: only what the logs tell is told less well.
+
     Args:
         jacobian: of the whitened innovations that count [count, n]; e: those [count]; covariance: without this.
     """
@@ -35,10 +37,11 @@ def widening(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray, covar
     influence = [part @ covariance for part in rows]
     expected = np.diag(covariance @ (jacobian.T @ jacobian) @ covariance)
     duration = sum(len(part) for part in rows) * runs[0].period
+    variance = np.diag(covariance)
     widest = np.ones(len(covariance))
     for block in (SHORT_BLOCK, max(duration / BLOCKS, SHORT_BLOCK)):
         length = max(round(block / runs[0].period), 1)
         sums = [np.add.reduceat(part, np.arange(0, len(part), length)) for part in influence if len(part)]
         found = np.sum(np.concatenate(sums) ** 2, axis=0)
-        widest = np.maximum(widest, np.sqrt(found / np.maximum(expected, 1e-300)))
-    return np.where(expected > 1e-12 * np.diag(covariance), widest, 1.0)
+        widest = np.maximum(widest, np.sqrt((variance - expected + found) / variance))
+    return widest

@@ -1,9 +1,11 @@
 """Forces that a car lacks every day, taken out of the innovations."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.everyday import traced
+from drift_drake.diagnosis.everyday import applied, traced
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT
 from drift_drake.diagnosis.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.diagnosis.search import coarse
@@ -39,6 +41,15 @@ def test_a_car_with_its_everyday_forces_is_followed(problem, everyday):
     taken_out = traced(problem.replace(everyday=everyday))
     assert mean_square(problem) > 2.0
     assert mean_square(taken_out) == pytest.approx(1.0, abs=0.1)
+
+
+def test_forces_that_do_not_carry_over_are_left_out(problem, everyday):
+    kept, warnings = applied(problem, everyday)
+    assert (kept.everyday, warnings) == (everyday, [])
+    wrong = dataclasses.replace(everyday, forces={c: [-10.0 * q for q in w] for c, w in everyday.forces.items()})
+    kept, (warning,) = applied(problem, wrong)
+    assert kept is problem
+    assert "do not carry over" in warning
 
 
 def test_the_trace_follows_the_filter(problem, everyday):

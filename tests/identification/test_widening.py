@@ -19,6 +19,17 @@ def run_of(rows):
     return dataclasses.replace(run, counted=np.ones(rows, dtype=bool))
 
 
+def test_what_a_prior_alone_holds_is_not_widened():
+    """Innovations that hang together, and a parameter that they hardly show beside one that they do."""
+    e = lfilter([0.3], [1.0, -0.95], np.random.default_rng(1).standard_normal((ROWS, 2)), axis=0)
+    jacobian = np.column_stack([np.ones(2 * ROWS), np.full(2 * ROWS, 1e-4)])
+    jacobian[::2, 1] *= -1.0
+    covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag([0.0, 1.0]))
+    told, held = widening([run_of(ROWS)], jacobian, e.ravel(), covariance)
+    assert told > 2.0
+    assert held == pytest.approx(1.0, abs=0.01)
+
+
 @pytest.mark.parametrize("hanging", [0.0, 0.95])
 def test_the_widening_is_the_ratio_of_the_true_scatter_to_the_white_one(hanging):
     rng = np.random.default_rng(1)

@@ -28,6 +28,7 @@ class RunMetrics:
     solves: int
     solver_failures: int
     line_search_failures: int
+    unsolved_qps: int  # that stopped at their limit of iterations
     solve_ms_median: float
     solve_ms_99: float
 
@@ -88,6 +89,7 @@ def run_metrics(
         solves=len(solves),
         solver_failures=int(table["solve_failures"].iloc[-1]),
         line_search_failures=int((solves["solve_step"] == 0.0).sum()),
+        unsolved_qps=int(solves["solve_qp_unsolved"].sum()),
         solve_ms_median=float(np.median(milliseconds)) if len(solves) else float("nan"),
         solve_ms_99=float(np.quantile(milliseconds, 0.99)) if len(solves) else float("nan"),
     )

@@ -28,6 +28,7 @@ class SolveStatistics(NamedTuple):
     dual_residual: float
     step: float  # of the last line search; 0 when it failed
     qp_iterations: float  # of all QPs together
+    qp_unsolved: float  # QPs that stopped at their limit of iterations
     slack: float  # [m] the largest planned excursion from the lane
     failed: float  # 1 if this solve failed
     failures: float  # solves that failed since the start
@@ -138,6 +139,7 @@ class MpcController(LeafSystem):
             dual_residual=iterations[-1].dual_residual,
             step=iterations[-1].step,
             qp_iterations=float(sum(iteration.qp_iterations for iteration in iterations)),
+            qp_unsolved=float(sum(iteration.qp_status != "solved" for iteration in iterations)),
             slack=float(solution.slack.max()),
             failed=0.0,
             failures=last.failures,

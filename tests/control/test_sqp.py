@@ -1,5 +1,6 @@
 """The line-search SQP against Drake's SNOPT and IPOPT on the same programs."""
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -86,6 +87,25 @@ def test_gauss_newton_reaches_the_same_solution(references: dict[str, Reference]
     assert second.cost == pytest.approx(first.cost, rel=1e-8)
 
 
+def test_damping_shortens_the_step_and_leaves_the_solution_where_it_is(references: dict[str, Reference]) -> None:
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.initial_guess(data)
+    undamped, damped = (
+        LineSearchSqp(exact.problem, SqpOptions(gauss_newton=True, damping=damping)) for damping in (0.0, 3.0)
+    )
+    one = [
+        LineSearchSqp(exact.problem, dataclasses.replace(sqp.options, max_iterations=1, qp_polish=False)).solve(guess)
+        for sqp in (undamped, damped)
+    ]
+    lengths = [np.linalg.norm(result.z - guess) / result.iterations[0].step for result in one]
+    assert lengths[1] < lengths[0]
+    result = damped.solve(guess)
+    assert result.status == "converged"
+    assert result.cost == pytest.approx(exact.solve(guess).cost, rel=1e-6)
+
+
 def test_merit_falls_and_statistics_are_complete(references: dict[str, Reference]) -> None:
     sqp = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
@@ -110,6 +130,7 @@ def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, 
     for _ in range(15):
         result = real_time.solve(z, y)
         assert len(result.iterations) == 1
+        assert result.iterations[0].qp_status == "solved"
         z, y = result.z, result.y
     assert result.cost == pytest.approx(exact.solve(exact.problem.initial_guess(data)).cost, rel=1e-3)
 

@@ -20,7 +20,7 @@ def on_the_reference(reference: Reference, share: float = 1.0) -> pd.DataFrame:
     """A run without any error over the first part of the reference."""
     s = np.linspace(0.0, share * reference.distance, 2000)
     columns = dict(zip(("r", "v", "beta", "omega_r", "e", "dphi"), reference.state(s).T, strict=True))
-    zeros = {f"solve_{name}": np.zeros(len(s)) for name in ("failures", "step")}
+    zeros = {f"solve_{name}": np.zeros(len(s)) for name in ("failures", "step", "qp_unsolved")}
     return pd.DataFrame({"t": reference.time(s), "s": s, **columns, **zeros, "solve_seconds": 1e-3})
 
 

@@ -1,13 +1,13 @@
 """Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by OSQP.
 
-Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone, damped after Levenberg and Marquardt
-(chapter 10). To convergence, by default, that of the Lagrangian, each stage's block projected to the nearest positive
-semidefinite one. Either way every QP is convex. Steps are globalised by backtracking on the l1 merit function cost + mu
-|violation|_1, with mu from equation (18.36).
+Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
+Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
+are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36).
 
-The damping keeps a step to where the linearisation holds. In a drift the front tyre may slide, and steering then turns
-the car a tenth as much as before: undamped steps are long there, the line search lets hundredths of them pass, and the
-plan no longer follows the car.
+In real time there is a Levenberg-Marquardt damping before that (chapter 10): where the merit function refuses the full
+step, the QP is solved again with more and more on the Hessian's diagonal, and the step shortened only with the last. In
+a drift the front tyre may slide, and steering then turns the car a tenth as much as before: undamped steps are long
+there, backtracking lets hundredths of them pass, and the plan no longer follows the car.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ class SqpOptions:
     qp_polish: bool = True
     qp_rho: float = 0.1
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
-    damping: float = 0.0  # added to the diagonal of each stage's Hessian
+    damping: tuple[float, ...] = (0.0,)  # tried in turn, see above; ascending
     sufficient_decrease: float = 1e-4
     shrink: float = 0.5
     min_step: float = 1e-4
@@ -54,7 +54,7 @@ class SqpOptions:
             qp_polish=False,
             qp_rho=5.0,
             gauss_newton=True,
-            damping=3.0,
+            damping=(0.0, 1.0, 10.0),
         )
 
 
@@ -100,7 +100,6 @@ class LineSearchSqp:
         self._dynamics = problem.dynamics
         self._part = LinearQuadraticPart(problem.program)
         block = problem.stage_hessian()
-        block += self.options.damping * np.eye(len(block))
         self._stage_hessian = np.broadcast_to(block, (problem.horizon, *block.shape))
         self._workspace = QpWorkspace(
             self._part,
@@ -144,42 +143,47 @@ class LineSearchSqp:
             if max(primal_residual, dual_residual) < options.tolerance:
                 status = "converged"
                 break
-            blocks = self._stage_hessian
-            if not options.gauss_newton:
-                blocks = self._lagrangian_blocks(z, y)
-                self._workspace.set_hessian(blocks)
-            offset = gradient - self._workspace.hessian.times(blocks, z)
+            blocks = self._stage_hessian if options.gauss_newton else self._lagrangian_blocks(z, y)
             target = (stacked @ z)[: residual.size] - residual
-            qp = self._workspace.solve(offset, np.concatenate([target, low]), np.concatenate([target, high]), z, y)
-            step = 0.0
-            if qp.usable:
+            rows = np.concatenate([target, low]), np.concatenate([target, high])
+            violation = _violation(residual, linear, low, high)
+            step, qp_iterations, last_penalty = 0.0, 0, penalty
+            for damping in options.damping:
+                damped = blocks + damping * np.eye(blocks.shape[-1])
+                self._workspace.set_hessian(damped)
+                offset = gradient - self._workspace.hessian.times(damped, z)
+                qp = self._workspace.solve(offset, *rows, z, y)
+                qp_iterations += qp.iterations
+                if not qp.usable:
+                    continue
                 direction = qp.z - z
                 slope, bend = float(gradient @ direction), float(direction @ (part.hessian @ direction))
                 smooth_slope = float((bent + gradient_at_zero) @ direction)
-                model_bend = float(direction @ self._workspace.hessian.times(blocks, direction))
-                violation = _violation(residual, linear, low, high)
+                model_bend = float(direction @ self._workspace.hessian.times(damped, direction))
+                penalty = last_penalty
                 if violation > 1e-12:
                     penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * violation))
                 merit, decrease = cost + penalty * violation, slope - penalty * violation
                 # Near the solution the decrease drowns in the merit's rounding error.
                 rounding = 1e-12 * (1.0 + abs(merit))
-                step = 1.0
-                while step >= options.min_step:
-                    trial = z + step * direction
+                trial_step = 1.0
+                while trial_step >= (options.min_step if damping == options.damping[-1] else 1.0):
+                    trial = z + trial_step * direction
                     trial_residual = self._dynamics.value(trial)
-                    trial_cost = cost + step * smooth_slope + 0.5 * step * step * bend
+                    trial_cost = cost + trial_step * smooth_slope + 0.5 * trial_step * trial_step * bend
                     if extra:
                         trial_cost += extra.value(trial) - extra_cost
                     trial_merit = trial_cost + penalty * _violation(trial_residual, part.matrix @ trial, low, high)
-                    if trial_merit <= merit + options.sufficient_decrease * step * decrease + rounding:
-                        z, residual, y = trial, trial_residual, y + step * (qp.y - y)
+                    if trial_merit <= merit + options.sufficient_decrease * trial_step * decrease + rounding:
+                        step = trial_step
                         break
-                    step *= options.shrink
-                else:
-                    step = 0.0
+                    trial_step *= options.shrink
+                if step > 0.0:
+                    z, residual, y = trial, trial_residual, y + step * (qp.y - y)
+                    break
             seconds = time.perf_counter() - start
             iterations.append(
-                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp.iterations, seconds)
+                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp_iterations, seconds)
             )
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"

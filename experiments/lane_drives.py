@@ -37,7 +37,7 @@ class LaneDrivesConfig:
     """What to drive."""
 
     seed: int = 0
-    train: int = 80  # vehicles
+    train: int = 160  # vehicles
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2

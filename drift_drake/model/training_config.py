@@ -45,11 +45,11 @@ class TrainingConfig:
     """Give the network the slips and forces of the nominal car's tyres beside z."""
     adaptive: bool = True
     """False: a network of the same size that never adapts."""
-    epochs: int = 1600
+    epochs: int = 1200
     """How often to go through the data."""
     learning_rate: float = 2e-3
     """Of Adam, at the start."""
-    decay: float = 0.9978
+    decay: float = 0.9971
     """Of the learning rate, per epoch."""
     batch: int = 2048
     """Samples per gradient step."""
@@ -77,7 +77,7 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     if recipe == "transfer":
         return config
     windows = dataclasses.replace(
-        config, lane=None, physical_inputs=False, learning_rate=1e-3, decay=0.9975, gradient_clip=None
+        config, lane=None, physical_inputs=False, epochs=1600, learning_rate=1e-3, decay=0.9975, gradient_clip=None
     )
     if recipe == "paper":
         return dataclasses.replace(

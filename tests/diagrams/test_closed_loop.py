@@ -82,7 +82,7 @@ def test_a_clone_of_a_context_goes_on_as_the_original_does(loop: ClosedLoop) -> 
     pd.testing.assert_frame_equal(first, second, check_exact=True)
 
 
-def test_the_oracle_holds_a_car_that_the_nominal_model_loses(reference: Reference) -> None:
+def test_the_oracle_holds_a_car_that_the_nominal_model_throws_about(reference: Reference) -> None:
     effects = make_effects({"friction_level": -0.15, "steering_lag": 0.1, "torque_lag": 0.2})
     part = dataclasses.replace(reference, distance=75.0)
     outcomes = {}
@@ -94,7 +94,7 @@ def test_the_oracle_holds_a_car_that_the_nominal_model_loses(reference: Referenc
         outcomes[name] = loop.run(loop.initial_context(0)).metrics()
     assert outcomes["oracle"].completed
     assert outcomes["oracle"].rms_e < 0.3
-    assert not outcomes["nominal"].completed
+    assert outcomes["nominal"].rms_e > 3.0 * outcomes["oracle"].rms_e
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,13 @@ def parameter_table(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def worth(found: dict[str, Any]) -> str:
+    """What one row of this car's logs is worth."""
+    everyday = found["everyday"]
+    beside = f", {everyday['row_weight']:.2g} beside the everyday forces" if everyday else ""
+    return f"a row is worth {found['row_weight']:.2g}{beside}"
+
+
 def error_table(found: dict[str, Any]) -> str:
     """Errors half a second ahead as Markdown."""
     i = found["horizons"].index(0.5)
@@ -86,11 +93,13 @@ def main(config: Config) -> None:
             h, trust = found["held_out"], found["trust"]
             share = f"{h['ratio']:.2f} ({h['low']:.2f} to {h['high']:.2f})"
             held = f"Held out: errors at 0.5 s are {share} of the first guess's."
-            noise = f"Noise times {trust['noise']:.2g}, process times {trust['process']:.2g}."
+            noise = f"Noise times {trust['noise']:.2g}, process times {trust['process']:.2g}; {worth(found)}."
             parts += [f"## {title}", parameter_table(found), held, noise]
     asked = {name: found for name in ASKED if (found := read(config.out, name)) is not None}
     for name, found in asked.items():
-        parts += [f"## {ASKED[name]}", found["sentence"], error_table(found)]
+        warnings = [warning for warning in found["answer"]["warnings"] if "everyday" in warning]
+        seconds = f"The diagnosis took {found['diagnosis_seconds_of_cpu']:.0f} s of CPU."
+        parts += [f"## {ASKED[name]}", found["sentence"], *warnings, seconds, error_table(found)]
     (config.out / "numbers.md").write_text("\n\n".join(parts) + "\n")
     if asked:
         draw({k: {**v, "first_guess": np.array(v["first_guess"], dtype=float),

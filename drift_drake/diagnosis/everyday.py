@@ -13,6 +13,8 @@ from drift_drake.diagnosis.filter import CHANNELS
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
 from drift_drake.diagnosis.problem import Everyday, Problem, filter_case, flat, observe
 
+STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
+
 
 @dataclasses.dataclass(frozen=True)
 class _Nominal:
@@ -59,14 +61,14 @@ def traced(problem: Problem) -> Problem:
     weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
     traces = []
     for i, run in enumerate(bare):
-        forces = FORCE_UNIT * state_functions(problem, nominal, states[i], i) @ weights.T
+        forces = STEP * FORCE_UNIT * state_functions(problem, nominal, states[i], i) @ weights.T
         y = run.y.copy()
         for name, offset in everyday.offsets.items():
             channel = CHANNELS.index(name)
-            y[:, channel] += offset * problem.noise[channel] * run.used[channel]
+            y[:, channel] += STEP * offset * problem.noise[channel] * run.used[channel]
         moved = problem.replace(runs=[*bare[:i], dataclasses.replace(run, y=y), *bare[i + 1 :]])
         torque = forces[:, 3] / problem.nominal.gear_ratio
         e = observe(moved, gains, nominal.theta, nominal.names, i, push=forces[:, :3].copy(), extra_torque=torque)
-        traces.append(e - gains.innovations[i])
+        traces.append((e - gains.innovations[i]) / STEP)
     runs = [dataclasses.replace(run, trace=trace) for run, trace in zip(bare, traces, strict=True)]
     return problem.replace(runs=runs)

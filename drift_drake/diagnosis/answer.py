@@ -54,6 +54,12 @@ class Answer:
     def sentence(self) -> str:
         """The verdict in one sentence."""
         if self.verdict == "none":
+            worth = self.details.get("row_weight", 1.0)
+            if worth < 1.0:
+                return (
+                    f"{self.case}: no gap beyond the vehicle file's tolerances and the car's everyday misfit, with a "
+                    f"row worth {worth:.2g} (probability {self.posterior['none']:.2f})."
+                )
             return f"{self.case}: no gap beyond the vehicle file's tolerances and the sensors' noise."
         if self.verdict == "unknown":
             return (

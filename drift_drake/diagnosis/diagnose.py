@@ -158,6 +158,7 @@ def diagnose(
             "free_form_removes": left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
+            "row_weight": problem.row_weight,
             **beside,
             "learned": dataclasses.asdict(learnt),
             "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),

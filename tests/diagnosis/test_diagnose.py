@@ -141,6 +141,14 @@ def test_folders_of_cases_are_told_from_cases(stiffness_case, tmp_path):
     assert case_folders(tmp_path / "one") == [tmp_path / "one"]
 
 
+def test_none_says_how_little_a_row_was_worth(diagnosis):
+    answer = dataclasses.replace(diagnosis.answer, verdict="none", causes=[], posterior={"none": 0.6})
+    assert answer.details["row_weight"] == 1.0
+    assert answer.sentence().endswith("tolerances and the sensors' noise.")
+    light = dataclasses.replace(answer, details={"row_weight": 0.0011})
+    assert "everyday misfit, with a row worth 0.0011 (probability 0.60)" in light.sentence()
+
+
 @pytest.mark.parametrize(
     ("text", "says"), [("{", "not JSON"), ("{}", "missing case, verdict"), (None, "cannot be read")]
 )

@@ -35,7 +35,7 @@ def wilson(hits: int, count: int) -> tuple[float, float, float]:
     z, p = 1.96, hits / count
     middle = (p + z * z / (2 * count)) / (1 + z * z / count)
     half = z / (1 + z * z / count) * np.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
-    return p, float(middle - half), float(middle + half)
+    return p, max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
 def share(flags: Sequence[bool]) -> dict[str, Any]:

@@ -119,7 +119,8 @@ class BlockHessian:
 class QpWorkspace:
     """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the numbers of both change from call to call.
 
-    Starts with the Hessian P of the given stage blocks [N, n+4, n+4].
+    Starts with the Hessian P of the given stage blocks [N, n+4, n+4]. `feasible`: each QP is known to have a feasible
+    point.
     """
 
     def __init__(
@@ -131,6 +132,7 @@ class QpWorkspace:
         max_iterations: int,
         polish: bool,
         rho: float,
+        feasible: bool = False,
     ) -> None:
         rows, columns = dynamics.sparsity()
         self.dynamics_rows = dynamics.size
@@ -168,6 +170,8 @@ class QpWorkspace:
             max_iter=max_iterations,
             polishing=polish,
             check_termination=10,
+            # Slow convergence can pass for a certificate of infeasibility: not looked for where there can be none.
+            eps_prim_inf=1e-12 if feasible else 1e-4,
         )
 
     def set_jacobian(self, jacobian: Array) -> sparse.csc_matrix:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.qp import LinearQuadraticPart, QpWorkspace
+from drift_drake.control.qp import LinearQuadraticPart, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ class SqpOptions:
     qp_max_iterations: int = 20000
     qp_polish: bool = True
     qp_rho: float = 0.1
+    qp_feasible: bool = False  # every QP is known to have a feasible point
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
     damping: tuple[float, ...] = (0.0,)  # tried in turn, see above; ascending
     sufficient_decrease: float = 1e-4
@@ -44,7 +45,7 @@ class SqpOptions:
         """Always the same number of Gauss-Newton iterations, with QPs solved to a controller's accuracy.
 
         `damping` and `qp_rho` were chosen on training vehicles. With a rho of 0.1 a QP of a drift took thousands of
-        OSQP's iterations; with 5 it takes tens.
+        OSQP's iterations; with 5 it takes tens. The controller's lane is soft, so each of its QPs has a feasible point.
         """
         return cls(
             max_iterations=iterations,
@@ -53,6 +54,7 @@ class SqpOptions:
             qp_max_iterations=400,
             qp_polish=False,
             qp_rho=5.0,
+            qp_feasible=True,
             gauss_newton=True,
             damping=(0.0, 1.0, 10.0),
         )
@@ -91,6 +93,21 @@ class SqpResult(NamedTuple):
         return self.status.startswith(("qp failed", "not finite"))
 
 
+class _Point(NamedTuple):
+    """An iterate, the program linearised there, and what steps from it are judged by."""
+
+    z: Array
+    y: Array
+    residual: Array  # of the dynamics
+    cost: float
+    extra_cost: float  # the part of it that is not quadratic
+    violation: float
+    gradient: Array  # of the cost
+    quadratic_gradient: Array  # of its quadratic part
+    blocks: Array  # the QP's Hessian by stages, undamped
+    rows: tuple[Array, Array]  # the QP's bounds (low, high)
+
+
 class LineSearchSqp:
     """A solver bound to one program: holds the OSQP workspace and nothing that a later result depends on."""
 
@@ -109,6 +126,7 @@ class LineSearchSqp:
             self.options.qp_max_iterations,
             self.options.qp_polish,
             self.options.qp_rho,
+            self.options.qp_feasible,
         )
         self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
 
@@ -147,39 +165,13 @@ class LineSearchSqp:
             target = (stacked @ z)[: residual.size] - residual
             rows = np.concatenate([target, low]), np.concatenate([target, high])
             violation = _violation(residual, linear, low, high)
-            step, qp_iterations, last_penalty = 0.0, 0, penalty
+            point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
+            qp_iterations, before = 0, penalty
             for damping in options.damping:
-                damped = blocks + damping * np.eye(blocks.shape[-1])
-                self._workspace.set_hessian(damped)
-                offset = gradient - self._workspace.hessian.times(damped, z)
-                qp = self._workspace.solve(offset, *rows, z, y)
+                shortest = options.min_step if damping == options.damping[-1] else 1.0
+                step, z, y, residual, penalty, qp = self._step(point, damping, shortest, before)
                 qp_iterations += qp.iterations
-                if not qp.usable:
-                    continue
-                direction = qp.z - z
-                slope, bend = float(gradient @ direction), float(direction @ (part.hessian @ direction))
-                smooth_slope = float((bent + gradient_at_zero) @ direction)
-                model_bend = float(direction @ self._workspace.hessian.times(damped, direction))
-                penalty = last_penalty
-                if violation > 1e-12:
-                    penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * violation))
-                merit, decrease = cost + penalty * violation, slope - penalty * violation
-                # Near the solution the decrease drowns in the merit's rounding error.
-                rounding = 1e-12 * (1.0 + abs(merit))
-                trial_step = 1.0
-                while trial_step >= (options.min_step if damping == options.damping[-1] else 1.0):
-                    trial = z + trial_step * direction
-                    trial_residual = self._dynamics.value(trial)
-                    trial_cost = cost + trial_step * smooth_slope + 0.5 * trial_step * trial_step * bend
-                    if extra:
-                        trial_cost += extra.value(trial) - extra_cost
-                    trial_merit = trial_cost + penalty * _violation(trial_residual, part.matrix @ trial, low, high)
-                    if trial_merit <= merit + options.sufficient_decrease * trial_step * decrease + rounding:
-                        step = trial_step
-                        break
-                    trial_step *= options.shrink
                 if step > 0.0:
-                    z, residual, y = trial, trial_residual, y + step * (qp.y - y)
                     break
             seconds = time.perf_counter() - start
             iterations.append(
@@ -189,6 +181,45 @@ class LineSearchSqp:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
+
+    def _step(
+        self, point: _Point, damping: float, shortest: float, penalty: float
+    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
+        """The step to the QP's solution, halved until the merit function falls enough, or none.
+
+        Returns:
+            (step, z, y, residual of the dynamics there, penalty mu, the QP's solution); step 0 and the given point if
+            none as long as `shortest` will do.
+        """
+        part, options, extra = self._part, self.options, self.problem.extra_cost
+        blocks = point.blocks + damping * np.eye(point.blocks.shape[-1])
+        self._workspace.set_hessian(blocks)
+        offset = point.gradient - self._workspace.hessian.times(blocks, point.z)
+        qp = self._workspace.solve(offset, *point.rows, point.z, point.y)
+        if not qp.usable:
+            return 0.0, point.z, point.y, point.residual, penalty, qp
+        direction = qp.z - point.z
+        slope, bend = float(point.gradient @ direction), float(direction @ (part.hessian @ direction))
+        quadratic_slope = float(point.quadratic_gradient @ direction)
+        model_bend = float(direction @ self._workspace.hessian.times(blocks, direction))
+        if point.violation > 1e-12:
+            penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
+        merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
+        # Near the solution the decrease drowns in the merit's rounding error.
+        rounding = 1e-12 * (1.0 + abs(merit))
+        low, high = (row[point.residual.size :] for row in point.rows)
+        step = 1.0
+        while step >= shortest:
+            trial = point.z + step * direction
+            residual = self._dynamics.value(trial)
+            cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
+            if extra:
+                cost += extra.value(trial) - point.extra_cost
+            trial_merit = cost + penalty * _violation(residual, part.matrix @ trial, low, high)
+            if trial_merit <= merit + options.sufficient_decrease * step * decrease + rounding:
+                return step, trial, point.y + step * (qp.y - point.y), residual, penalty, qp
+            step *= options.shrink
+        return 0.0, point.z, point.y, point.residual, penalty, qp
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""

@@ -3,11 +3,6 @@
 Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
 Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
 are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36).
-
-In real time there is a Levenberg-Marquardt damping before that (chapter 10): where the merit function refuses the full
-step, the QP is solved again with more and more on the Hessian's diagonal, and the step shortened only with the last. In
-a drift the front tyre may slide, and steering then turns the car a tenth as much as before: undamped steps are long
-there, backtracking lets hundredths of them pass, and the plan no longer follows the car.
 """
 
 import dataclasses
@@ -35,7 +30,6 @@ class SqpOptions:
     qp_rho: float = 0.1
     qp_feasible: bool = False  # every QP is known to have a feasible point
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
-    damping: tuple[float, ...] = (0.0,)  # tried in turn, see above; ascending
     sufficient_decrease: float = 1e-4
     shrink: float = 0.5
     min_step: float = 1e-4
@@ -44,8 +38,8 @@ class SqpOptions:
     def real_time(cls, iterations: int = 1) -> "SqpOptions":
         """Always the same number of Gauss-Newton iterations, with QPs solved to a controller's accuracy.
 
-        `damping` and `qp_rho` were chosen on training vehicles. With a rho of 0.1 a QP of a drift took thousands of
-        OSQP's iterations; with 5 it takes tens. The controller's lane is soft, so each of its QPs has a feasible point.
+        `qp_rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took thousands
+        of OSQP's iterations. The controller's lane is soft, so each of its QPs has a feasible point.
         """
         return cls(
             max_iterations=iterations,
@@ -53,10 +47,9 @@ class SqpOptions:
             qp_tolerance=1e-4,
             qp_max_iterations=400,
             qp_polish=False,
-            qp_rho=5.0,
+            qp_rho=1.0,
             qp_feasible=True,
             gauss_newton=True,
-            damping=(0.0, 1.0, 10.0),
         )
 
 
@@ -104,7 +97,7 @@ class _Point(NamedTuple):
     violation: float
     gradient: Array  # of the cost
     quadratic_gradient: Array  # of its quadratic part
-    blocks: Array  # the QP's Hessian by stages, undamped
+    blocks: Array  # the QP's Hessian by stages
     rows: tuple[Array, Array]  # the QP's bounds (low, high)
 
 
@@ -161,47 +154,40 @@ class LineSearchSqp:
             if max(primal_residual, dual_residual) < options.tolerance:
                 status = "converged"
                 break
-            blocks = self._stage_hessian if options.gauss_newton else self._lagrangian_blocks(z, y)
+            blocks = self._stage_hessian
+            if not options.gauss_newton:
+                blocks = self._lagrangian_blocks(z, y)
+                self._workspace.set_hessian(blocks)
             target = (stacked @ z)[: residual.size] - residual
             rows = np.concatenate([target, low]), np.concatenate([target, high])
             violation = _violation(residual, linear, low, high)
             point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
-            qp_iterations, before = 0, penalty
-            for damping in options.damping:
-                shortest = options.min_step if damping == options.damping[-1] else 1.0
-                step, z, y, residual, penalty, qp = self._step(point, damping, shortest, before)
-                qp_iterations += qp.iterations
-                if step > 0.0:
-                    break
+            step, z, y, residual, penalty, qp = self._step(point, penalty)
             seconds = time.perf_counter() - start
             iterations.append(
-                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp_iterations, seconds)
+                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp.iterations, seconds)
             )
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
-    def _step(
-        self, point: _Point, damping: float, shortest: float, penalty: float
-    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
-        """The step to the QP's solution, halved until the merit function falls enough, or none.
+    def _step(self, point: _Point, penalty: float) -> tuple[float, Array, Array, Array, float, QpSolution]:
+        """The step to the QP's solution, halved until the merit function falls enough.
 
         Returns:
             (step, z, y, residual of the dynamics there, penalty mu, the QP's solution); step 0 and the given point if
-            none as long as `shortest` will do.
+            no step will do.
         """
         part, options, extra = self._part, self.options, self.problem.extra_cost
-        blocks = point.blocks + damping * np.eye(point.blocks.shape[-1])
-        self._workspace.set_hessian(blocks)
-        offset = point.gradient - self._workspace.hessian.times(blocks, point.z)
+        offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
         qp = self._workspace.solve(offset, *point.rows, point.z, point.y)
         if not qp.usable:
             return 0.0, point.z, point.y, point.residual, penalty, qp
         direction = qp.z - point.z
         slope, bend = float(point.gradient @ direction), float(direction @ (part.hessian @ direction))
         quadratic_slope = float(point.quadratic_gradient @ direction)
-        model_bend = float(direction @ self._workspace.hessian.times(blocks, direction))
+        model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
         if point.violation > 1e-12:
             penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
         merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
@@ -209,7 +195,7 @@ class LineSearchSqp:
         rounding = 1e-12 * (1.0 + abs(merit))
         low, high = (row[point.residual.size :] for row in point.rows)
         step = 1.0
-        while step >= shortest:
+        while step >= options.min_step:
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
             cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend

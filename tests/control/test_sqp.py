@@ -1,6 +1,5 @@
 """The line-search SQP against Drake's SNOPT and IPOPT on the same programs."""
 
-import dataclasses
 from functools import cache
 
 import numpy as np
@@ -85,41 +84,6 @@ def test_gauss_newton_reaches_the_same_solution(references: dict[str, Reference]
     first, second = exact.solve(guess), gauss_newton.solve(guess)
     assert first.status == second.status == "converged"
     assert second.cost == pytest.approx(first.cost, rel=1e-8)
-
-
-def test_damping_shortens_the_step_and_leaves_the_solution_where_it_is(references: dict[str, Reference]) -> None:
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.initial_guess(data)
-    lengths = []
-    for damping in (0.0, 3.0):
-        options = SqpOptions(max_iterations=1, gauss_newton=True, qp_polish=False, damping=(damping,))
-        result = LineSearchSqp(exact.problem, options).solve(guess)
-        lengths.append(np.linalg.norm(result.z - guess) / result.iterations[0].step)
-    assert lengths[1] < lengths[0]
-    damped = LineSearchSqp(exact.problem, SqpOptions(gauss_newton=True, damping=(3.0,))).solve(guess)
-    assert damped.status == "converged"
-    assert damped.cost == pytest.approx(exact.solve(guess).cost, rel=1e-6)
-
-
-def test_damping_comes_in_only_where_the_full_step_is_refused(references: dict[str, Reference]) -> None:
-    """From one point on: near the solution the steps are those without damping; further off they are longer."""
-    problem = OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, 15)
-    plain = LineSearchSqp(problem, dataclasses.replace(SqpOptions.real_time(), damping=(0.0,)))
-    damped = LineSearchSqp(problem, SqpOptions.real_time())
-    refused = 0
-    for data in problems(references, "loops", 15, 12):
-        problem.set(data)
-        guess = problem.initial_guess(data)
-        first, second = plain.solve(guess), damped.solve(guess)
-        if first.iterations[0].step == 1.0:
-            np.testing.assert_array_equal(first.z, second.z)
-        else:
-            refused += 1
-            assert second.iterations[0].step >= first.iterations[0].step
-            assert second.iterations[0].qp_iterations > first.iterations[0].qp_iterations
-    assert 0 < refused < 12
 
 
 def test_merit_falls_and_statistics_are_complete(references: dict[str, Reference]) -> None:

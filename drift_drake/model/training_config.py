@@ -77,7 +77,7 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     if recipe == "transfer":
         return config
     windows = dataclasses.replace(
-        config, lane=None, physical_inputs=False, epochs=1000, learning_rate=1e-3, decay=0.9975, gradient_clip=None
+        config, lane=None, physical_inputs=False, learning_rate=1e-3, decay=0.9975, gradient_clip=None
     )
     if recipe == "paper":
         return dataclasses.replace(

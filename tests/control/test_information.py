@@ -92,12 +92,12 @@ def test_a_models_own_states_carry_no_information(model: BayesianModel) -> None:
 
 
 def info_ocp(
-    model: BayesianModel, steps: int, updated: bool = False, count: int = 4
+    model: BayesianModel, steps: int, updated: bool = False, count: int = 4, alpha: float = 0.3
 ) -> tuple[OptimalControlProblem, list[np.ndarray]]:
     """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
     config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
     prior = model.prior()
-    information = InformationCost(model.network, model.sample_weight * prior.covariance, 0.3, updated)
+    information = InformationCost(model.network, model.sample_weight * prior.covariance, alpha, updated)
     step_model = BayesianStepModel(model.network, prior.mean, model.vehicle.constants())
     problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
     data = problem_data(config)
@@ -152,7 +152,7 @@ def test_each_qp_is_convex(model: BayesianModel) -> None:
 
 
 def test_information_draws_the_plan_from_the_straight_line(model: BayesianModel) -> None:
-    problem, guesses = info_ocp(model, 8)
+    problem, guesses = info_ocp(model, 8, alpha=GatheringConfig().alpha)
     result = LineSearchSqp(problem, SqpOptions(max_iterations=60, tolerance=1e-4)).solve(guesses[1])
     x, u, _ = problem.unstack(result.z)
     straight_x, straight_u, _ = problem.unstack(guesses[0])

@@ -47,7 +47,9 @@ def test_the_small_car_is_identified_on_a_drive_of_its_own():
     c = found.calibration
     assert c.held_out.high < 1.0
     assert 0.02 < c.parameters["steering_lag"].estimate < 0.3
-    assert 0.3 < c.parameters["friction"].estimate < 1.5
+    friction = c.parameters["friction"]
+    assert friction.low < 1.3
+    assert friction.high > 0.5
 
 
 @needs_data

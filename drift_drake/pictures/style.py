@@ -94,7 +94,7 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 
 def legend_above(axes: Axes, columns: int) -> None:
-    """A legend in one row above the axes, out of the way of the data."""
+    """A legend in rows of that many columns above the axes, out of the way of the data."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.6)
 
 

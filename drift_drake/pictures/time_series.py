@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 # Above the runs, or a car that does what is wanted would hide it.
 REFERENCE_LINE: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (4, 3)), "zorder": 3.0}
 MIN_SPEED_SPAN = 10.0  # [km/h] that the axis of a speed shows at least
+LEGEND_COLUMNS = 3  # as many as fit over one column of axes
 MIN_LATERAL_SPAN = 0.5  # [m] that the axis of the lateral error shows at least, to either side
 
 COLUMNS = ("t", "s", "r", "v", "beta", "omega_r", "e", "delta", "tau")
@@ -102,7 +103,7 @@ def time_series(
         axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
     for axes in grid.ravel():
         axes.margins(x=0.0)
-    legend_above(states[0], len(runs) + 1)
+    legend_above(states[0], min(len(runs) + 1, LEGEND_COLUMNS))
     steering.plot([], [], color=BOUND, linewidth=0.8, label="bound")
     steering.fill_between([], [], color=TRANSITION, label="transition")
     handles, labels = steering.get_legend_handles_labels()

@@ -53,15 +53,24 @@ def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
     return np.concatenate([np.asarray(x)[..., :STATE_COUNT], u, u_next], axis=-1)
 
 
+def _inputs(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
+    """The network's inputs [..., 8 or 16], and the derivative of the physical ones, if any, by z [..., 8, 8]."""
+    if nominal is None:
+        return z, None
+    values, by_physics = physical_inputs(z, nominal)
+    return np.concatenate([z, values], axis=-1), by_physics
+
+
 def all_inputs(z: Array, nominal: Constants | None) -> Array:
     """The network's inputs [..., 8 or 16]: z [..., 8], and what the nominal car's tyres say of it."""
-    return z if nominal is None else np.concatenate([z, physical_inputs(z, nominal)[0]], axis=-1)
+    return _inputs(z, nominal)[0]
 
 
-def _hidden(network: Network, z: Array) -> tuple[Array, Array]:
-    scaled = (all_inputs(z, network.nominal) - network.input_offset) / network.input_scale
+def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
+    inputs, by_physics = _inputs(z, network.nominal)
+    scaled = (inputs - network.input_offset) / network.input_scale
     h1 = np.tanh(scaled @ network.w1 + network.b1)
-    return h1, np.tanh(h1 @ network.w2 + network.b2)
+    return h1, np.tanh(h1 @ network.w2 + network.b2), by_physics
 
 
 def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
@@ -71,26 +80,27 @@ def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
     return by_inputs[..., :INPUT_COUNT] + by_inputs[..., INPUT_COUNT:] @ by_physics
 
 
-def _reverse(network: Network, z: Array, h1: Array, h2: Array, seed: Array) -> Array:
+def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: Array) -> Array:
     """Gradients with respect to z, [..., k, 8], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
+    h1, h2, by_physics = hidden
     g2 = seed * (1.0 - h2 * h2)[..., None, :]
     g1 = (g2 @ network.w2.T) * (1.0 - h1 * h1)[..., None, :]
-    by_physics = None if network.nominal is None else physical_inputs(z, network.nominal)[1]
     return _by_z((g1 @ network.w1.T) / network.input_scale, by_physics)
 
 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 8]."""
-    _, h2 = _hidden(network, z)
+    h2 = _hidden(network, z)[1]
     return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
 
 
 def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
     """phi [..., 4, 16] and d phi / dz [..., 4, 16, 8]."""
-    h1, h2 = _hidden(network, z)
+    hidden = _hidden(network, z)
+    h2 = hidden[1]
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
     rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
-    jacobian = _reverse(network, z, h1, h2, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
+    jacobian = _reverse(network, hidden, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
     return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
 
 
@@ -104,13 +114,14 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
         (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 8]). The gradient
         costs one reverse row.
     """
-    h1, h2 = _hidden(network, z)
+    hidden = _hidden(network, z)
+    h2 = hidden[1]
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
     weighted = np.einsum("...ifg,...ig->...if", covariance, phi, optimize=True)
     spread = 1.0 + np.sum(phi * weighted, axis=-1)
     gain = 0.5 * np.sum(np.log(spread), axis=-1)
     seed = np.einsum("ihf,...if->...h", network.w_out, weighted / spread[..., None], optimize=True)
-    return gain, _reverse(network, z, h1, h2, seed[..., None, :])[..., 0, :]
+    return gain, _reverse(network, hidden, seed[..., None, :])[..., 0, :]
 
 
 class MeanFunction:
@@ -163,10 +174,7 @@ class MeanFunction:
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 8] at z [n, 8], by reverse mode."""
-        inputs, by_physics = z, None
-        if self._network.nominal is not None:
-            values, by_physics = physical_inputs(z, self._network.nominal)
-            inputs = np.concatenate([z, values], axis=-1)
+        inputs, by_physics = _inputs(z, self._network.nominal)
         h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
         value = h2 @ self._w3.T + self._b3
         np.multiply(h2, h2, out=slope2)

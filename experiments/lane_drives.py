@@ -4,8 +4,9 @@
 
 Information gathering teaches the model on a straight lane and asks it to drift. So that the prior learns how the one
 tells of the other, each training vehicle is driven along the same lane: slaloms of random sizes, Info-OCP's plans from
-random first guesses under random weights and bounds, and random steering. Written: one table of samples for each
-population, every tenth row (`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`).
+random first guesses under random weights and bounds, random steering, and Info-OCP's plans for that very vehicle, from
+what the drives before have told of it. Written: one table of samples for each population, every tenth row
+(`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`).
 """
 
 import dataclasses
@@ -17,18 +18,22 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan
+from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan, round_alpha
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import join_vehicles
 
-DRIVES = 8  # of a vehicle
-PLANS = 48  # in the pool that the vehicles' drives are drawn from
+# A vehicle's drives: a plan out of the pool of all vehicles, such a plan with its inputs shaken, or a plan of its own,
+# made with what has been learnt since the last one out of the pool.
+SCHEDULE = ("pool", "own", "own", "pool", "own", "pool", "shaken", "shaken")
+PLANS = 48  # in the pool
 LANE_STREAM = 2  # of a vehicle's random numbers
 
 
@@ -37,51 +42,79 @@ class LaneDrivesConfig:
     """What to drive."""
 
     seed: int = 0
-    train: int = 160  # vehicles
+    train: int = 240  # vehicles
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2
     output: Path = Path("runs/drives")
 
 
-def lane_plan(job: tuple[Path | None, int, int]) -> Trajectory | None:
-    """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
-    checkpoint, index, seed = job
-    model, generator = load(checkpoint), np.random.default_rng([seed, LANE_STREAM, index])
-    config = GatheringConfig(
+def random_lane(generator: np.random.Generator) -> GatheringConfig:
+    """Speeds and bounds of a plan."""
+    return GatheringConfig(
         v_start=float(generator.uniform(7.0, 9.0)),
         v_end=float(generator.uniform(12.0, 22.0)),
         max_sideslip=float(generator.uniform(0.15, 0.5)),
         max_slip=float(generator.uniform(4.0, 10.0)),
+        alpha=float(generator.choice([2.0, 4.0, 8.0, 16.0])),
         starts=2,
         max_iterations=40,
     )
+
+
+def lane_plan(job: tuple[Path | None, int, int]) -> Trajectory | None:
+    """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
+    checkpoint, index, seed = job
+    model, generator = load(checkpoint), np.random.default_rng([seed, LANE_STREAM, index])
+    config = random_lane(generator)
     try:
         if index % 3 == 0:
             t = DT * np.arange(config.steps + 1)
             size, period = generator.uniform(0.2, 2.0), generator.uniform(1.2, 4.0)
             lateral = size * np.sin(2.0 * np.pi * t / period + generator.uniform(0.0, 2.0 * np.pi))
             return plan(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
-        return plan(model, model.prior(), config, float(generator.choice([2.0, 4.0, 8.0, 16.0])), seed=index)
+        return plan(model, model.prior(), config, config.alpha, seed=index)
     except RuntimeError:
         return None
 
 
-def lane_drives(job: tuple[Path, Population, int, int, list[Trajectory]]) -> dict[str, int]:
+def own_plan(
+    model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig, seed: int
+) -> Trajectory | None:
+    """Info-OCP's plan with what is believed of a vehicle after its drives so far; None where none is feasible."""
+    try:
+        return plan(model, belief, config, round_alpha(model, belief, first, config), seed)
+    except RuntimeError:
+        return None
+
+
+def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]]) -> dict[str, int]:
     """Drives one vehicle along the lane; its samples go into its folder, unless they are there. How drives ended."""
-    output, population, index, seed, pool = job
-    folder = output / population / f"vehicle_{index:02d}"
+    options, population, index, pool = job
+    folder = options.output / population / f"vehicle_{index:02d}"
     if (folder / "lane.json").exists():
         return dict(json.loads((folder / "lane.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, effects = VehicleParameters(), draw_effects(population, index, seed)
-    generator = np.random.default_rng([seed, POPULATIONS.index(population), index, LANE_STREAM])
+    parameters, effects, model = (
+        VehicleParameters(),
+        draw_effects(population, index, options.seed),
+        load(options.checkpoint),
+    )
+    generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, LANE_STREAM])
+    chosen = iter(generator.choice(len(pool), len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
     endings: dict[str, int] = {}
-    for number, chosen in enumerate(generator.choice(len(pool), DRIVES, replace=False)):
-        trajectory = pool[chosen]
+    first, belief = pool[0], model.prior()
+    for number, kind in enumerate(SCHEDULE):
+        trajectory = None
+        if kind == "own":
+            trajectory = own_plan(model, belief, first, random_lane(generator), int(generator.integers(2**31)))
+        else:
+            belief = model.prior()
+        if trajectory is None:
+            trajectory = first = pool[next(chosen)]
         config = GatheringConfig(v_start=float(trajectory.x[0, 1]), v_end=float(trajectory.x[-1, 1]))
-        if number % 3 == 2:
+        if kind == "shaken":
             shake = wander(config.steps * DT, generator, np.array([generator.uniform(0.0, 0.08), 30.0]), 0.4)
             low = [-parameters.steering_limit, parameters.torque_min]
             high = [parameters.steering_limit, parameters.torque_max]
@@ -91,6 +124,7 @@ def lane_drives(job: tuple[Path, Population, int, int, list[Trajectory]]) -> dic
         endings[ending] = endings.get(ending, 0) + 1
         for phase in range(DECIMATION):
             phases[phase].append(samples_from_log(table, None, index, number, phase))
+        belief = learn(model, belief, phases[0][-1])
     save_samples(all_phases(phases), folder / "lane_phases.npz")
     save_samples(concatenate(phases[0]), folder / "lane.npz")
     (folder / "lane.json").write_text(json.dumps(endings))
@@ -103,10 +137,8 @@ def main(config: LaneDrivesConfig) -> None:
     with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=25) as pool:
         jobs = [(config.checkpoint, index, config.seed) for index in range(PLANS)]
         plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
-        runs: list[tuple[Path, Population, int, int, list[Trajectory]]] = [
-            (config.output, population, index, config.seed, plans)
-            for population, count in counts
-            for index in range(count)
+        runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [
+            (config, population, index, plans) for population, count in counts for index in range(count)
         ]
         total: dict[str, int] = {}
         for endings in tqdm(pool.imap(lane_drives, runs), total=len(runs), unit="vehicle"):
@@ -115,7 +147,7 @@ def main(config: LaneDrivesConfig) -> None:
     for population, count in counts:
         folders = [config.output / population / f"vehicle_{index:02d}" for index in range(count)]
         for name in ("lane", "lane_phases") if folders else ():
-            save_samples(join_vehicles(folders, name, DRIVES), config.output / f"{population}_{name}.npz")
+            save_samples(join_vehicles(folders, name, len(SCHEDULE)), config.output / f"{population}_{name}.npz")
     print(json.dumps({"plans": len(plans), "endings": total}))
 
 

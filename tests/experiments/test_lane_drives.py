@@ -1,23 +1,46 @@
 """The lane drives that meta-training takes its contexts from."""
 
+import dataclasses
+import functools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from diagrams.information_gathering import Trajectory
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.samples import PHASE_STRIDE, load_samples
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import lane_drives
 from experiments.drives import join_vehicles
 
 
-def test_a_vehicle_is_driven_along_plans_of_the_pool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lane_drives, "DRIVES", 3)  # the third with random steering
+PLANNED: list[Posterior] = []
+
+
+def own_plan(real: Any, model: BayesianModel, belief: Posterior, first: Trajectory, config: Any, seed: int) -> Any:
+    """The real one with a short search, which notes what it was told."""
+    PLANNED.append(belief)
+    gain = covariance_norms(model.prior())[1] / covariance_norms(belief)[1]
+    assert gain > 1.0  # it knows of the drive before
+    found = real(model, belief, first, dataclasses.replace(config, starts=1, max_iterations=3), seed)
+    assert found is None or np.isfinite(found.u).all()
+    return found
+
+
+def test_a_vehicle_is_driven_along_plans_of_the_pool_and_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lane_drives, "SCHEDULE", ("pool", "own", "shaken"))
+    monkeypatch.setattr(lane_drives, "own_plan", functools.partial(own_plan, lane_drives.own_plan))
     slalom = lane_drives.lane_plan((None, 0, 0))
     assert slalom is not None
     assert np.ptp(slalom.x[:, 4]) > 0.1
-    job = (tmp_path, "train", 1, 0, [slalom, slalom, slalom])
+    job = (lane_drives.LaneDrivesConfig(output=tmp_path), "train", 1, [slalom, slalom, slalom])
     endings = lane_drives.lane_drives(job)  # type: ignore[arg-type]
+    assert len(PLANNED) == 1
     assert sum(endings.values()) == 3
     folder = tmp_path / "train" / "vehicle_01"
     table = join_vehicles([folder], "lane_phases", 3)

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.features import FEATURE_COUNT, INPUT_COUNT, STATE_COUNT, Network, input_scaling
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
-from drift_drake.model.torch_network import Parameters, initial_parameters
+from drift_drake.model.torch_network import NETWORK_PARAMETERS, Parameters, initial_parameters, parameters_of
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
@@ -50,7 +50,10 @@ def train(config: TrainingConfig) -> BayesianModel:
     vehicle = VehicleParameters() if config.vehicle is None else VehicleParameters.from_yaml(config.vehicle)
     objective, tables = _objective(config, vehicle)
     parameters = initial_parameters(torch.Generator().manual_seed(config.seed), config.physical_inputs)
-    if config.lane is not None:
+    begun_from = None if config.start is None else load(config.start)
+    if begun_from is not None:
+        parameters |= _started(begun_from, parameters, objective.scale, config)
+    if config.lane is not None and "logit_weight" not in parameters:
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
         parameters["logit_weight"] = torch.tensor(logit, dtype=torch.float64, requires_grad=True)
     network_names = ("w1", "w2", "w_out")
@@ -95,6 +98,8 @@ def train(config: TrainingConfig) -> BayesianModel:
         "history": history,
         "torch": torch.__version__,
     }
+    if begun_from is not None:
+        record["start"] = begun_from.record
     model = to_model(parameters, objective.scale, vehicle, record, config.adaptive)
     if config.lane is None and config.validation is not None and config.temper and config.adaptive:
         weight = choose_sample_weight(model, load_samples(config.validation))
@@ -102,6 +107,23 @@ def train(config: TrainingConfig) -> BayesianModel:
     model.save(config.output)
     resume.unlink(missing_ok=True)
     return model
+
+
+def _started(model: BayesianModel, fresh: Parameters, scale: torch.Tensor, config: TrainingConfig) -> Parameters:
+    """The numbers of the model that training starts from.
+
+    Raises:
+        ValueError: its network's inputs are others; the message names the file and the mend.
+    """
+    numbers = parameters_of(model, scale)
+    if numbers["w1"].shape != fresh["w1"].shape:
+        raise ValueError(
+            f"{config.start}: its network has {len(numbers['w1'])} inputs, training is set up for {len(fresh['w1'])}; "
+            "start from another checkpoint, or change physical_inputs"
+        )
+    if config.lane is None:  # windows choose the weight of a sample at the end
+        numbers.pop("logit_weight", None)
+    return numbers
 
 
 def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParameters, record: dict[str, Any],
@@ -112,7 +134,7 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
     """
     numbers = {name: value.detach().double().numpy() for name, value in parameters.items()}
     output_scale = scale.double().numpy()
-    weights = {name: numbers[name] for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")}
+    weights = {name: numbers[name] for name in NETWORK_PARAMETERS}
     factor = numbers["precision_factor"] if adaptive else 1e6 * np.tile(np.eye(FEATURE_COUNT), (STATE_COUNT, 1, 1))
     physical = len(weights["w1"]) > INPUT_COUNT
     return BayesianModel(

@@ -27,6 +27,8 @@ class TrainingConfig:
     """Table of the same vehicles' lane drives, by `experiments.lane_drives`; without, windows are the objective."""
     validation_lane: Path | None = Path("runs/drives/validation_lane.npz")
     """The same of the validation vehicles."""
+    start: Path | None = None
+    """Checkpoint whose numbers to start from (another round of lane drives, say); random ones without."""
     epoch_batches: int = 25
     """Gradient steps of an epoch, where tasks are the objective."""
     batch_tasks: int = 32

@@ -16,7 +16,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import lane_drives
 from experiments.drives import join_vehicles
 
-
 PLANNED: list[Posterior] = []
 
 

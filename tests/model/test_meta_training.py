@@ -134,6 +134,21 @@ def test_a_broken_off_run_goes_on_to_the_same_model(config: TrainingConfig, monk
     np.testing.assert_array_equal(resumed.precision_factor, whole.precision_factor)
 
 
+def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
+    first = train(dataclasses.replace(config, epochs=4))
+    again = dataclasses.replace(config, start=config.output, output=config.output.with_name("again.npz"), epochs=0)
+    unchanged = train(again)  # no epoch: the numbers there and back
+    for name in ("w1", "b2", "w_out"):
+        np.testing.assert_array_equal(getattr(unchanged.network, name), getattr(load(config.output).network, name))
+    for name in ("prior_mean", "precision_factor", "sigma"):
+        np.testing.assert_allclose(getattr(unchanged, name), getattr(first, name), rtol=1e-12, atol=1e-15)
+    further = train(dataclasses.replace(again, epochs=4))
+    assert np.abs(further.network.w1 - first.network.w1).max() > 1e-4
+    assert further.record["start"]["epochs"] == 4
+    with pytest.raises(ValueError, match=r"model\.npz: its network has 16 inputs, training is set up for 8"):
+        train(dataclasses.replace(again, physical_inputs=False))
+
+
 def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
     plain = with_recipe(config, "paper")
     assert plain.horizons == (10,)

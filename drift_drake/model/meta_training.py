@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.features import FEATURE_COUNT, INPUT_COUNT, STATE_COUNT, Network, input_scaling
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
@@ -113,11 +113,11 @@ def _started(model: BayesianModel, fresh: Parameters, scale: torch.Tensor, confi
     """The numbers of the model that training starts from.
 
     Raises:
-        ValueError: its network's inputs are others; the message names the file and the mend.
+        InvalidCheckpointError: its network's inputs are others; the message names the file and the mend.
     """
     numbers = parameters_of(model, scale)
     if numbers["w1"].shape != fresh["w1"].shape:
-        raise ValueError(
+        raise InvalidCheckpointError(
             f"{config.start}: its network has {len(numbers['w1'])} inputs, training is set up for {len(fresh['w1'])}; "
             "start from another checkpoint, or change physical_inputs"
         )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.model.bayesian_step import residual
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import InvalidCheckpointError, load
 from drift_drake.model.features import FEATURE_COUNT, all_inputs, feature_jacobian, features, network_inputs
 from drift_drake.model.physical_inputs import physical_inputs
 from drift_drake.model.posterior import predict, update
@@ -145,7 +145,7 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     further = train(dataclasses.replace(again, epochs=4))
     assert np.abs(further.network.w1 - first.network.w1).max() > 1e-4
     assert further.record["start"]["epochs"] == 4
-    with pytest.raises(ValueError, match=r"model\.npz: its network has 16 inputs, training is set up for 8"):
+    with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 16 inputs, training is set up for 8"):
         train(dataclasses.replace(again, physical_inputs=False))
 
 

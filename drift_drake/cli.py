@@ -22,6 +22,7 @@ from drift_drake.identification.command import Identify, run_identify
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.model.checkpoint import InvalidCheckpointError
 from drift_drake.model.samples import InvalidSamplesError
 from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
 from drift_drake.playback.command import Replay, run_replay
@@ -36,7 +37,7 @@ class MissingTrainingError(ImportError):
 
 BAD_INPUT_ERRORS = (
     InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidCalibrationError,
-    InvalidSamplesError, MissingTrainingError, UnplannableError)  # fmt: skip
+    InvalidSamplesError, InvalidCheckpointError, MissingTrainingError, UnplannableError)  # fmt: skip
 BAD_INPUT = 2  # exit code for input that cannot be used
 
 

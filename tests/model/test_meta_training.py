@@ -145,7 +145,7 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     further = train(dataclasses.replace(again, epochs=4))
     assert np.abs(further.network.w1 - first.network.w1).max() > 1e-4
     assert further.record["start"]["epochs"] == 4
-    with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 16 inputs, training is set up for 8"):
+    with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 16 inputs, .* for 8"):
         train(dataclasses.replace(again, physical_inputs=False))
 
 

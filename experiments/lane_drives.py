@@ -1,12 +1,14 @@
 """Makes the short lane drives that meta-training takes its contexts from: what the car is told before it must drift.
 
-    python -m experiments.lane_drives --seed 0
+    python -m experiments.lane_drives
+    python -m experiments.lane_drives --round 1 --checkpoint runs/bayesian_model.npz
 
 Information gathering teaches the model on a straight lane and asks it to drift. So that the prior learns how the one
 tells of the other, each training vehicle is driven along the same lane: slaloms of random sizes, Info-OCP's plans from
 random first guesses under random weights and bounds, random steering, and Info-OCP's plans for that very vehicle, from
 what the drives before have told of it. Written: one table of samples for each population, every tenth row
-(`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`).
+(`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`). What a model plans depends on its features:
+rounds after the first are planned by the checkpoint that the rounds before have trained, and join their tables.
 """
 
 import dataclasses
@@ -34,7 +36,6 @@ from experiments.drives import join_vehicles
 # made with what has been learnt since the last one out of the pool.
 SCHEDULE = ("pool", "own", "own", "pool", "own", "pool", "shaken", "shaken")
 PLANS = 48  # in the pool
-LANE_STREAM = 2  # of a vehicle's random numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,11 +43,22 @@ class LaneDrivesConfig:
     """What to drive."""
 
     seed: int = 0
+    round: int = 0  # of planning and training; the tables hold all rounds up to this one
     train: int = 240  # vehicles
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2
     output: Path = Path("runs/drives")
+
+
+def stream(number: int) -> int:
+    """Of a vehicle's random numbers: a round's (others are for its effects and its drifting)."""
+    return 2 + 100 * number
+
+
+def round_name(number: int) -> str:
+    """Of the files of a round's drives in a vehicle's folder."""
+    return "lane" if number == 0 else f"lane_{number}"
 
 
 def random_lane(generator: np.random.Generator) -> GatheringConfig:
@@ -62,10 +74,13 @@ def random_lane(generator: np.random.Generator) -> GatheringConfig:
     )
 
 
-def lane_plan(job: tuple[Path | None, int, int]) -> Trajectory | None:
+def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
     """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
-    checkpoint, index, seed = job
-    model, generator = load(checkpoint), np.random.default_rng([seed, LANE_STREAM, index])
+    options, index = job
+    model, generator = (
+        load(options.checkpoint),
+        np.random.default_rng([options.seed, stream(options.round), index]),
+    )
     config = random_lane(generator)
     try:
         if index % 3 == 0:
@@ -92,15 +107,16 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     """Drives one vehicle along the lane; its samples go into its folder, unless they are there. How drives ended."""
     options, population, index, pool = job
     folder = options.output / population / f"vehicle_{index:02d}"
-    if (folder / "lane.json").exists():
-        return dict(json.loads((folder / "lane.json").read_text()))
+    name = round_name(options.round)
+    if (folder / f"{name}.json").exists():
+        return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
     parameters, effects, model = (
         VehicleParameters(),
         draw_effects(population, index, options.seed),
         load(options.checkpoint),
     )
-    generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, LANE_STREAM])
+    generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
     chosen = iter(generator.choice(len(pool), len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
     endings: dict[str, int] = {}
@@ -125,17 +141,27 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         for phase in range(DECIMATION):
             phases[phase].append(samples_from_log(table, None, index, number, phase))
         belief = learn(model, belief, phases[0][-1])
-    save_samples(all_phases(phases), folder / "lane_phases.npz")
-    save_samples(concatenate(phases[0]), folder / "lane.npz")
-    (folder / "lane.json").write_text(json.dumps(endings))
+    save_samples(all_phases(phases), folder / f"{name}_phases.npz")
+    save_samples(concatenate(phases[0]), folder / f"{name}.npz")
+    (folder / f"{name}.json").write_text(json.dumps(endings))
     return endings
+
+
+def join_rounds(folders: list[Path], rounds: int, ending: str) -> Samples:
+    """One table of the vehicles' drives of all rounds, from the files of this ending."""
+    parts, numbered = [], 0
+    for number in range(rounds):
+        part = join_vehicles(folders, f"{round_name(number)}{ending}", len(SCHEDULE))
+        parts.append(part._replace(drive=part.drive + numbered))
+        numbered += int(part.drive.max()) + 1
+    return concatenate(parts)
 
 
 def main(config: LaneDrivesConfig) -> None:
     """Makes the pool of plans and the populations' drives."""
     counts: list[tuple[Population, int]] = [("train", config.train), ("validation", config.validation)]
     with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=25) as pool:
-        jobs = [(config.checkpoint, index, config.seed) for index in range(PLANS)]
+        jobs = [(config, index) for index in range(PLANS)]
         plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
         runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [
             (config, population, index, plans) for population, count in counts for index in range(count)
@@ -146,8 +172,9 @@ def main(config: LaneDrivesConfig) -> None:
                 total[name] = total.get(name, 0) + count
     for population, count in counts:
         folders = [config.output / population / f"vehicle_{index:02d}" for index in range(count)]
-        for name in ("lane", "lane_phases") if folders else ():
-            save_samples(join_vehicles(folders, name, len(SCHEDULE)), config.output / f"{population}_{name}.npz")
+        for ending in ("", "_phases") if folders else ():
+            table = join_rounds(folders, config.round + 1, ending)
+            save_samples(table, config.output / f"{population}_lane{ending}.npz")
     print(json.dumps({"plans": len(plans), "endings": total}))
 
 

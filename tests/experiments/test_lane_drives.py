@@ -34,12 +34,12 @@ def test_a_vehicle_is_driven_along_plans_of_the_pool_and_of_its_own(
 ) -> None:
     monkeypatch.setattr(lane_drives, "SCHEDULE", ("pool", "own", "shaken"))
     monkeypatch.setattr(lane_drives, "own_plan", functools.partial(own_plan, lane_drives.own_plan))
-    slalom = lane_drives.lane_plan((None, 0, 0))
+    slalom = lane_drives.lane_plan((lane_drives.LaneDrivesConfig(), 0))
     assert slalom is not None
     assert np.ptp(slalom.x[:, 4]) > 0.1
     job = (lane_drives.LaneDrivesConfig(output=tmp_path), "train", 1, [slalom, slalom, slalom])
     endings = lane_drives.lane_drives(job)  # type: ignore[arg-type]
-    assert len(PLANNED) == 1
+    assert PLANNED
     assert sum(endings.values()) == 3
     folder = tmp_path / "train" / "vehicle_01"
     table = join_vehicles([folder], "lane_phases", 3)
@@ -53,3 +53,11 @@ def test_a_vehicle_is_driven_along_plans_of_the_pool_and_of_its_own(
     before = (folder / "lane.npz").stat().st_mtime_ns
     assert lane_drives.lane_drives(job) == endings  # type: ignore[arg-type]
     assert (folder / "lane.npz").stat().st_mtime_ns == before
+
+    later = dataclasses.replace(job[0], round=1)
+    lane_drives.lane_drives((later, *job[1:]))  # type: ignore[arg-type]
+    both = lane_drives.join_rounds([folder], 2, "")
+    assert set(both.vehicle) == {1}
+    assert len(both.drives()) == 6
+    np.testing.assert_array_equal(both.x[: len(every_tenth.x)], every_tenth.x)
+    assert not np.array_equal(both.x[len(every_tenth.x) :], every_tenth.x)  # other noise, another plan of its own

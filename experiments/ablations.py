@@ -52,8 +52,8 @@ from experiments.drift_runs import (
     reference,
     run_drives,
 )
+from experiments.drifting_errors import ROLLOUT_STEPS, drifting_errors
 from experiments.executors import JobsFailedError, NoClusterError, run_jobs
-from experiments.information_gathering import ROLLOUT_STEPS, drifting_errors
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]

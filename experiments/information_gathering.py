@@ -34,20 +34,18 @@ from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.features import INPUT_SCALE, STATE_COUNT
 from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import learn, rollout_errors, step_errors, step_model
-from drift_drake.model.samples import Samples, load_samples
+from drift_drake.model.quality import learn
+from drift_drake.model.samples import load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting_errors import drifting_errors, judged_by_halves
 from experiments.information_pictures import draw_all
-from experiments.information_summary import markdown, summarise
+from experiments.information_summary import markdown, summarise, summarise_halves
 
 Array = NDArray[np.float64]
 
-DRIFTING = 0.2  # [rad] of sideslip from which on a sample of the held-out drives counts as drifting
-ROLLOUT_STEPS = 20  # 2 s
 # The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
 RANDOM_STEERING, RANDOM_PERIOD = 0.05, 0.4  # [rad], [s]
 SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 1.5  # [m], [s]
@@ -87,30 +85,6 @@ def drives_file(config: InformationConfig) -> Path:
             f"{path}: no such file; make the drives with `python -m experiments.drives --output {config.drives}`"
         )
     return path
-
-
-def drifting_errors(model: BayesianModel, belief: Posterior, samples: Samples) -> dict[str, Any]:
-    """A belief's errors where a vehicle's drives drift.
-
-    Returns:
-        "one_step": RMS error by state [4]; "rollout": median size of the error after 2 s under the recorded commands by
-        state [4]; "one_step_scaled": root mean square over states of the RMS errors in units of the model's noise;
-        "rollout_scaled": the same of the rollouts' medians in units of the features' input scale.
-    """
-    stepper = step_model(model, belief, "trapezoid")
-    drifting = samples.where(np.abs(samples.x[:, 2]) > DRIFTING)
-    one_step = np.sqrt(np.mean(step_errors(stepper, drifting)[:, :STATE_COUNT] ** 2, axis=0))
-    every = 5
-    long = [drive for drive in samples.drives() if len(drive.x) >= ROLLOUT_STEPS]
-    starts = np.concatenate([drive.x[: len(drive.x) - ROLLOUT_STEPS + 1 : every, 2] for drive in long])
-    errors = rollout_errors(stepper, long, ROLLOUT_STEPS, every)[np.abs(starts) > DRIFTING]
-    rollout = np.median(np.abs(errors[:, :STATE_COUNT]), axis=0)
-    return {
-        "one_step": one_step,
-        "rollout": rollout,
-        "one_step_scaled": float(np.sqrt(np.mean((one_step / model.sigma) ** 2))),
-        "rollout_scaled": float(np.sqrt(np.mean((rollout / INPUT_SCALE[:STATE_COUNT]) ** 2))),
-    }
 
 
 def full_weight_total(model: BayesianModel, belief: Posterior) -> float:
@@ -243,6 +217,19 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
         write_json(numbers, _Vehicle(config, index).run(shared, folder))
 
 
+def halves_of(config: InformationConfig, folder: Path, index: int) -> dict[str, dict[str, float]]:
+    """A vehicle's errors on halves of its own drives, of the prior and of what its drives along the lane have left."""
+    model, beliefs = load(config.checkpoint), {}
+    for name in ("once", "twice"):
+        path = folder / f"belief-{name}-{index:03d}.npz"
+        if path.exists():
+            with np.load(path) as stored:
+                beliefs[f"{name.capitalize()}-Info"] = Posterior(*(stored[field] for field in Posterior._fields))
+    return judged_by_halves(
+        model, {"prior": model.prior()} | beliefs, load_samples(drives_file(config)).of_vehicle(index)
+    )
+
+
 def main(config: InformationConfig) -> None:
     """Runs all vehicles, then writes numbers and pictures."""
     try:
@@ -261,6 +248,7 @@ def main(config: InformationConfig) -> None:
             pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
     summary = summarise(results, config.stop_below)
+    summary["halves"] = summarise_halves([halves_of(config, folder, index) for index in indices])
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)

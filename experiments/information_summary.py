@@ -117,6 +117,19 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
     return summary
 
 
+def summarise_halves(vehicles: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
+    """Errors on halves of the vehicles' own drives by model, and on how many vehicles each is below Once-Info's."""
+    names = [name for name in vehicles[0] if all(name in vehicle for vehicle in vehicles)]
+    return {
+        name: {
+            kind: _spread([vehicle[name][kind] for vehicle in vehicles])
+            | {"below Once-Info": sum(vehicle[name][kind] < vehicle["Once-Info"][kind] for vehicle in vehicles)}
+            for kind in ("one_step", "rollout")
+        }
+        for name in names
+    }
+
+
 def _cell(spread: dict[str, float], digits: int = 3) -> str:
     return f"{spread['median']:.{digits}g} ({spread['best']:.{digits}g} to {spread['worst']:.{digits}g})"
 
@@ -157,6 +170,17 @@ def markdown(summary: dict[str, Any]) -> str:
         keys = ("predicted", "obtained", "total", "one_step_scaled", "max_e", "max_beta")
         cells = [_cell(found[key]) for key in keys]
         lines.append(f"| {k + 1} | {' | '.join(cells)} | {found['not driven to the end']} |")
+    lines += [
+        "",
+        "Error in drifts on half of a vehicle's own drives, also after learning from the other half",
+        "",
+        "| model | one step | 2 s rollout | below Once-Info: one step | 2 s |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, kinds in summary.get("halves", {}).items():
+        cells = [_cell(kinds[kind]) for kind in ("one_step", "rollout")]
+        cells += [str(kinds[kind]["below Once-Info"]) for kind in ("one_step", "rollout")]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     driven = summary["stopping"]["rounds driven"]
     lines += [""]
     lines += [f"- {text}: {count} of {summary['vehicles']}" for text, count in summary["counts"].items()]

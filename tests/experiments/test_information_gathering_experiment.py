@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
 from drift_drake.model.features import FEATURE_COUNT
 from drift_drake.model.posterior import covariance_norms, update_all
+from drift_drake.model.samples import Samples
+from experiments.drifting_errors import drifting_errors, judged_by_halves
 from experiments.information_gathering import InformationConfig, full_weight_total, main
-from experiments.information_summary import markdown, stop_round, summarise
+from experiments.information_summary import markdown, stop_round, summarise, summarise_halves
 
 
 def judged(total: float, error: float) -> dict[str, Any]:
@@ -61,3 +64,26 @@ def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> Non
     belief = update_all(model.prior(), phi, y, model.sample_weight)
     full = update_all(model.prior(), phi, y)
     assert full_weight_total(model, belief) == pytest.approx(covariance_norms(full)[1], rel=1e-6)
+
+
+def test_halves_of_the_own_drives_judge_what_the_other_half_taught() -> None:
+    model = load()
+    generator = np.random.default_rng(1)
+    count = 60
+    x = np.array([0.5, 13.0, -0.5, 17.0, 0.0, 0.0]) + 0.1 * generator.normal(size=(4 * count, 6))
+    u = np.array([-0.2, 150.0]) + np.array([0.05, 20.0]) * generator.normal(size=(4 * count, 2))
+    truth = model.prior().mean + 0.5 * generator.normal(size=model.prior_mean.shape)
+    x_next = BayesianStepModel(model.network, truth, model.vehicle.constants(), path_step="trapezoid").step(
+        x, u, u, np.zeros(len(x))
+    )
+    samples = Samples(x, u, u, x_next, np.zeros(len(x)), np.zeros(len(x), dtype=int), np.repeat(np.arange(4), count))
+    prior = model.prior()
+    found = judged_by_halves(model, {"prior": prior, "Once-Info": prior._replace(mean=truth)}, samples)
+    assert list(found) == ["prior", "prior and own drives", "Once-Info", "Once-Info and own drives"]
+    assert found["Once-Info"]["one_step"] < 1e-6  # it is the truth
+    assert found["prior and own drives"]["one_step"] < 0.5 * found["prior"]["one_step"]
+    halves = [drifting_errors(model, prior, samples.where(samples.drive % 2 == k))["one_step_scaled"] for k in (0, 1)]
+    assert found["prior"]["one_step"] == pytest.approx(np.sqrt(np.mean(np.square(halves))))
+    summary = summarise_halves([found, found])
+    assert summary["prior"]["one_step"]["below Once-Info"] == 0
+    assert summary["prior"]["one_step"]["median"] == pytest.approx(found["prior"]["one_step"])

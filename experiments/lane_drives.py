@@ -77,10 +77,8 @@ def random_lane(generator: np.random.Generator) -> GatheringConfig:
 def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
     """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
     options, index = job
-    model, generator = (
-        load(options.checkpoint),
-        np.random.default_rng([options.seed, stream(options.round), index]),
-    )
+    model = load(options.checkpoint)
+    generator = np.random.default_rng([options.seed, stream(options.round), index])
     config = random_lane(generator)
     try:
         if index % 3 == 0:
@@ -111,11 +109,8 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     if (folder / f"{name}.json").exists():
         return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, effects, model = (
-        VehicleParameters(),
-        draw_effects(population, index, options.seed),
-        load(options.checkpoint),
-    )
+    parameters, model = VehicleParameters(), load(options.checkpoint)
+    effects = draw_effects(population, index, options.seed)
     generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
     chosen = iter(generator.choice(len(pool), len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]

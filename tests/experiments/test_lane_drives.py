@@ -37,8 +37,9 @@ def test_a_vehicle_is_driven_along_plans_of_the_pool_and_of_its_own(
     slalom = lane_drives.lane_plan((lane_drives.LaneDrivesConfig(), 0))
     assert slalom is not None
     assert np.ptp(slalom.x[:, 4]) > 0.1
-    job = (lane_drives.LaneDrivesConfig(output=tmp_path), "train", 1, [slalom, slalom, slalom])
-    endings = lane_drives.lane_drives(job)  # type: ignore[arg-type]
+    config = lane_drives.LaneDrivesConfig(output=tmp_path)
+    pool = [slalom, slalom, slalom]
+    endings = lane_drives.lane_drives((config, "train", 1, pool))
     assert PLANNED
     assert sum(endings.values()) == 3
     folder = tmp_path / "train" / "vehicle_01"
@@ -51,11 +52,10 @@ def test_a_vehicle_is_driven_along_plans_of_the_pool_and_of_its_own(
     every_tenth = load_samples(folder / "lane.npz")
     np.testing.assert_array_equal(table.of_vehicle(1).x, every_tenth.x)
     before = (folder / "lane.npz").stat().st_mtime_ns
-    assert lane_drives.lane_drives(job) == endings  # type: ignore[arg-type]
+    assert lane_drives.lane_drives((config, "train", 1, pool)) == endings
     assert (folder / "lane.npz").stat().st_mtime_ns == before
 
-    later = dataclasses.replace(job[0], round=1)
-    lane_drives.lane_drives((later, *job[1:]))  # type: ignore[arg-type]
+    lane_drives.lane_drives((dataclasses.replace(config, round=1), "train", 1, pool))
     both = lane_drives.join_rounds([folder], 2, "")
     assert set(both.vehicle) == {1}
     assert len(both.drives()) == 6

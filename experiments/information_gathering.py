@@ -187,6 +187,7 @@ class _Vehicle:
         ):
             _, result[name], tables[name] = self.drive(prior, trajectory, config.seed)
         belief, trajectory, result["rounds"] = prior, shared.info, []
+        beliefs = {"prior": prior}
         for k in range(config.rounds):
             seconds = 0.0
             if k > 0:
@@ -202,10 +203,12 @@ class _Vehicle:
             result["rounds"].append(entry | {"plan_seconds": seconds})
             if k < 2:
                 name = ("once", "twice")[k]
+                beliefs[f"{name.capitalize()}-Info"] = belief
                 np.savez(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
         for name, table in tables.items():
             file = folder / f"{name.replace(' ', '_').lower()}-{self._index:03d}.csv"
             table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}).to_csv(file, index=False)
+        result["halves"] = judged_by_halves(model, beliefs, self._judged)
         return result
 
 
@@ -215,19 +218,6 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
     numbers = folder / f"vehicle-{index:03d}.json"
     if not numbers.exists():
         write_json(numbers, _Vehicle(config, index).run(shared, folder))
-
-
-def halves_of(config: InformationConfig, folder: Path, index: int) -> dict[str, dict[str, float]]:
-    """A vehicle's errors on halves of its own drives, of the prior and of what its drives along the lane have left."""
-    model, beliefs = load(config.checkpoint), {}
-    for name in ("once", "twice"):
-        path = folder / f"belief-{name}-{index:03d}.npz"
-        if path.exists():
-            with np.load(path) as stored:
-                beliefs[f"{name.capitalize()}-Info"] = Posterior(*(stored[field] for field in Posterior._fields))
-    return judged_by_halves(
-        model, {"prior": model.prior()} | beliefs, load_samples(drives_file(config)).of_vehicle(index)
-    )
 
 
 def main(config: InformationConfig) -> None:
@@ -248,7 +238,7 @@ def main(config: InformationConfig) -> None:
             pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
     summary = summarise(results, config.stop_below)
-    summary["halves"] = summarise_halves([halves_of(config, folder, index) for index in indices])
+    summary["halves"] = summarise_halves([result["halves"] for result in results])
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)

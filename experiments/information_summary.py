@@ -119,14 +119,19 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
 
 def summarise_halves(vehicles: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
     """Errors on halves of the vehicles' own drives by model, and on how many vehicles each is below Once-Info's."""
-    names = [name for name in vehicles[0] if all(name in vehicle for vehicle in vehicles)]
+
+    def errors(name: str, kind: str) -> list[float]:
+        known = (vehicle[name][kind] for vehicle in vehicles)
+        return [np.nan if error is None else error for error in known]  # JSON has no NaN
+
     return {
         name: {
-            kind: _spread([vehicle[name][kind] for vehicle in vehicles])
-            | {"below Once-Info": sum(vehicle[name][kind] < vehicle["Once-Info"][kind] for vehicle in vehicles)}
+            kind: _spread(errors(name, kind))
+            | {"below Once-Info": int(np.sum(np.less(errors(name, kind), errors("Once-Info", kind))))}
             for kind in ("one_step", "rollout")
         }
-        for name in names
+        for name in vehicles[0]
+        if all(name in vehicle for vehicle in vehicles)
     }
 
 

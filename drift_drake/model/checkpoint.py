@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 FORMAT = 1
 PRECISION_FLOOR = 1e-6  # added to the diagonal of Lambda_0 = L L^T, which may be singular while it trains
-_WEIGHTS = ("w1", "b1", "w2", "b2", "w_out", "b_out")
+WEIGHTS = ("w1", "b1", "w2", "b2", "w_out", "b_out")
 
 
 class InvalidCheckpointError(ValueError):
@@ -45,12 +45,12 @@ class BayesianModel:
     def trainable_count(self) -> int:
         """Number of trainable parameters: network, prior mean and precision, noise scales (27,012 in the paper; its
         network's inputs are z alone)."""
-        weights = sum(np.size(getattr(self.network, name)) for name in _WEIGHTS)
+        weights = sum(np.size(getattr(self.network, name)) for name in WEIGHTS)
         return weights + self.prior_mean.size + self.precision_factor.size + self.sigma.size
 
     def save(self, path: str | Path) -> None:
         """Writes the checkpoint. Weights trained in single precision are stored so; nothing is lost."""
-        arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in _WEIGHTS}
+        arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in WEIGHTS}
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         with Path(path).open("wb") as file:
             np.savez_compressed(
@@ -77,7 +77,7 @@ def load(path: str | Path | None = None) -> BayesianModel:
         with np.load(source, allow_pickle=False) as stored:
             arrays = {name: np.asarray(stored[name]) for name in stored.files}
         about = json.loads(str(arrays.pop("about")))
-        weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *_WEIGHTS)}
+        weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *WEIGHTS)}
         prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
         weight = float(arrays["sample_weight"])
     except FileNotFoundError:

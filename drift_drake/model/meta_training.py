@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.features import FEATURE_COUNT, INPUT_COUNT, STATE_COUNT, Network, input_scaling
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
-from drift_drake.model.torch_network import NETWORK_PARAMETERS, Parameters, initial_parameters, parameters_of
+from drift_drake.model.torch_network import Parameters, initial_parameters, parameters_of
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
@@ -134,7 +134,7 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
     """
     numbers = {name: value.detach().double().numpy() for name, value in parameters.items()}
     output_scale = scale.double().numpy()
-    weights = {name: numbers[name] for name in NETWORK_PARAMETERS}
+    weights = {name: numbers[name] for name in WEIGHTS}
     factor = numbers["precision_factor"] if adaptive else 1e6 * np.tile(np.eye(FEATURE_COUNT), (STATE_COUNT, 1, 1))
     physical = len(weights["w1"]) > INPUT_COUNT
     return BayesianModel(

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from drift_drake.model.checkpoint import PRECISION_FLOOR, BayesianModel
+from drift_drake.model.checkpoint import PRECISION_FLOOR, WEIGHTS, BayesianModel
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -17,13 +17,12 @@ from drift_drake.model.features import (
 )
 
 Parameters = dict[str, torch.Tensor]
-NETWORK_PARAMETERS = ("w1", "b1", "w2", "b2", "w_out", "b_out")
 
 
 def initial_parameters(generator: torch.Generator, physical: bool = False) -> Parameters:
     """The trainable numbers: uniform weights of width 1/sqrt(inputs), identity precision.
 
-    27,012 with z alone, as in the paper; 28,548 with the physical inputs.
+    27,012 with z alone, as in the paper; 28,036 with the physical inputs.
     """
     inputs_count = len(input_scaling(physical)[0])
 
@@ -50,20 +49,19 @@ def parameters_of(model: BayesianModel, scale: torch.Tensor) -> Parameters:
     Args:
         scale: of the residuals [4], which the trainable prior mean and noise are in units of.
     """
-    network, weight = model.network, torch.tensor(model.sample_weight, dtype=torch.float64)
-    single = {name: torch.as_tensor(getattr(network, name), dtype=torch.float32) for name in NETWORK_PARAMETERS}
+    single = {name: torch.as_tensor(getattr(model.network, name), dtype=torch.float32) for name in WEIGHTS}
     parameters = single | {
         "prior_mean": torch.as_tensor(model.prior_mean) / scale[:, None],
         "precision_factor": torch.as_tensor(model.precision_factor),
         "log_sigma": torch.log(torch.as_tensor(model.sigma) / scale),
     }
     if model.sample_weight < 1.0:
-        parameters["logit_weight"] = torch.logit(weight)
+        parameters["logit_weight"] = torch.logit(torch.tensor(model.sample_weight, dtype=torch.float64))
     return {name: value.clone().requires_grad_() for name, value in parameters.items()}
 
 
 def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor:
-    """phi [n, 4, 16] at inputs [n, 8 or 20]: torch's twin of `features.features`."""
+    """phi [n, 4, 16] at inputs [n, 8 or 16]: torch's twin of `features.features`."""
     offset, scale = (torch.as_tensor(a, dtype=inputs.dtype) for a in input_scaling(inputs.shape[1] > INPUT_COUNT))
     scaled = (inputs - offset) / scale
     hidden = torch.tanh(torch.addmm(parameters["b1"], scaled, parameters["w1"]))

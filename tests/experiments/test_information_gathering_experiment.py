@@ -87,3 +87,6 @@ def test_halves_of_the_own_drives_judge_what_the_other_half_taught() -> None:
     summary = summarise_halves([found, found])
     assert summary["prior"]["one_step"]["below Once-Info"] == 0
     assert summary["prior"]["one_step"]["median"] == pytest.approx(found["prior"]["one_step"])
+    short = {name: kinds | {"rollout": None} for name, kinds in found.items()}  # as JSON holds it: no drift of 2 s
+    alone, both = (summarise_halves(vehicles)["prior"]["rollout"] for vehicles in ([found], [found, short]))
+    assert both["below Once-Info"] == alone["below Once-Info"]

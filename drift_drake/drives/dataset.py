@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.samples import Samples, concatenate
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 
@@ -29,11 +30,12 @@ def samples_from_log(
     """Every tenth row of a log, from row `phase` on, as samples.
 
     Args:
-        table: rows 0.01 s apart with the six measured states, s, delta_cmd and tau_cmd.
+        table: rows 0.01 s apart with t, the six measured states, s, delta_cmd and tau_cmd.
         path: that e, dphi and s refer to; None for a straight one (of no curvature).
     """
-    states = table[list(STATES)].to_numpy()[phase::DECIMATION]
-    commands = table[[f"{name}_cmd" for name in INPUTS]].to_numpy()[phase::DECIMATION]
+    commands = table[[f"{name}_cmd" for name in INPUTS]].to_numpy()
+    states = np.concatenate([table[list(STATES)].to_numpy(), lagged_commands(table["t"].to_numpy(), commands)], axis=1)
+    states, commands = states[phase::DECIMATION], commands[phase::DECIMATION]
     count = max(0, len(states) - 1)
     if path is None:
         curvature = np.zeros(count)

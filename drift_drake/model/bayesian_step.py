@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.compilation import compiled
-from drift_drake.model.features import INPUT_COUNT, STATE_COUNT, MeanFunction, Network, network_inputs
+from drift_drake.model.command_lag import LAGGED, lag_factors
+from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
 
@@ -44,9 +45,12 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = 
 
 
 class BayesianStepModel:
-    """One step of the learnt car over the arrays of a horizon, for one theta."""
+    """One step of the learnt car over the arrays of a horizon, for one theta.
 
-    memory_scale: Array = np.empty(0)  # it has no states beyond the six
+    Its state is the paper's (r, v, beta, omega_r, e, dphi) and the lagged commands (`command_lag`).
+    """
+
+    memory_scale: Array = np.array([0.3, 100.0])  # of the lagged commands
 
     def __init__(
         self,
@@ -60,6 +64,7 @@ class BayesianStepModel:
         self._mean = MeanFunction(network, theta)
         self._nominal = nominal
         self._dt = dt
+        self._lag = lag_factors(dt)
         self._trapezoid = path_step == "trapezoid"
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
@@ -70,36 +75,45 @@ class BayesianStepModel:
         return other
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        """x_{k+1} [n, 6] for states x [n, 6], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
-        next_state = euler_step(x, u, curvature, self._nominal, self._dt)
-        next_state[:, :STATE_COUNT] += self._mean.value(network_inputs(x, u, u_next))
+        """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
+        body = euler_step(x[:, :6], u, curvature, self._nominal, self._dt)
+        body[:, :STATE_COUNT] += self._mean.value(network_inputs(x, u, u_next))
         if self._trapezoid:
-            next_state[:, 4:] = _trapezoid_path(x, next_state, curvature, self._dt)[0]
-        return next_state
+            body[:, 4:] = _trapezoid_path(x, body, curvature, self._dt)[0]
+        keep, by_now, by_next = self._lag
+        return np.concatenate([body, keep * x[:, LAGGED] + by_now * u + by_next * u_next], axis=1)
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         """The step and its Jacobians.
 
         Returns:
-            (x_{k+1} [n, 6], A = d/dx [n, 6, 6], B = d/du_k [n, 6, 2], B_next = d/du_{k+1} [n, 6, 2]).
+            (x_{k+1} [n, 8], A = d/dx [n, 8, 8], B = d/du_k [n, 8, 2], B_next = d/du_{k+1} [n, 8, 2]).
         """
-        rates, rate_a, rate_b = linearize(x, u, curvature, self._nominal)
-        next_state, a, b = x + self._dt * rates, self._dt * rate_a, self._dt * rate_b
+        count, learnt = len(x), STATE_COUNT
+        next_state, a = np.empty((count, 8)), np.zeros((count, 8, 8))
+        b, b_next = np.zeros((count, 8, 2)), np.zeros((count, 8, 2))
+        rates, rate_a, rate_b = linearize(x[:, :6], u, curvature, self._nominal)
+        next_state[:, :6] = x[:, :6] + self._dt * rates
+        a[:, :6, :6], b[:, :6] = self._dt * rate_a, self._dt * rate_b
         a[:, range(6), range(6)] += 1.0
         next_state[:, 3], a[:, 3], b[:, 3] = 0.0, 0.0, 0.0
-        b_next = np.zeros_like(b)
         g, slope = self._mean.linearize(network_inputs(x, u, u_next))
-        next_state[:, :STATE_COUNT] += g
-        a[:, :STATE_COUNT, :STATE_COUNT] += slope[..., :STATE_COUNT]
-        b[:, :STATE_COUNT] += slope[..., STATE_COUNT : STATE_COUNT + 2]
-        b_next[:, :STATE_COUNT] = slope[..., STATE_COUNT + 2 : INPUT_COUNT]
+        next_state[:, :learnt] += g
+        a[:, :learnt, :learnt] += slope[..., :learnt]
+        a[:, :learnt, LAGGED] = slope[..., learnt + 4 :]
+        b[:, :learnt] += slope[..., learnt : learnt + 2]
+        b_next[:, :learnt] = slope[..., learnt + 2 : learnt + 4]
         if self._trapezoid:
             path, by_state, by_next = _trapezoid_path(x, next_state, curvature, self._dt)
-            next_state[:, 4:] = path
-            learnt_a, learnt_b, learnt_b_next = a[:, :STATE_COUNT], b[:, :STATE_COUNT], b_next[:, :STATE_COUNT]
-            a[:, 4:] = by_state + by_next @ learnt_a
-            b[:, 4:] = by_next @ learnt_b
-            b_next[:, 4:] = by_next @ learnt_b_next
+            next_state[:, 4:6] = path
+            a[:, 4:6] = by_next @ a[:, :learnt]
+            a[:, 4:6, :6] += by_state
+            b[:, 4:6] = by_next @ b[:, :learnt]
+            b_next[:, 4:6] = by_next @ b_next[:, :learnt]
+        factors = self._lag
+        next_state[:, LAGGED] = factors[0] * x[:, LAGGED] + factors[1] * u + factors[2] * u_next
+        for matrix, factor in zip((a[:, LAGGED, LAGGED], b[:, LAGGED], b_next[:, LAGGED]), factors, strict=True):
+            matrix[:, range(2), range(2)] = factor
         return next_state, a, b, b_next
 
 

@@ -1,9 +1,10 @@
 """The learnt features phi_i(z): a tanh network at run time, values and Jacobians in NumPy.
 
-z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}); two hidden layers of 128 are shared by the four
-learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its own (section II of
-Davydov et al.). Beside z the network may be given what the nominal car's tyres say of z (`physical_inputs`, beyond the
-paper). The output layers are linear, so theta folds into them: for the mean of the model the 64 features become 4
+z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}, lagged delta_k, lagged tau_k); two hidden layers of 128
+are shared by the four learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its own
+(section II of Davydov et al.). The paper's network knows the first eight of z. Beyond the paper are the lagged commands
+(`command_lag`) and, beside z, what the nominal car's tyres say of it (`physical_inputs`): a network is given both or
+neither. The output layers are linear, so theta folds into them: for the mean of the model the 64 features become 4
 outputs, and the Jacobian needs 4 reverse rows.
 """
 
@@ -12,57 +13,60 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_inputs
 from drift_drake.vehicle.parameters import Constants
 
 Array = NDArray[np.float64]
 
-INPUT_COUNT = 8
+INPUT_COUNT = 10
+PAPER_COUNT = 8  # of z, in the paper
 HIDDEN_COUNT = 128
 STATE_COUNT = 4  # learnt states: r, v, beta, omega_r
 FEATURE_COUNT = 16
 MEAN_COUNT = STATE_COUNT * FEATURE_COUNT  # last-layer parameters
 COVARIANCE_COUNT = MEAN_COUNT * FEATURE_COUNT  # entries of their covariances
-INPUT_OFFSET = np.array([0.0, 12.0, 0.0, 14.0, 0.0, 120.0, 0.0, 120.0])
-INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0])
+INPUT_OFFSET = np.array([0.0, 12.0, 0.0, 14.0, 0.0, 120.0, 0.0, 120.0, 0.0, 120.0])
+INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0, 0.3, 120.0])
 
 
 class Network(NamedTuple):
-    """Weights of the feature network, and the fixed scaling (inputs - offset) / scale: 8 inputs, or 16 with physics."""
+    """Weights of the feature network, and the fixed scaling (inputs - offset) / scale: 8 inputs as in the paper, or 18."""
 
-    input_offset: Array  # [8 or 16]
-    input_scale: Array  # [8 or 16]
-    w1: Array  # [8 or 16, 128]
+    input_offset: Array  # [8 or 18]
+    input_scale: Array  # [8 or 18]
+    w1: Array  # [8 or 18, 128]
     b1: Array  # [128]
     w2: Array  # [128, 128]
     b2: Array  # [128]
     w_out: Array  # [4, 128, 16]
     b_out: Array  # [4, 16]
-    nominal: Constants | None = None  # the car whose tyres are asked; none: z alone
+    nominal: Constants | None = None  # the car whose tyres are asked; none: the paper's z alone
 
 
 def input_scaling(physical: bool) -> tuple[Array, Array]:
     """(offset, scale) of a network's inputs, with or without the physical ones."""
     if not physical:
-        return INPUT_OFFSET.copy(), INPUT_SCALE.copy()
+        return INPUT_OFFSET[:PAPER_COUNT].copy(), INPUT_SCALE[:PAPER_COUNT].copy()
     return np.append(INPUT_OFFSET, np.zeros(PHYSICAL_COUNT)), np.append(INPUT_SCALE, PHYSICAL_SCALE)
 
 
 def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
-    """z [..., 8] from states x [..., >= 4] and inputs u, u_next [..., 2] at the ends of the step."""
-    return np.concatenate([np.asarray(x)[..., :STATE_COUNT], u, u_next], axis=-1)
+    """z [..., 10] from states x [..., 8] and inputs u, u_next [..., 2] at the ends of the step."""
+    x = np.asarray(x)
+    return np.concatenate([x[..., :STATE_COUNT], u, u_next, x[..., LAGGED]], axis=-1)
 
 
 def _inputs(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
-    """The network's inputs [..., 8 or 16], and the derivative of the physical ones, if any, by z [..., 8, 8]."""
+    """The network's inputs [..., 8 or 18], and the derivative of the physical ones, if any, by z [..., 8, 10]."""
     if nominal is None:
-        return z, None
+        return z[..., :PAPER_COUNT], None
     values, by_physics = physical_inputs(z, nominal)
     return np.concatenate([z, values], axis=-1), by_physics
 
 
 def all_inputs(z: Array, nominal: Constants | None) -> Array:
-    """The network's inputs [..., 8 or 16]: z [..., 8], and what the nominal car's tyres say of it."""
+    """The network's inputs: the paper's z [..., 8], or z [..., 10] and what the nominal car's tyres say of it."""
     return _inputs(z, nominal)[0]
 
 
@@ -74,14 +78,15 @@ def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
 
 
 def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
-    """Gradients [..., k, 8] with respect to z, from those [..., k, inputs] with respect to all inputs."""
+    """Gradients [..., k, 10] with respect to z, from those [..., k, inputs] with respect to all inputs."""
     if by_physics is None:
-        return by_inputs
+        unused = np.zeros((*by_inputs.shape[:-1], INPUT_COUNT - PAPER_COUNT))
+        return np.concatenate([by_inputs, unused], axis=-1)
     return by_inputs[..., :INPUT_COUNT] + by_inputs[..., INPUT_COUNT:] @ by_physics
 
 
 def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: Array) -> Array:
-    """Gradients with respect to z, [..., k, 8], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
+    """Gradients with respect to z, [..., k, 10], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
     h1, h2, by_physics = hidden
     g2 = seed * (1.0 - h2 * h2)[..., None, :]
     g1 = (g2 @ network.w2.T) * (1.0 - h1 * h1)[..., None, :]
@@ -89,13 +94,13 @@ def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: 
 
 
 def features(network: Network, z: Array) -> Array:
-    """phi [..., 4, 16] at z [..., 8]."""
+    """phi [..., 4, 16] at z [..., 10]."""
     h2 = _hidden(network, z)[1]
     return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
 
 
 def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
-    """phi [..., 4, 16] and d phi / dz [..., 4, 16, 8]."""
+    """phi [..., 4, 16] and d phi / dz [..., 4, 16, 10]."""
     hidden = _hidden(network, z)
     h2 = hidden[1]
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
@@ -108,10 +113,10 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     """Information that a sample at z would bring: the paper's eq. (8), one term of the sum over k.
 
     Args:
-        covariance: Lambda_i^{-1}, [4, 16, 16], or one for each z [..., 4, 16, 16]; z: [..., 8].
+        covariance: Lambda_i^{-1}, [4, 16, 16], or one for each z [..., 4, 16, 16]; z: [..., 10].
 
     Returns:
-        (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 8]). The gradient
+        (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 10]). The gradient
         costs one reverse row.
     """
     hidden = _hidden(network, z)
@@ -168,12 +173,12 @@ class MeanFunction:
         return work
 
     def value(self, z: Array) -> Array:
-        """g [n, 4] at z [n, 8]."""
+        """g [n, 4] at z [n, 10]."""
         h2 = self._forward(all_inputs(z, self._network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
-        """g [n, 4] and d g / dz [n, 4, 8] at z [n, 8], by reverse mode."""
+        """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
         inputs, by_physics = _inputs(z, self._network.nominal)
         h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
         value = h2 @ self._w3.T + self._b3

@@ -19,10 +19,10 @@ GAUSSIAN_COVERAGE = (0.6827, 0.9545, 0.9973)  # of 1, 2 and 3 sigma
 
 
 class Stepper(Protocol):
-    """Anything that steps the six states over an array of points."""
+    """Anything that steps the six states, or them and the lagged commands, over an array of points."""
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        """x_next [n, 6]."""
+        """x_next [n, 6 or 8] for x [n, 8]."""
         ...
 
 
@@ -75,7 +75,8 @@ def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Sam
 
 def step_errors(model: Stepper, samples: Samples) -> Array:
     """One-step errors [n, 6] of a model without uncertainty."""
-    return samples.x_next - model.step(samples.x, samples.u, samples.u_next, samples.curvature)
+    x_next = model.step(samples.x, samples.u, samples.u_next, samples.curvature)
+    return samples.x_next[:, :6] - x_next[:, :6]
 
 
 def coverage(errors: Array, deviations: Array) -> Array:
@@ -105,7 +106,7 @@ def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int
             np.stack([getattr(drive, name)[k] for drive, k in rows]) for name in ("u", "u_next", "curvature")
         )
         x = model.step(x, u, u_next, curvature)
-    return np.stack([drive.x_next[k + steps - 1] for drive, k in starts]) - x
+    return np.stack([drive.x_next[k + steps - 1, :6] for drive, k in starts]) - x[:, :6]
 
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "euler") -> BayesianStepModel:

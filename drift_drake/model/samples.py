@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PHASE_STRIDE = 1000  # between the vehicle numbers of two phases of the same drives
-MIRROR_STATE = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, -1.0])  # (r, v, beta, omega_r, e, dphi) seen in a mirror
-MIRROR_INPUT = np.array([-1.0, 1.0])
+MIRROR_INPUT = np.array([-1.0, 1.0])  # (delta, tau) seen in a mirror
+MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT])
 
 
 class InvalidSamplesError(ValueError):
@@ -22,10 +22,10 @@ class InvalidSamplesError(ValueError):
 class Samples(NamedTuple):
     """n samples; those of one drive are consecutive in time and stand together."""
 
-    x: Array  # measured state (r, v, beta, omega_r, e, dphi) at the start of the step [n, 6]
+    x: Array  # measured (r, v, beta, omega_r, e, dphi) and lagged commands at the start of the step [n, 8]
     u: Array  # commands (delta, tau) then [n, 2]
     u_next: Array  # commands at the end of the step [n, 2]
-    x_next: Array  # measured state at the end of the step [n, 6]
+    x_next: Array  # the same at the end of the step [n, 8]
     curvature: Array  # of the path, mean over the step [n] [1/m]
     vehicle: Indices  # which vehicle [n]
     drive: Indices  # which drive [n]
@@ -102,6 +102,11 @@ def load_samples(path: str | Path) -> Samples:
         raise
     except (ValueError, OSError, EOFError) as error:
         raise InvalidSamplesError(f"{path}: not a table of samples ({error}); make it anew") from None
+    if samples.x.shape[1:] != MIRROR_STATE.shape:
+        raise InvalidSamplesError(
+            f"{path}: x has {samples.x.shape[-1]} columns where {len(MIRROR_STATE)} are asked for (the six states and the "
+            "lagged commands); make it anew"
+        )
     if len(samples.x) == 0:
         raise InvalidSamplesError(f"{path}: holds no sample; make it anew from drives of 0.2 s or more")
     for name, column in zip(Samples._fields, samples, strict=True):

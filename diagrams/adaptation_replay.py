@@ -24,6 +24,7 @@ from drift_drake.logs.table import InvalidLogError, Run, read_run
 from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import CommandLag, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.pictures.graph import draw_graph
@@ -66,6 +67,9 @@ class AdaptationReplay:
             source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(t - t[0], rows))
             builder.AddNamedSystem(f"log_of_{name}", source)
             builder.Connect(source.get_output_port(), self.adapter.GetInputPort(name))
+        lag = builder.AddNamedSystem("command_lag", CommandLag())
+        builder.Connect(source.get_output_port(), lag.get_input_port())
+        builder.Connect(lag.get_output_port(), self.adapter.GetInputPort("lagged_command"))
         self._sinks = {
             name: LogVectorOutput(self.adapter.GetOutputPort(name), builder, TIME_STEP)
             for name in ("posterior_mean", "posterior_covariance", "counters")
@@ -115,8 +119,11 @@ def one_step_errors(log: Run, model: BayesianModel, mean: Array) -> Array:
     t = log.t
     ticks = t[0] + TIME_STEP * np.arange(len(mean))
     rows = _columns(log, (*STATES, *COMMANDS))
-    at_ticks = np.stack([np.interp(ticks, t, column) for column in rows.T], axis=1)
-    x, u = at_ticks[:, :STATE_COUNT], at_ticks[:, STATE_COUNT:]
+    lagged = lagged_commands(t, rows[:, STATE_COUNT:])
+    states = np.concatenate([rows[:, :STATE_COUNT], np.zeros((len(t), 2)), lagged], axis=1)  # a log has no path
+    x, u = (
+        np.stack([np.interp(ticks, t, c) for c in columns.T], axis=1) for columns in (states, rows[:, STATE_COUNT:])
+    )
     phi = features(model.network, network_inputs(x[:-1], u[:-1], u[1:]))
     y = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())
     return y - np.sum(mean[:-1] * phi, axis=-1)

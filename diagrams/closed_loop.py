@@ -28,7 +28,9 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import CommandLag
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
@@ -159,6 +161,12 @@ class ClosedLoop:
             builder.Connect(measured_state, observer.GetInputPort("measured_state"))
             builder.Connect(command_in_force, observer.GetInputPort("command"))
             builder.Connect(observer.GetOutputPort("memory"), self.controller.GetInputPort("memory"))
+        if isinstance(model, BayesianStepModel):
+            lag = builder.AddNamedSystem("command_lag", CommandLag(control.period))
+            builder.Connect(command_in_force, lag.GetInputPort("command"))
+            learners = [system for system in (adapter, detector) if system is not None]
+            for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
+                builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
         if adapter is not None:
             builder.AddNamedSystem("adapter", adapter)
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))

@@ -53,7 +53,7 @@ class GatheringConfig(LaneDrive):
 class Trajectory(NamedTuple):
     """A planned trajectory of 0.1 s steps."""
 
-    x: Array  # [N+1, 6]
+    x: Array  # states and lagged commands [N+1, 8]
     u: Array  # [N+1, 2]
     cost: float
     information: float  # [nat], eq. (8), of the belief that it was planned with
@@ -84,6 +84,7 @@ def plan(
     )
     bound_slip(problem, config)
     data = problem_data(config, lateral)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)
     options = SqpOptions(
         max_iterations=config.max_iterations, tolerance=1e-4, qp_tolerance=1e-7, qp_max_iterations=1000, qp_rho=QP_RHO
@@ -132,8 +133,9 @@ def execution(
     trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig
 ) -> Drive:
     """The diagram that drives a trajectory on a vehicle."""
-    gains = tracking_gains(NominalStepModel(parameters), trajectory.x, trajectory.u, np.zeros(config.steps))
-    controller = TrackingController(trajectory.x, trajectory.u, gains, DT)
+    states = trajectory.x[:, :6]
+    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
+    controller = TrackingController(states, trajectory.u, gains, DT)
     reference = straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
     return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, reference)
@@ -144,7 +146,7 @@ def gather(
 ) -> tuple[Samples, pd.DataFrame, str]:
     """Drives a trajectory: (samples at 10 Hz, log at 100 Hz, how it ended: "time" is as planned)."""
     drive = execution(trajectory, effects, parameters, config)
-    table, ending = drive.run(trajectory.x[0], 0.0, config.steps * DT, seed)
+    table, ending = drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
     return samples_from_log(table, None, 0, 0), table, ending
 
 

@@ -131,7 +131,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
             high = [parameters.steering_limit, parameters.torque_max]
             trajectory = trajectory._replace(u=np.clip(trajectory.u + shake[: config.steps + 1], low, high))
         drive = execution(trajectory, effects, parameters, config)
-        table, ending = drive.run(trajectory.x[0], 0.0, config.steps * DT, int(generator.integers(2**31)))
+        table, ending = drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, int(generator.integers(2**31)))
         endings[ending] = endings.get(ending, 0) + 1
         for phase in range(DECIMATION):
             phases[phase].append(samples_from_log(table, None, index, number, phase))

@@ -48,10 +48,11 @@ def true_change(steering: Array, nominal: Constants, effects: Effects, substeps:
 def model_change(model: BayesianModel, posterior: Posterior, steering: Array) -> tuple[Array, Array]:
     """(mean [n, 4], standard deviation [n, 4]) of (x_{k+1} - x_k) / dt at `UNCERTAINTIES_AT`."""
     at = UNCERTAINTIES_AT
-    x = np.tile([at["r"], at["v"], at["beta"], at["omega_r"], 0.0, 0.0], (len(steering), 1))
     u = np.stack([steering, np.full_like(steering, at["tau"])], axis=1)
+    state = np.tile([at["r"], at["v"], at["beta"], at["omega_r"], 0.0, 0.0], (len(steering), 1))
+    x = np.concatenate([state, u], axis=1)  # the lags are settled
     prediction = predict(posterior, model.sigma, features(model.network, network_inputs(x, u, u)))
-    h = euler_step(x, u, np.zeros(len(x)), model.vehicle.constants())[:, :4]
+    h = euler_step(state, u, np.zeros(len(x)), model.vehicle.constants())[:, :4]
     return (h + prediction.mean - x[:, :4]) / TIME_STEP, np.sqrt(prediction.variance) / TIME_STEP
 
 

@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.features import INPUT_COUNT, STATE_COUNT, Network, features, information_gain, network_inputs
+from drift_drake.model.command_lag import LAGGED
+from drift_drake.model.features import STATE_COUNT, Network, features, information_gain, network_inputs
 
 Array = NDArray[np.float64]
 
@@ -68,8 +69,10 @@ class InformationCost:
                 repeats = len(z) // len(covariance)
                 by_z = information_gain(self._network, np.tile(covariance, (repeats, 1, 1, 1)), z)[1]
             result = np.zeros((len(z), x.shape[1] + 4))
-            result[:, :STATE_COUNT] = -self._alpha * by_z[:, :STATE_COUNT]
-            result[:, x.shape[1] :] = -self._alpha * by_z[:, STATE_COUNT:INPUT_COUNT]
+            by_z *= -self._alpha
+            result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
+            result[:, LAGGED] = by_z[:, STATE_COUNT + 4 :]
+            result[:, x.shape[1] :] = by_z[:, STATE_COUNT : STATE_COUNT + 4]
             return result
 
         return gradient

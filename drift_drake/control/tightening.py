@@ -42,7 +42,7 @@ def lateral_deviation(model: StepModel, network: Network, sigma: Array, covarian
 
     Args:
         model: one step of the car as believed; network, sigma: see `LaneTightening`.
-        covariance: Lambda^{-1} [4, 16, 16]; x: states [N+1, 6]; u: inputs [N+1, 2]; curvature: [N] [1/m].
+        covariance: Lambda^{-1} [4, 16, 16]; x: states [N+1, 8]; u: inputs [N+1, 2]; curvature: [N] [1/m].
     """
     _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
     b = b + b_next
@@ -50,9 +50,10 @@ def lateral_deviation(model: StepModel, network: Network, sigma: Array, covarian
     phi = features(network, network_inputs(x[:-1], u[:-1], u[1:]))
     factor = sigma[:, None, None] * np.linalg.cholesky(covariance)
     spread = np.einsum("kif,ifg->kig", phi, factor)  # of one step's learnt states by whitened theta
-    noise = np.zeros((6, 6))
+    size = a.shape[1]
+    noise, process = np.zeros((size, size)), np.zeros((size, size))
     noise[range(STATE_COUNT), range(STATE_COUNT)] = sigma**2
-    sensitivity, process = np.zeros((6, STATE_COUNT, FEATURE_COUNT)), np.zeros((6, 6))
+    sensitivity = np.zeros((size, STATE_COUNT, FEATURE_COUNT))
     variance = np.zeros(len(x))
     for k in range(len(x) - 1):
         sensitivity = np.einsum("ij,jfg->ifg", closed[k], sensitivity)

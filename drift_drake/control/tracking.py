@@ -26,10 +26,14 @@ def tracking_gains(model: StepModel, x: Array, u: Array, curvature: Array) -> Ar
 
 
 def lqr_gains(a: Array, b: Array) -> Array:
-    """K_k [N, 2, 6] for d_{k+1} = A_k d_k + B_k K_k d_k by a Riccati recursion; a: [N, 6, 6]; b: [N, 6, 2]."""
-    q, r = np.diag(STATE_WEIGHT), np.diag(INPUT_WEIGHT)
+    """K_k [N, 2, n] for d_{k+1} = A_k d_k + B_k K_k d_k by a Riccati recursion; a: [N, n, n]; b: [N, n, 2].
+
+    A model's states beyond the six have no weight.
+    """
+    size = a.shape[1]
+    q, r = np.diag(np.append(STATE_WEIGHT, np.zeros(size - 6))), np.diag(INPUT_WEIGHT)
     value = q
-    gains = np.empty((len(a), 2, 6))
+    gains = np.empty((len(a), 2, size))
     for k in reversed(range(len(a))):
         gain = -np.linalg.solve(r + b[k].T @ value @ b[k], b[k].T @ value @ a[k])
         closed = a[k] + b[k] @ gain

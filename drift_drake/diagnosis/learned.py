@@ -15,6 +15,7 @@ from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, start_rows
 from drift_drake.diagnosis.problem import Problem, RunData
 from drift_drake.diagnosis.reduction import FOLDS, WORST, fold_of, share_removed
 from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
 from drift_drake.model.quality import learn, step_model
@@ -119,8 +120,9 @@ class _Sampled:
     def __init__(self, run: RunData) -> None:
         self.run, self.rows, self.folds = run, round(STEP / run.period), fold_of(run)
         self.starts = start_rows(run)
-        self._x = np.concatenate([run.y[:, :STATE_COUNT], np.zeros((len(run.y), 2))], axis=1)
         self._u = np.column_stack([run.delta, run.tau])
+        path, lagged = np.zeros((len(run.y), 2)), lagged_commands(run.period * np.arange(len(run.y)), self._u)
+        self._x = np.concatenate([run.y[:, :STATE_COUNT], path, lagged], axis=1)
 
     def samples(self, without: int | None) -> Samples:
         """All samples that count and do not touch a fold."""

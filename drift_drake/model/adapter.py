@@ -30,12 +30,12 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
     four learnt states) is beyond the threshold: a spike of a sensor rather than news of the car.
 
     Args:
-        x, x_next: measured states at both ends of the step [>= 4]; u, u_next: commands there [2].
+        x, x_next: measured states and lagged commands at both ends of the step [8]; u, u_next: commands there [2].
 
     Returns:
         (posterior, whether the sample was taken).
     """
-    numbers = np.concatenate([x[:STATE_COUNT], u, u_next, x_next[:STATE_COUNT]])
+    numbers = np.concatenate([network_inputs(x, u, u_next), x_next[:STATE_COUNT]])
     if not np.isfinite(numbers).all():
         return posterior, False
     phi = features(model.network, network_inputs(x, u, u_next))
@@ -51,6 +51,7 @@ class BayesianAdapter(LeafSystem):
     Input ports:
         measured_state [7]: (r, v, beta, omega_r, e, dphi, s) as the sensors give it.
         command [2]: (delta, tau) in force.
+        lagged_command [2]: see `CommandLag`.
 
     Output ports:
         posterior_mean [64]: theta, states by features (row-major [4, 16]).
@@ -59,7 +60,7 @@ class BayesianAdapter(LeafSystem):
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
     a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, and the
-    measurement and command of the last tick. With dt = 0.1 s, the tick at t = k dt takes the sample of [t - dt, t].
+    measurement and commands of the last tick. With dt = 0.1 s, the tick at t = k dt takes the sample of [t - dt, t].
     """
 
     def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP) -> None:
@@ -69,12 +70,13 @@ class BayesianAdapter(LeafSystem):
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
         self._command = self.DeclareVectorInputPort("command", 2)
+        self._lagged = self.DeclareVectorInputPort("lagged_command", 2)
         self._mean = self.DeclareDiscreteState(prior.mean.ravel())
         self._covariance = self.DeclareDiscreteState(prior.covariance.ravel())
         self._q = self.DeclareDiscreteState(prior.q.ravel())
         self._counters = self.DeclareDiscreteState(2)
-        # The last tick: its measured (r, v, beta, omega_r) and command; NaN before the first.
-        self._last = self.DeclareDiscreteState(np.full(STATE_COUNT + 2, np.nan))
+        # The last tick: its measured state, lagged command and command; NaN before the first.
+        self._last = self.DeclareDiscreteState(np.full(10, np.nan))
         self._started = self.DeclareDiscreteState(1)
         self._frozen = self.DeclareNumericParameter(BasicVector([0.0]))
         self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
@@ -88,15 +90,13 @@ class BayesianAdapter(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
-        x = self._measured.Eval(context)[:STATE_COUNT]
+        x = np.concatenate([self._measured.Eval(context)[:6], self._lagged.Eval(context)])
         u = self._command.Eval(context)
         last = context.get_discrete_state(self._last).value()
         frozen = context.get_numeric_parameter(self._frozen).value()[0] > 0.5
         if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
-            posterior, taken = adapt(
-                self.model, self.posterior(context), last[:STATE_COUNT], last[STATE_COUNT:], u, x, threshold
-            )
+            posterior, taken = adapt(self.model, self.posterior(context), last[:8], last[8:], u, x, threshold)
             if taken:
                 self._write(discrete, posterior)
             counters = discrete.get_mutable_vector(self._counters)

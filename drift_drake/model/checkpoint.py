@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.features import INPUT_COUNT, Network
+from drift_drake.model.features import Network, input_scaling
 from drift_drake.model.posterior import Posterior, from_precision
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -89,6 +89,12 @@ def load(path: str | Path | None = None) -> BayesianModel:
             f"{source}: checkpoint format {about.get('format')!r}, this version reads {FORMAT}; train it anew"
         )
     vehicle = VehicleParameters.from_dict(about["vehicle"], f"{source} (vehicle)")
-    physical = len(weights["input_offset"]) > INPUT_COUNT
+    count = len(weights["input_offset"])
+    counts = [len(input_scaling(physical)[0]) for physical in (False, True)]
+    if count not in counts:
+        raise InvalidCheckpointError(
+            f"{source}: its network has {count} inputs, this version's have {counts[0]} or {counts[1]}; train it anew"
+        )
+    physical = count == counts[1]
     network = Network(**weights, nominal=vehicle.constants() if physical else None)
     return BayesianModel(network, **prior, sample_weight=weight, vehicle=vehicle, record=about["record"])

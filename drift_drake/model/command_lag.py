@@ -43,7 +43,7 @@ def lagged_commands(t: Array, u: Array) -> Array:
 class CommandLag(LeafSystem):
     """Runs the lags along the commands in force.
 
-    Input port: command [2]. Output port: memory [2], the lagged (delta, tau) now.
+    Input port: command [2]. Output port: lagged_command [2], (delta, tau) now.
     State in the Context, each `period`: time, lagged commands and command of the last tick; the lags start settled.
     """
 
@@ -55,9 +55,9 @@ class CommandLag(LeafSystem):
         held = self.DeclareDiscreteState(np.full(5, np.nan))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self.DeclareVectorOutputPort(
-            "memory",
+            "lagged_command",
             2,
-            self._calc_memory,
+            self._calc_lagged,
             prerequisites_of_calc={self._command.ticket(), self.discrete_state_ticket(held), self.time_ticket()},
         )
 
@@ -72,7 +72,7 @@ class CommandLag(LeafSystem):
         keep, by_now, by_next = self._factors
         return np.concatenate([[t], keep * held[1:3] + by_now * held[3:] + by_next * command, command])
 
-    def _calc_memory(self, context: Context, output: Any) -> None:
+    def _calc_lagged(self, context: Context, output: Any) -> None:
         output.SetFromVector(self._now(context)[1:3])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:

@@ -36,7 +36,7 @@ WINDOW = 20  # samples: 2 s
 def squared_distance(
     model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array, x_next: Array
 ) -> float:
-    """d^2 of one sample: states at both ends of a step [>= 4], commands there [2]; NaN if any is not finite."""
+    """d^2 of one sample: states and lagged commands at both ends of a step [8], commands there [2]; NaN if any is not finite."""
     phi = features(model.network, network_inputs(x, u, u_next))
     y = residual(x, u, x_next, model.vehicle.constants())
     return float(mahalanobis(predict(belief, model.sigma, phi), y) ** 2)
@@ -85,24 +85,24 @@ class OutOfDistributionDetector(LeafSystem):
 
     At a tick, the step that ended is judged by the belief that was held during it.
 
-    Input ports: measured_state [7]; command [2]; posterior_mean [64]; posterior_covariance [1024].
+    Input ports: measured_state [7]; command [2]; lagged_command [2]; posterior_mean [64]; posterior_covariance [1024].
 
     Output ports: distance [1], d^2 of the last sample; statistic [1], NaN until the window is full; alarm [1], 1 while
     the statistic is above the threshold.
 
     Parameter in the Context: the threshold. State in the Context: the window of d^2 (newest last, NaN where there is
-    none yet) and the state and command of the last tick.
+    none yet) and the state and commands of the last tick.
     """
 
     def __init__(self, model: BayesianModel, threshold: float, window: int = WINDOW, dt: float = TIME_STEP) -> None:
         super().__init__()
         self._model = model
-        sizes = {"measured_state": MEASURED_COUNT, "command": 2, "posterior_mean": MEAN_COUNT,
+        sizes = {"measured_state": MEASURED_COUNT, "command": 2, "lagged_command": 2, "posterior_mean": MEAN_COUNT,
                  "posterior_covariance": COVARIANCE_COUNT}  # fmt: skip
         self._inputs = [self.DeclareVectorInputPort(name, size) for name, size in sizes.items()]
         self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
         self._window = self.DeclareDiscreteState(np.full(window, np.nan))
-        self._last = self.DeclareDiscreteState(np.full(STATE_COUNT + 2, np.nan))
+        self._last = self.DeclareDiscreteState(np.full(10, np.nan))
         held = {self.discrete_state_ticket(self._window)}
         self.DeclareVectorOutputPort("distance", 1, self._calc_distance, prerequisites_of_calc=held)
         self.DeclareVectorOutputPort("statistic", 1, self._calc_statistic, prerequisites_of_calc=held)
@@ -112,13 +112,13 @@ class OutOfDistributionDetector(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
-        measured, u, mean, covariance = (port.Eval(context) for port in self._inputs)
-        x, last = measured[:STATE_COUNT], context.get_discrete_state(self._last).value()
+        measured, u, lagged, mean, covariance = (port.Eval(context) for port in self._inputs)
+        x, last = np.concatenate([measured[:6], lagged]), context.get_discrete_state(self._last).value()
         if np.isfinite(last).all() and np.isfinite(x).all():
             shape = (STATE_COUNT, FEATURE_COUNT)
             mean = mean.reshape(shape)
             belief = Posterior(mean, covariance.reshape(*shape, FEATURE_COUNT), np.full(shape, np.nan))
-            distance = squared_distance(self._model, belief, last[:STATE_COUNT], last[STATE_COUNT:], u, x)
+            distance = squared_distance(self._model, belief, last[:8], last[8:], u, x)
             window = np.append(context.get_discrete_state(self._window).value()[1:], distance)
             discrete.set_value(self._window, window)
         discrete.set_value(self._last, np.concatenate([x, u]))

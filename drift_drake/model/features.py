@@ -1,11 +1,11 @@
 """The learnt features phi_i(z): a tanh network at run time, values and Jacobians in NumPy.
 
-z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}, lagged delta_k, lagged tau_k); two hidden layers of 128
-are shared by the four learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its own
-(section II of Davydov et al.). The paper's network knows the first eight of z. Beyond the paper are the lagged commands
-(`command_lag`) and, beside z, what the nominal car's tyres say of it (`physical_inputs`): a network is given both or
-neither. The output layers are linear, so theta folds into them: for the mean of the model the 64 features become 4
-outputs, and the Jacobian needs 4 reverse rows.
+z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}, lagged delta_k, lagged tau_k); two hidden layers of
+128 are shared by the four learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its
+own (section II of Davydov et al.). The paper's network knows the first eight of z. Beyond the paper are the lagged
+commands (`command_lag`) and, beside z, what the nominal car's tyres say of it (`physical_inputs`): a network is given
+both or neither. The output layers are linear, so theta folds into them: for the mean of the model the 64 features
+become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0, 0.3, 120.0])
 
 
 class Network(NamedTuple):
-    """Weights of the feature network, and the fixed scaling (inputs - offset) / scale: 8 inputs as in the paper, or 18."""
+    """Weights of the feature network, and the fixed scaling (inputs - offset) / scale; the paper's has 8 inputs."""
 
     input_offset: Array  # [8 or 18]
     input_scale: Array  # [8 or 18]

@@ -36,7 +36,7 @@ WINDOW = 20  # samples: 2 s
 def squared_distance(
     model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array, x_next: Array
 ) -> float:
-    """d^2 of one sample: states and lagged commands at both ends of a step [8], commands there [2]; NaN if any is not finite."""
+    """d^2 of one sample: states and lagged commands at both ends of a step [8], commands there [2]; or NaN."""
     phi = features(model.network, network_inputs(x, u, u_next))
     y = residual(x, u, x_next, model.vehicle.constants())
     return float(mahalanobis(predict(belief, model.sigma, phi), y) ** 2)

@@ -104,8 +104,8 @@ def load_samples(path: str | Path) -> Samples:
         raise InvalidSamplesError(f"{path}: not a table of samples ({error}); make it anew") from None
     if samples.x.shape[1:] != MIRROR_STATE.shape:
         raise InvalidSamplesError(
-            f"{path}: x has {samples.x.shape[-1]} columns where {len(MIRROR_STATE)} are asked for (the six states and the "
-            "lagged commands); make it anew"
+            f"{path}: x has {samples.x.shape[-1]} columns, not {len(MIRROR_STATE)} (the six states and the lagged "
+            "commands); make it anew"
         )
     if len(samples.x) == 0:
         raise InvalidSamplesError(f"{path}: holds no sample; make it anew from drives of 0.2 s or more")

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, start_rows
 from drift_drake.diagnosis.problem import Problem, RunData
@@ -121,7 +120,7 @@ class _Sampled:
     def __init__(self, run: RunData) -> None:
         self.run, self.rows, self.folds = run, round(STEP / run.period), fold_of(run)
         self.starts = start_rows(run)
-        self._u: NDArray[np.float64] = np.column_stack([run.delta, run.tau])
+        self._u = np.column_stack([run.delta, run.tau])
         path, lagged = np.zeros((len(run.y), 2)), lagged_commands(run.period * np.arange(len(run.y)), self._u)
         self._x = np.concatenate([run.y[:, :STATE_COUNT], path, lagged], axis=1)
 

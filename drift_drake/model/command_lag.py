@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 LAG = np.array([0.05, 0.10])  # [s] of steering and torque: the middle of the training population's
 LAGGED = slice(6, 8)  # where the lagged commands stand in the learnt model's state

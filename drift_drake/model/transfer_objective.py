@@ -25,6 +25,7 @@ Rows = NDArray[np.int64]
 
 CONTEXTS = {"none": 0.1, "lane": 0.55, "drift": 0.35}  # how often a task's context is which
 LANE_DRIVES = 3  # of a context, at most
+IN_TURN = 0.5  # of lane contexts: drives that followed each other, as a vehicle's own plans do
 LONGEST = 160  # [samples] of a context
 TARGETS = 96  # of a task, at most
 SHUFFLED = 0.2  # of drift contexts: samples in no order
@@ -81,7 +82,10 @@ class Tasks:
         context = np.zeros(0, dtype=np.int64)
         if kind == "lane":
             count = generator.integers(1, LANE_DRIVES + 1)
-            context = picked(vehicle.lane, generator.permutation(len(vehicle.lane[0]))[:count])[:LONGEST]
+            which = generator.permutation(len(vehicle.lane[0]))
+            if generator.random() < IN_TURN:
+                which = np.arange(which[0], len(which))
+            context = picked(vehicle.lane, which[:count])[:LONGEST]
         elif kind == "drift" and len(drives) > 1:
             used = generator.integers(1, len(drives))
             context = picked(vehicle.drift, drives[:used])

@@ -161,12 +161,6 @@ class ClosedLoop:
             builder.Connect(measured_state, observer.GetInputPort("measured_state"))
             builder.Connect(command_in_force, observer.GetInputPort("command"))
             builder.Connect(observer.GetOutputPort("memory"), self.controller.GetInputPort("memory"))
-        if isinstance(model, BayesianStepModel):
-            lag = builder.AddNamedSystem("command_lag", CommandLag(control.period))
-            builder.Connect(command_in_force, lag.GetInputPort("command"))
-            learners = [system for system in (adapter, detector) if system is not None]
-            for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
-                builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
         if adapter is not None:
             builder.AddNamedSystem("adapter", adapter)
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
@@ -181,6 +175,12 @@ class ClosedLoop:
             builder.Connect(command_in_force, detector.GetInputPort("command"))
             for name in ("posterior_mean", "posterior_covariance"):
                 builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
+        if isinstance(model, BayesianStepModel):
+            lag = builder.AddNamedSystem("command_lag", CommandLag(control.period))
+            builder.Connect(command_in_force, lag.GetInputPort("command"))
+            learners = [system for system in (adapter, detector) if system is not None]
+            for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
+                builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
         builder.Connect(self.controller.GetOutputPort("plan"), self.actuator.GetInputPort("plan"))
         builder.Connect(command_in_force, self.car.GetInputPort("command"))
         logged = [

@@ -25,8 +25,8 @@ from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, Bayesia
 from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import CommandLag, lagged_commands
-from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, features, network_inputs
-from drift_drake.model.posterior import covariance_norms
+from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.model.posterior import covariance_norms, state_blocks
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 
@@ -80,7 +80,7 @@ class AdaptationReplay:
         self.diagram.set_name("adaptation_replay")
 
     def run(self) -> dict[str, Array]:
-        """Over the ticks: "t" [K], "mean" [K, 4, 16], "covariance" [K, 4, 16, 16], "counters" [K, 2] (taken, refused).
+        """Over the ticks: "t" [K], "mean" [K, 4, 16], "covariance" [K, 64, 64], "counters" [K, 2] (taken, refused).
 
         Entry k is what is known before the tick's own update, from the samples that ended earlier.
         """
@@ -91,7 +91,7 @@ class AdaptationReplay:
         return {
             "t": logs["counters"].sample_times(),
             "mean": logs["posterior_mean"].data().T.reshape(shape),
-            "covariance": logs["posterior_covariance"].data().T.reshape(*shape, FEATURE_COUNT),
+            "covariance": logs["posterior_covariance"].data().T.reshape(-1, MEAN_COUNT, MEAN_COUNT),
             "counters": logs["counters"].data().T,
         }
 
@@ -131,7 +131,7 @@ def one_step_errors(log: Run, model: BayesianModel, mean: Array) -> Array:
 
 def draw(ticks: dict[str, Array], prior_errors: Array, errors: Array, file: Path) -> None:
     """Covariance norms, and one-step errors of the prior and of the adapted model, over time."""
-    norms = np.linalg.norm(ticks["covariance"], ord=2, axis=(-2, -1))
+    norms = np.linalg.norm(state_blocks(ticks["covariance"]), ord=2, axis=(-2, -1))
     figure, axes = plt.subplots(2, 4, figsize=(15, 6), constrained_layout=True, sharex=True)
     for i, state in enumerate(STATES):
         axes[0, i].plot(ticks["t"], norms[:, i])
@@ -168,7 +168,7 @@ def main(config: ReplayConfig) -> None:
         "rms_prior": dict(zip(STATES, np.sqrt(np.mean(prior_errors**2, axis=0)), strict=True)),
         "rms_adapted": dict(zip(STATES, np.sqrt(np.mean(errors**2, axis=0)), strict=True)),
         "norms_before": covariance_norms(model.prior())[0],
-        "norms_after": np.linalg.norm(ticks["covariance"][-1], ord=2, axis=(-2, -1)),
+        "norms_after": np.linalg.norm(state_blocks(ticks["covariance"][-1]), ord=2, axis=(-2, -1)),
     }
     write_json(folder / "config.json", config)
     write_versions(folder)

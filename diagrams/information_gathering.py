@@ -23,7 +23,7 @@ from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples
 from drift_drake.pictures.graph import draw_graph
@@ -78,7 +78,7 @@ def plan(
     """
     believed = step_model(model, belief)
     # The information is what the regression will make of a sample, weight included.
-    cost = InformationCost(model.network, model.sample_weight * belief.covariance, alpha, config.updated)
+    cost = InformationCost(model.network, weighed(belief.covariance, model.sample_weight), alpha, config.updated)
     problem = OptimalControlProblem(
         believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
@@ -116,7 +116,7 @@ def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_n
     With updates it is the information gained from all the samples together: half the log of the covariances'
     determinant before over after, summed over states.
     """
-    cost = InformationCost(model.network, model.sample_weight * belief.covariance, 1.0, updated)
+    cost = InformationCost(model.network, weighed(belief.covariance, model.sample_weight), 1.0, updated)
     return cost.information(x, u, u_next)
 
 

@@ -136,7 +136,12 @@ def all_beliefs(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dic
     wanted = frozenset({"twice_info"})
     weighted = gather_all(config, wanted, learnt, folder)
     (folder / "full_weight").mkdir(exist_ok=True)
-    full = gather_all(config, wanted, dataclasses.replace(learnt, sample_weight=1.0), folder / "full_weight")
+    full = gather_all(
+        config,
+        wanted,
+        dataclasses.replace(learnt, sample_weight=np.ones_like(learnt.sample_weight)),
+        folder / "full_weight",
+    )
     samples = _own_drives(config, folder)
     prior = learnt.prior()
     flat = prior._replace(covariance=FLAT * prior.covariance, q=prior.q / FLAT)

@@ -34,7 +34,7 @@ from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
@@ -90,8 +90,8 @@ def drives_file(config: InformationConfig) -> Path:
 def full_weight_total(model: BayesianModel, belief: Posterior) -> float:
     """The sum of the covariances' norms had every sample counted in full, as in the paper's recursion."""
     before, after = np.linalg.inv(model.prior().covariance), np.linalg.inv(belief.covariance)
-    precision = before + (after - before) / model.sample_weight
-    return float(np.sum(1.0 / np.linalg.eigvalsh(precision).min(axis=-1)))
+    precision = before + weighed(after - before, 1.0 / model.sample_weight)
+    return float(covariance_norms(belief._replace(covariance=np.linalg.inv(precision).astype(float)))[1])
 
 
 def slalom(model: BayesianModel, config: GatheringConfig) -> Trajectory:

@@ -1,10 +1,12 @@
 """The information gathering objective -alpha l_info of Info-OCP (eq. 8), as a cost over the horizon's stages.
 
-    l_info = 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik)
+    l_info = 1/2 sum_k log det(I + Phi_k Lambda^{-1} Phi_k')
+
+which is eq. (8), 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik), where the prior does not couple the states,
 
 with the covariance of before the drive, as in the paper, or with the covariance that has taken in the stages before k.
-That one needs no recursion: by the chain rule of information the sum is
-1/2 sum_i log det(I + Phi_i Lambda_i^{-1} Phi_i'), with Phi_i the features of all stages, whatever their order.
+That one needs no recursion: by the chain rule of information the sum is 1/2 log det(Lambda^{-1} (Lambda + sum_k Phi_k'
+Phi_k)), whatever the stages' order.
 """
 
 from collections.abc import Callable
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import STATE_COUNT, Network, features, information_gain, network_inputs
+from drift_drake.model.posterior import block_diagonal
 
 Array = NDArray[np.float64]
 
@@ -27,7 +30,7 @@ class InformationCost:
 
     Args:
         network: the features.
-        covariance: Lambda_i^{-1} before the drive [4, 16, 16].
+        covariance: Lambda^{-1} before the drive [64, 64], see `posterior.weighed`.
         alpha: weight of the information [1/nat].
         updated: update the covariance along the horizon.
     """
@@ -48,26 +51,25 @@ class InformationCost:
         z = network_inputs(x, u, u_next)
         if not self._updated:
             return float(information_gain(self._network, self._covariance, z)[0].sum())
-        phi = features(self._network, z)
-        inner = np.einsum("kif,ifg,lig->ikl", phi, self._covariance, phi, optimize=True) + np.eye(len(phi))
-        return float(0.5 * np.linalg.slogdet(inner)[1].sum())
+        after = self._precision + block_diagonal(_outer(features(self._network, z)).sum(axis=0))
+        return float(0.5 * (np.linalg.slogdet(after)[1] - np.linalg.slogdet(self._precision)[1]))
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         """See `StageCost`."""
         covariance = self._covariance
         if self._updated:
             # What is left of the uncertainty after all other stages.
-            phi = features(self._network, network_inputs(x, u, u_next))
-            outer = phi[..., :, None] * phi[..., None, :]
-            covariance = np.linalg.inv(self._precision + outer.sum(axis=0) - outer)
+            outer = _outer(features(self._network, network_inputs(x, u, u_next)))
+            others = outer.sum(axis=0) - outer
+            covariance = np.linalg.inv(self._precision + np.stack([block_diagonal(blocks) for blocks in others]))
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
-            if covariance.ndim == 3:
+            if covariance.ndim == 2:
                 by_z = information_gain(self._network, covariance, z)[1]
             else:
                 repeats = len(z) // len(covariance)
-                by_z = information_gain(self._network, np.tile(covariance, (repeats, 1, 1, 1)), z)[1]
+                by_z = information_gain(self._network, np.tile(covariance, (repeats, 1, 1)), z)[1]
             result = np.zeros((len(z), x.shape[1] + 4))
             by_z *= -self._alpha
             result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
@@ -76,3 +78,8 @@ class InformationCost:
             return result
 
         return gradient
+
+
+def _outer(phi: Array) -> Array:
+    """phi_i phi_i^T of each sample and state [n, 4, 16, 16]."""
+    return phi[..., :, None] * phi[..., None, :]

@@ -11,7 +11,7 @@ from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening, lateral_deviation, tightened
-from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, STATE_COUNT
+from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -47,7 +47,7 @@ class MpcController(LeafSystem):
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
         theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
         memory: the model's further states, for a model that has any.
-        posterior_covariance: of the last layer [1024], with `tightening`.
+        posterior_covariance: of the last layer [4096], with `tightening`.
 
     Output ports:
         plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N]; NaN before the first solve.
@@ -173,7 +173,7 @@ class MpcController(LeafSystem):
         if self._tightening is None or self._covariance is None:
             return data
         network, sigma, kappa = self._tightening
-        covariance = self._covariance.Eval(context).reshape(STATE_COUNT, FEATURE_COUNT, FEATURE_COUNT)
+        covariance = self._covariance.Eval(context).reshape(MEAN_COUNT, MEAN_COUNT)
         x, u, _ = self.problem.unstack(guess)
         margin = kappa * lateral_deviation(model, network, sigma, covariance, x, u, data.curvature)
         e_min, e_max = tightened(data.e_min, data.e_max, margin)

@@ -4,8 +4,8 @@ Along a plan, the deviation of the state from its prediction follows, to first o
 
     d_{k+1} = (A_k + B_k K_k) d_k + G_k (theta - theta_mean) + w_k,   d_0 = 0,
 
-with the last layer's features in G_k (row i: phi_i(z_k) for theta_i), theta the *same* at every step, theta_i ~
-N(mean_i, sigma_i^2 Lambda_i^{-1}), and w_k ~ N(0, diag(sigma^2)) new at every step. K_k is a time-varying LQR feedback
+with the last layer's features in G_k (row i: phi_i(z_k) for theta_i), theta the *same* at every step, theta / sigma ~
+N(mean / sigma, Lambda^{-1}), and w_k ~ N(0, diag(sigma^2)) new at every step. K_k is a time-varying LQR feedback
 about the plan: the controller plans anew long before the horizon's end, and without feedback a drift's deviations grow
 without bound. The uncertainty of a step reaches the path's coordinates from the next step on.
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tracking import lqr_gains
-from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT, Network, features, network_inputs
+from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, Network, features, network_inputs
 
 Array = NDArray[np.float64]
 
@@ -42,22 +42,22 @@ def lateral_deviation(model: StepModel, network: Network, sigma: Array, covarian
 
     Args:
         model: one step of the car as believed; network, sigma: see `LaneTightening`.
-        covariance: Lambda^{-1} [4, 16, 16]; x: states [N+1, 8]; u: inputs [N+1, 2]; curvature: [N] [1/m].
+        covariance: Lambda^{-1} [64, 64]; x: states [N+1, 8]; u: inputs [N+1, 2]; curvature: [N] [1/m].
     """
     _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
     b = b + b_next
     closed = a + b @ lqr_gains(a, b)
     phi = features(network, network_inputs(x[:-1], u[:-1], u[1:]))
-    factor = sigma[:, None, None] * np.linalg.cholesky(covariance)
-    spread = np.einsum("kif,ifg->kig", phi, factor)  # of one step's learnt states by whitened theta
+    factor = np.linalg.cholesky(covariance).reshape(STATE_COUNT, FEATURE_COUNT, -1)
+    spread = np.einsum("i,kif,ifw->kiw", sigma, phi, factor)  # of one step's learnt states by whitened theta
     size = a.shape[1]
     noise, process = np.zeros((size, size)), np.zeros((size, size))
     noise[range(STATE_COUNT), range(STATE_COUNT)] = sigma**2
-    sensitivity = np.zeros((size, STATE_COUNT, FEATURE_COUNT))
+    sensitivity = np.zeros((size, MEAN_COUNT))
     variance = np.zeros(len(x))
     for k in range(len(x) - 1):
-        sensitivity = np.einsum("ij,jfg->ifg", closed[k], sensitivity)
-        sensitivity[range(STATE_COUNT), range(STATE_COUNT)] += spread[k]
+        sensitivity = closed[k] @ sensitivity
+        sensitivity[:STATE_COUNT] += spread[k]
         process = closed[k] @ process @ closed[k].T + noise
         variance[k + 1] = np.sum(sensitivity[LATERAL] ** 2) + process[LATERAL, LATERAL]
     return np.sqrt(variance)

@@ -42,7 +42,7 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
     y = residual(x, u, x_next, model.vehicle.constants())
     if mahalanobis(predict(posterior, model.sigma, phi), y) > threshold:
         return posterior, False
-    return update(posterior, phi, y, model.sample_weight), True
+    return update(posterior, model.sigma, phi, y, model.sample_weight), True
 
 
 class BayesianAdapter(LeafSystem):
@@ -55,7 +55,7 @@ class BayesianAdapter(LeafSystem):
 
     Output ports:
         posterior_mean [64]: theta, states by features (row-major [4, 16]).
-        posterior_covariance [1024]: Lambda_i^{-1}, row-major [4, 16, 16].
+        posterior_covariance [4096]: Lambda^{-1}, row-major [64, 64].
         counters [2]: samples (taken, refused).
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
@@ -114,7 +114,7 @@ class BayesianAdapter(LeafSystem):
             np.array(context.get_discrete_state(index).value()) for index in (self._mean, self._covariance, self._q)
         )
         shape = (STATE_COUNT, FEATURE_COUNT)
-        return Posterior(mean.reshape(shape), covariance.reshape(*shape, FEATURE_COUNT), q.reshape(shape))
+        return Posterior(mean.reshape(shape), covariance.reshape(MEAN_COUNT, MEAN_COUNT), q.reshape(shape))
 
     def set_posterior(self, context: Context, posterior: Posterior) -> None:
         """Puts a posterior, of an earlier drive say, into a Context of this system."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.model.features import Network, input_scaling
-from drift_drake.model.posterior import Posterior, from_precision
+from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -30,9 +30,9 @@ class BayesianModel:
 
     network: Network
     prior_mean: Array  # [4, 16]
-    precision_factor: Array  # L of Lambda_0 = L L^T + floor, [4, 16, 16], full
+    precision_factor: Array  # L of Lambda_0 = L L^T + floor, [64, 64], full
     sigma: Array  # noise scale of each learnt state, [4]
-    sample_weight: float  # of one sample in the posterior, see `posterior`; 1 is the paper's recursion
+    sample_weight: Array  # of one sample in the posterior, by state [4], see `posterior`; 1 is the paper's recursion
     vehicle: VehicleParameters  # the car inside h
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
 
@@ -40,13 +40,13 @@ class BayesianModel:
         """The belief before any data of the vehicle at hand."""
         factor = self.precision_factor
         precision = factor @ np.swapaxes(factor, -1, -2) + PRECISION_FLOOR * np.eye(factor.shape[-1])
-        return from_precision(self.prior_mean, precision)
+        return from_precision(self.prior_mean, precision, self.sigma)
 
     def trainable_count(self) -> int:
         """Number of trainable parameters: network, prior mean and precision, noise scales (27,012 in the paper; its
-        network's inputs are z alone)."""
+        network's inputs are z alone, and its prior does not couple the states)."""
         weights = sum(np.size(getattr(self.network, name)) for name in WEIGHTS)
-        return weights + self.prior_mean.size + self.precision_factor.size + self.sigma.size
+        return weights + self.prior_mean.size + int(np.count_nonzero(self.precision_factor)) + self.sigma.size
 
     def save(self, path: str | Path) -> None:
         """Writes the checkpoint. Weights trained in single precision are stored so; nothing is lost."""
@@ -79,7 +79,9 @@ def load(path: str | Path | None = None) -> BayesianModel:
         about = json.loads(str(arrays.pop("about")))
         weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *WEIGHTS)}
         prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
-        weight = float(arrays["sample_weight"])
+        weight = np.broadcast_to(np.asarray(arrays["sample_weight"], dtype=float), prior["sigma"].shape)
+        if prior["precision_factor"].ndim == 3:  # of states that know nothing of each other
+            prior["precision_factor"] = block_diagonal(prior["precision_factor"])
     except FileNotFoundError:
         raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`") from None
     except (ValueError, KeyError, OSError, EOFError) as error:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_inputs
+from drift_drake.model.posterior import spread_of_features
 from drift_drake.vehicle.parameters import Constants
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ HIDDEN_COUNT = 128
 STATE_COUNT = 4  # learnt states: r, v, beta, omega_r
 FEATURE_COUNT = 16
 MEAN_COUNT = STATE_COUNT * FEATURE_COUNT  # last-layer parameters
-COVARIANCE_COUNT = MEAN_COUNT * FEATURE_COUNT  # entries of their covariances
+COVARIANCE_COUNT = MEAN_COUNT**2  # entries of their covariance
 INPUT_OFFSET = np.array([0.0, 12.0, 0.0, 14.0, 0.0, 120.0, 0.0, 120.0, 0.0, 120.0])
 INPUT_SCALE = np.array([0.7, 5.0, 0.4, 6.0, 0.3, 120.0, 0.3, 120.0, 0.3, 120.0])
 
@@ -113,19 +114,19 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     """Information that a sample at z would bring: the paper's eq. (8), one term of the sum over k.
 
     Args:
-        covariance: Lambda_i^{-1}, [4, 16, 16], or one for each z [..., 4, 16, 16]; z: [..., 10].
+        covariance: Lambda^{-1}, [64, 64], or one for each z [..., 64, 64]; z: [..., 10].
 
     Returns:
-        (gain [...] = 1/2 sum_i log(1 + phi_i^T Lambda_i^{-1} phi_i) [nat], its gradient in z [..., 10]). The gradient
-        costs one reverse row.
+        (gain [...] = 1/2 log det(I + Phi Lambda^{-1} Phi^T) [nat], where the prior does not couple the states 1/2 sum_i
+        log(1 + phi_i^T Lambda_i^{-1} phi_i); its gradient in z [..., 10]). The gradient costs one reverse row.
     """
     hidden = _hidden(network, z)
     h2 = hidden[1]
     phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
-    weighted = np.einsum("...ifg,...ig->...if", covariance, phi, optimize=True)
-    spread = 1.0 + np.sum(phi * weighted, axis=-1)
-    gain = 0.5 * np.sum(np.log(spread), axis=-1)
-    seed = np.einsum("ihf,...if->...h", network.w_out, weighted / spread[..., None], optimize=True)
+    projected, spread = spread_of_features(covariance, phi)
+    gain = 0.5 * np.linalg.slogdet(spread)[1]
+    by_phi = np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True)
+    seed = np.einsum("ihf,...if->...h", network.w_out, by_phi, optimize=True)
     return gain, _reverse(network, hidden, seed[..., None, :])[..., 0, :]
 
 

@@ -12,7 +12,8 @@ import torch
 from tqdm import tqdm
 
 from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load
-from drift_drake.model.features import FEATURE_COUNT, INPUT_COUNT, STATE_COUNT, Network, input_scaling
+from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling
+from drift_drake.model.posterior import block_diagonal, state_blocks
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
 from drift_drake.model.torch_network import Parameters, initial_parameters, parameters_of
@@ -49,13 +50,15 @@ def train(config: TrainingConfig) -> BayesianModel:
     torch.set_num_threads(config.threads)
     vehicle = VehicleParameters() if config.vehicle is None else VehicleParameters.from_yaml(config.vehicle)
     objective, tables = _objective(config, vehicle)
-    parameters = initial_parameters(torch.Generator().manual_seed(config.seed), config.physical_inputs)
+    parameters = initial_parameters(
+        torch.Generator().manual_seed(config.seed), config.physical_inputs, coupled=config.lane is not None
+    )
     begun_from = None if config.start is None else load(config.start)
     if begun_from is not None:
         parameters |= _started(begun_from, parameters, objective.scale, config)
     if config.lane is not None and "logit_weight" not in parameters:
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
-        parameters["logit_weight"] = torch.tensor(logit, dtype=torch.float64, requires_grad=True)
+        parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)
     network_names = ("w1", "w2", "w_out")
     optimizer = torch.optim.AdamW(
         [
@@ -103,7 +106,7 @@ def train(config: TrainingConfig) -> BayesianModel:
     model = to_model(parameters, objective.scale, vehicle, record, config.adaptive)
     if config.lane is None and config.validation is not None and config.temper and config.adaptive:
         weight = choose_sample_weight(model, load_samples(config.validation))
-        model = dataclasses.replace(model, sample_weight=weight)
+        model = dataclasses.replace(model, sample_weight=np.full(STATE_COUNT, weight))
     model.save(config.output)
     resume.unlink(missing_ok=True)
     return model
@@ -121,8 +124,15 @@ def _started(model: BayesianModel, fresh: Parameters, scale: torch.Tensor, confi
             f"{config.start}: its network has {len(numbers['w1'])} inputs, training is set up for {len(fresh['w1'])}; "
             "start from another checkpoint, or change physical_inputs"
         )
-    if config.lane is None:  # windows choose the weight of a sample at the end
+    if config.lane is None:  # windows choose the weight of a sample at the end, and do not couple the states
         numbers.pop("logit_weight", None)
+        factor = numbers["precision_factor"].detach()
+        blocks = state_blocks(factor.numpy())
+        if not np.array_equal(block_diagonal(blocks), factor.numpy()):
+            raise InvalidCheckpointError(
+                f"{config.start}: its prior couples the states; windows start from one that does not"
+            )
+        numbers["precision_factor"] = torch.tensor(blocks, requires_grad=True)
     return numbers
 
 
@@ -135,14 +145,18 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
     numbers = {name: value.detach().double().numpy() for name, value in parameters.items()}
     output_scale = scale.double().numpy()
     weights = {name: numbers[name] for name in WEIGHTS}
-    factor = numbers["precision_factor"] if adaptive else 1e6 * np.tile(np.eye(FEATURE_COUNT), (STATE_COUNT, 1, 1))
+    factor = numbers["precision_factor"] if adaptive else 1e6 * np.eye(MEAN_COUNT)
+    if factor.ndim == 3:
+        factor = block_diagonal(factor)
     physical = len(weights["w1"]) > INPUT_COUNT
     return BayesianModel(
         Network(*input_scaling(physical), **weights, nominal=vehicle.constants() if physical else None),
         prior_mean=numbers["prior_mean"] * output_scale[:, None],
         precision_factor=factor,
         sigma=np.exp(numbers["log_sigma"]) * output_scale,
-        sample_weight=float(1.0 / (1.0 + np.exp(-numbers["logit_weight"]))) if "logit_weight" in numbers else 1.0,
+        sample_weight=1.0 / (1.0 + np.exp(-numbers["logit_weight"]))
+        if "logit_weight" in numbers
+        else np.ones(STATE_COUNT),
         vehicle=vehicle,
         record=record,
     )

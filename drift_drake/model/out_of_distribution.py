@@ -85,7 +85,7 @@ class OutOfDistributionDetector(LeafSystem):
 
     At a tick, the step that ended is judged by the belief that was held during it.
 
-    Input ports: measured_state [7]; command [2]; lagged_command [2]; posterior_mean [64]; posterior_covariance [1024].
+    Input ports: measured_state [7]; command [2]; lagged_command [2]; posterior_mean [64]; posterior_covariance [4096].
 
     Output ports: distance [1], d^2 of the last sample; statistic [1], NaN until the window is full; alarm [1], 1 while
     the statistic is above the threshold.
@@ -116,8 +116,8 @@ class OutOfDistributionDetector(LeafSystem):
         x, last = np.concatenate([measured[:6], lagged]), context.get_discrete_state(self._last).value()
         if np.isfinite(last).all() and np.isfinite(x).all():
             shape = (STATE_COUNT, FEATURE_COUNT)
-            mean = mean.reshape(shape)
-            belief = Posterior(mean, covariance.reshape(*shape, FEATURE_COUNT), np.full(shape, np.nan))
+            whole = covariance.reshape(MEAN_COUNT, MEAN_COUNT)
+            belief = Posterior(mean.reshape(shape), whole, np.full(shape, np.nan))
             distance = squared_distance(self._model, belief, last[:8], last[8:], u, x)
             window = np.append(context.get_discrete_state(self._window).value()[1:], distance)
             discrete.set_value(self._window, window)

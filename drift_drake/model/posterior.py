@@ -1,15 +1,18 @@
 """Bayesian linear regression on the last layer: prior, recursion, predictions (eqs. 3, 5 and 6 of Davydov et al.).
 
-For each learnt state i, theta_i ~ N(mean_i, sigma_i^2 Lambda_i^{-1}), and a sample adds
-y_i = theta_i^T phi_i + eps, eps ~ N(0, sigma_i^2), with y_i = x_{i,k+1} - h_i(x_k, u_k). All arrays may carry leading
-axes (a batch of posteriors), written [...].
+For each learnt state i a sample adds y_i = theta_i^T phi_i + eps_i, eps_i ~ N(0, sigma_i^2), with y_i = x_{i,k+1} -
+h_i(x_k, u_k). In the paper the theta_i of different states know nothing of each other, theta_i ~ N(mean_i, sigma_i^2
+Lambda_i^{-1}). Here the prior may couple them: theta / sigma, all 64 numbers, has the covariance Lambda^{-1}. A tyre's
+friction shows in all four states, best where the sensors are best, and what the rim speed and the yaw rate tell of it
+then reaches the sideslip. With a Lambda of four blocks all of this is the paper's, equation by equation. All arrays may
+carry leading axes (a batch of posteriors), written [...].
 
-A sample may count with a weight w below one, as w of a sample: Lambda grows by w phi phi^T and Q by w y phi. On a car
-that the features do not fit exactly, what is left over is alike from one sample to the next, and n samples tell less
-than n independent ones would; with w = 1, the paper's, the posterior then grows over-confident.
+A sample may count with a weight w_i below one for state i, as w_i of a sample: Lambda's block grows by w_i phi phi^T.
+On a car that the features do not fit exactly, what is left over is alike from one sample to the next, and n samples
+tell less than n independent ones would; with w = 1, the paper's, the posterior then grows over-confident.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,78 +24,133 @@ class Posterior(NamedTuple):
     """What is believed of theta; the prior is the posterior of no data."""
 
     mean: Array  # [..., 4, 16]
-    covariance: Array  # Lambda^{-1}, [..., 4, 16, 16], without the factor sigma^2
-    q: Array  # Q = Lambda mean, [..., 4, 16]
+    covariance: Array  # Lambda^{-1}, of theta / sigma, [..., 64, 64], states by features in a row
+    q: Array  # Q = Lambda (mean / sigma), [..., 4, 16]
 
 
 class Prediction(NamedTuple):
     """Gaussian one-step prediction of the residual y."""
 
     mean: Array  # [..., 4]
-    variance: Array  # [..., 4]
+    covariance: Array  # [..., 4, 4]
+
+    @property
+    def variance(self) -> Array:
+        """Of each state by itself [..., 4]."""
+        return np.diagonal(self.covariance, axis1=-2, axis2=-1)
 
 
-def from_precision(mean: Array, precision: Array) -> Posterior:
-    """The belief with a mean [..., 4, 16] and a precision Lambda [..., 4, 16, 16]."""
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    covariance = 0.5 * (covariance + np.swapaxes(covariance, -1, -2))
-    return Posterior(np.array(mean, dtype=float), covariance, np.einsum("...fg,...g->...f", precision, mean))
+def from_precision(mean: Array, precision: Array, sigma: Array) -> Posterior:
+    """The belief with a mean [..., 4, 16] and a precision Lambda [..., 64, 64] of theta / sigma."""
+    covariance = _symmetric(np.linalg.inv(precision))
+    mean = np.array(mean, dtype=float)
+    scaled = (mean / sigma[:, None]).reshape(*mean.shape[:-2], -1)
+    return Posterior(mean, covariance, np.einsum("...fg,...g->...f", precision, scaled).reshape(mean.shape))
 
 
-def update(posterior: Posterior, phi: Array, y: Array, weight: float = 1.0) -> Posterior:
-    """One sample more: eq. (5).
+def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
+    """One sample more: eq. (5), the four states one after the other.
 
-    The covariance is updated in Joseph's form, (I - K phi^T) P (I - K phi^T)^T + K K^T with K = P phi / (1 + phi^T P
-    phi), which equals eq. (5a) and keeps P symmetric and positive definite under rounding; the mean by the innovation,
-    which equals Lambda^{-1} Q of eq. (5c) and does not lose digits as Q grows.
+    The covariance is updated in Joseph's form, (I - K h^T) P (I - K h^T)^T + K K^T with K = P h / (1 + h^T P h) and h
+    the features of one state, zero elsewhere, which equals eq. (5a) and keeps P symmetric and positive definite under
+    rounding; the mean by the innovation, which equals Lambda^{-1} Q of eq. (5c) and does not lose digits as Q grows.
 
     Args:
-        phi: features [..., 4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [..., 4]; weight: of the
-            sample.
+        sigma: noise scales [4]; phi: features [..., 4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states
+            [..., 4]; weight: of the sample, for each state or for all.
     """
-    mean, covariance, q = posterior
-    phi, y = np.sqrt(weight) * phi, np.sqrt(weight) * y
-    p_phi = np.einsum("...fg,...g->...f", covariance, phi)
-    spread = 1.0 + np.sum(phi * p_phi, axis=-1, keepdims=True)
-    gain = p_phi / spread
-    innovation = y[..., None] - np.sum(mean * phi, axis=-1, keepdims=True)
-    # With A = P - K p_phi^T, Joseph's form is A - (A phi) K^T + K K^T.
-    reduced = covariance - gain[..., :, None] * p_phi[..., None, :]
-    reduced_phi = np.einsum("...fg,...g->...f", reduced, phi)
-    joseph = reduced + (gain - reduced_phi)[..., :, None] * gain[..., None, :]
-    joseph = 0.5 * (joseph + np.swapaxes(joseph, -1, -2))
-    return Posterior(mean + gain * innovation, joseph, q + y[..., None] * phi)
+    weight = np.broadcast_to(weight, np.shape(sigma))
+    phi, y = np.sqrt(weight)[:, None] * phi, np.sqrt(weight) * y / sigma
+    covariance = posterior.covariance
+    shape = posterior.mean.shape
+    mean = (posterior.mean / sigma[:, None]).reshape(*shape[:-2], -1)
+    for i in range(shape[-2]):
+        own = slice(i * shape[-1], (i + 1) * shape[-1])
+        h = phi[..., i, :]
+        p_h = np.einsum("...fg,...g->...f", covariance[..., own], h)
+        spread = 1.0 + np.sum(h * p_h[..., own], axis=-1, keepdims=True)
+        gain = p_h / spread
+        innovation = y[..., i, None] - np.sum(mean[..., own] * h, axis=-1, keepdims=True)
+        mean = mean + gain * innovation
+        # With A = P - K p_h^T, Joseph's form is A - (A h) K^T + K K^T.
+        reduced = covariance - gain[..., :, None] * p_h[..., None, :]
+        reduced_h = np.einsum("...fg,...g->...f", reduced[..., own], h)
+        covariance = _symmetric(reduced + (gain - reduced_h)[..., :, None] * gain[..., None, :])
+    return Posterior(mean.reshape(shape) * sigma[:, None], covariance, posterior.q + y[..., None] * phi)
 
 
-def update_all(posterior: Posterior, phi: Array, y: Array, weight: float = 1.0) -> Posterior:
+def update_all(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
     """Many samples at once: the batch form, phi [n, 4, 16] and y [n, 4], equal to n calls of `update`."""
-    precision = np.linalg.inv(posterior.covariance) + weight * np.einsum("nif,nig->ifg", phi, phi)
-    q = posterior.q + weight * np.einsum("ni,nif->if", y, phi)
-    mean = np.linalg.solve(precision, q[..., None])[..., 0]
-    covariance = np.linalg.inv(precision)
-    return Posterior(mean, 0.5 * (covariance + np.swapaxes(covariance, -1, -2)), q)
+    weight = np.broadcast_to(weight, np.shape(sigma))
+    shape = posterior.mean.shape
+    precision = np.linalg.inv(posterior.covariance) + block_diagonal(
+        weight[:, None, None] * np.einsum("nif,nig->ifg", phi, phi)
+    )
+    q = posterior.q + weight[:, None] * np.einsum("ni,nif->if", y / sigma, phi)
+    mean = np.linalg.solve(precision, q.ravel()).reshape(shape) * sigma[:, None]
+    return Posterior(mean, _symmetric(np.linalg.inv(precision)), q)
 
 
 def predict(posterior: Posterior, sigma: Array, phi: Array) -> Prediction:
-    """Mean and variance of the next residual, eq. (6) without h: sigma [4], phi [..., 4, 16]."""
-    p_phi = np.einsum("...fg,...g->...f", posterior.covariance, phi)
-    spread = 1.0 + np.sum(phi * p_phi, axis=-1)
-    return Prediction(np.sum(posterior.mean * phi, axis=-1), sigma * sigma * spread)
+    """Mean and covariance of the next residual, eq. (6) without h: sigma [4], phi [..., 4, 16]."""
+    spread = spread_of_features(posterior.covariance, phi)[1]
+    return Prediction(np.sum(posterior.mean * phi, axis=-1), sigma[:, None] * spread * sigma)
+
+
+def spread_of_features(covariance: Array, phi: Array) -> tuple[Array, Array]:
+    """(Phi Lambda^{-1} [..., 4, 4, 16], I + Phi Lambda^{-1} Phi^T [..., 4, 4]).
+
+    Row i of Phi holds the features of state i in that state's place and zeros elsewhere.
+
+    Args:
+        covariance: Lambda^{-1} [..., 64, 64]; phi: features [..., 4, 16].
+    """
+    states, count = phi.shape[-2:]
+    by_states = covariance.reshape(*covariance.shape[:-2], states, count, states, count)
+    projected = np.einsum("...if,...ifjg->...ijg", phi, by_states, optimize=True)
+    spread = np.einsum("...ijg,...jg->...ij", projected, phi, optimize=True) + np.eye(states)
+    return projected, spread
 
 
 def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.random.Generator) -> Array:
     """`count` models theta [count, 4, 16] drawn from one posterior (no leading axes)."""
     factor = np.linalg.cholesky(posterior.covariance)
-    normal = generator.standard_normal((count, *posterior.mean.shape))
-    return posterior.mean + sigma[:, None] * np.einsum("ifg,nig->nif", factor, normal)
+    normal = generator.standard_normal((count, len(factor)))
+    return posterior.mean + sigma[:, None] * (normal @ factor.T).reshape(count, *posterior.mean.shape)
 
 
 def covariance_norms(posterior: Posterior) -> tuple[Array, Array]:
-    """||Lambda_i^{-1}||_2 of each state [..., 4], and their sum [...] (Table I of the paper)."""
-    norms = np.linalg.norm(posterior.covariance, ord=2, axis=(-2, -1))
+    """||Lambda_i^{-1}||_2 of each state's own block [..., 4], and their sum [...] (Table I of the paper)."""
+    norms = np.linalg.norm(state_blocks(posterior.covariance, posterior.mean.shape[-2]), ord=2, axis=(-2, -1))
     return norms, np.sum(norms, axis=-1)
 
 
 def mahalanobis(prediction: Prediction, y: Array) -> Array:
-    """Distance [...] of a residual y [..., 4] from its prediction, over the four independent states."""
-    return np.sqrt(np.sum((y - prediction.mean) ** 2 / prediction.variance, axis=-1))
+    """Distance [...] of a residual y [..., 4] from its prediction."""
+    error = y - prediction.mean
+    return np.sqrt(np.sum(error * np.linalg.solve(prediction.covariance, error[..., None])[..., 0], axis=-1))
+
+
+def weighed(covariance: Array, weight: Array) -> Array:
+    """The covariance [64, 64] under which a sample of weight 1 tells what one of the given weights [4] tells."""
+    root = np.repeat(np.sqrt(weight), len(covariance) // len(weight))
+    return root[:, None] * covariance * root
+
+
+def block_diagonal(blocks: Array) -> Array:
+    """[64, 64] of the states' own blocks [4, 16, 16]."""
+    states, count = blocks.shape[:2]
+    whole = np.zeros((states, count, states, count))
+    whole[range(states), :, range(states)] = blocks
+    return whole.reshape(states * count, states * count)
+
+
+def state_blocks(covariance: Array, states: int = 4) -> Array:
+    """Each state's own block [..., 4, 16, 16] of a covariance [..., 64, 64]."""
+    count = covariance.shape[-1] // states
+    by_states = covariance.reshape(*covariance.shape[:-2], states, count, states, count)
+    return np.moveaxis(np.diagonal(by_states, axis1=-4, axis2=-2), -1, -3)
+
+
+def _symmetric(matrix: NDArray[np.floating[Any]]) -> Array:
+    return np.asarray(0.5 * (matrix + np.swapaxes(matrix, -1, -2)), dtype=np.float64)

@@ -57,7 +57,7 @@ def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterio
     """The belief after samples."""
     phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
     y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
-    return update_all(belief, phi, y, model.sample_weight)
+    return update_all(belief, model.sigma, phi, y, model.sample_weight)
 
 
 def adapted(model: BayesianModel, samples: Samples) -> Posterior:
@@ -115,7 +115,7 @@ def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep =
 
 
 def choose_sample_weight(model: BayesianModel, samples: Samples, points: tuple[int, ...] = (10, 100)) -> float:
-    """The weight of a sample with which the model predicts other drives of the same vehicles best.
+    """The weight of a sample, for all states, with which the model predicts other drives of the same vehicles best.
 
     Each vehicle adapts to its first drives and is judged by the others (each of its drives coming first once); the
     objective is the mean of error^2 / Sigma + log Sigma over `points` samples adapted to.
@@ -126,7 +126,7 @@ def choose_sample_weight(model: BayesianModel, samples: Samples, points: tuple[i
         splits += [split_vehicle(own, max(points), rotation) for rotation in range(len(own.drives()))]
     losses = []
     for weight in SAMPLE_WEIGHTS:
-        weighted = dataclasses.replace(model, sample_weight=weight)
+        weighted = dataclasses.replace(model, sample_weight=np.full(STATE_COUNT, weight))
         total = 0.0
         for split in splits:
             judged = concatenate(split.judged)

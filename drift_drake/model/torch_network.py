@@ -12,6 +12,7 @@ from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
     INPUT_COUNT,
+    MEAN_COUNT,
     STATE_COUNT,
     input_scaling,
 )
@@ -19,10 +20,11 @@ from drift_drake.model.features import (
 Parameters = dict[str, torch.Tensor]
 
 
-def initial_parameters(generator: torch.Generator, physical: bool = False) -> Parameters:
+def initial_parameters(generator: torch.Generator, physical: bool = False, coupled: bool = False) -> Parameters:
     """The trainable numbers: uniform weights of width 1/sqrt(inputs), identity precision.
 
-    27,012 with z alone, as in the paper; 28,036 with the physical inputs.
+    27,012 with the paper's inputs and a precision of each state's own [4, 16, 16]; more with physical inputs, or with
+    one precision that couples the states [64, 64].
     """
     inputs_count = len(input_scaling(physical)[0])
 
@@ -37,7 +39,9 @@ def initial_parameters(generator: torch.Generator, physical: bool = False) -> Pa
         "w_out": uniform(STATE_COUNT, HIDDEN_COUNT, FEATURE_COUNT, inputs=HIDDEN_COUNT),
         "b_out": uniform(STATE_COUNT, FEATURE_COUNT, inputs=HIDDEN_COUNT),
         "prior_mean": (0.3 * torch.randn((STATE_COUNT, FEATURE_COUNT), generator=generator)).double(),
-        "precision_factor": torch.eye(FEATURE_COUNT, dtype=torch.float64).repeat(STATE_COUNT, 1, 1),
+        "precision_factor": torch.eye(MEAN_COUNT, dtype=torch.float64)
+        if coupled
+        else torch.eye(FEATURE_COUNT, dtype=torch.float64).repeat(STATE_COUNT, 1, 1),
         "log_sigma": torch.full((STATE_COUNT,), math.log(0.3), dtype=torch.float64),
     }
     return {name: value.requires_grad_() for name, value in parameters.items()}
@@ -55,8 +59,8 @@ def parameters_of(model: BayesianModel, scale: torch.Tensor) -> Parameters:
         "precision_factor": torch.as_tensor(model.precision_factor),
         "log_sigma": torch.log(torch.as_tensor(model.sigma) / scale),
     }
-    if model.sample_weight < 1.0:
-        parameters["logit_weight"] = torch.logit(torch.tensor(model.sample_weight, dtype=torch.float64))
+    if (model.sample_weight < 1.0).all():
+        parameters["logit_weight"] = torch.logit(torch.as_tensor(model.sample_weight))
     return {name: value.clone().requires_grad_() for name, value in parameters.items()}
 
 
@@ -71,9 +75,9 @@ def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor
 
 
 def prior_precision(parameters: Parameters) -> torch.Tensor:
-    """Lambda_0 [4, 16, 16]."""
+    """Lambda_0 [4, 16, 16], or [64, 64] where it couples the states."""
     factor = parameters["precision_factor"]
-    return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(FEATURE_COUNT, dtype=factor.dtype)
+    return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(factor.shape[-1], dtype=factor.dtype)
 
 
 def padded(rows: Sequence[NDArray[np.int64]]) -> tuple[torch.Tensor, torch.Tensor]:

@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from drift_drake.model.bayesian_step import residual
-from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
+from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
 from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
 from drift_drake.model.training_config import TrainingConfig
@@ -114,16 +114,23 @@ def predictive_nll(
         [b, n, 4], zero where there is no sample.
     """
     phi, y, mask = context
-    weight = torch.sigmoid(parameters["logit_weight"])
+    weight = torch.sigmoid(parameters["logit_weight"])[:, None]
+    sigma = torch.exp(parameters["log_sigma"])[:, None]
     phi = (phi.to(y.dtype) * mask[..., None, None]).permute(0, 2, 1, 3)  # [b, 4, n, 16]
-    error = y.permute(0, 2, 1) - torch.einsum("bitf,if->bit", phi, parameters["prior_mean"])
-    factor = torch.linalg.cholesky(prior_precision(parameters) + weight * phi.transpose(-1, -2) @ phi)
-    projected = weight * torch.einsum("bitf,bit->bif", phi, error)
-    mean = parameters["prior_mean"] + torch.cholesky_solve(projected[..., None], factor)[..., 0]
+    error = (y.permute(0, 2, 1) - torch.einsum("bitf,if->bit", phi, parameters["prior_mean"])) / sigma
+    count = len(phi)
+    own = torch.diag_embed((weight[..., None] * phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1))  # [b, 16, 16, 4, 4]
+    told = own.permute(0, 3, 1, 4, 2).reshape(count, MEAN_COUNT, MEAN_COUNT)
+    factor = torch.linalg.cholesky(prior_precision(parameters) + told)
+    projected = (weight * torch.einsum("bitf,bit->bif", phi, error)).reshape(count, MEAN_COUNT, 1)
+    shift = torch.cholesky_solve(projected, factor).reshape(count, STATE_COUNT, FEATURE_COUNT)
+    mean = parameters["prior_mean"] + sigma * shift
+    whole = torch.cholesky_inverse(factor).reshape(count, STATE_COUNT, FEATURE_COUNT, STATE_COUNT, FEATURE_COUNT)
+    covariance = torch.diagonal(whole, dim1=1, dim2=3).permute(0, 3, 1, 2)  # of each state [b, 4, 16, 16]
     phi, y, mask = targets
     phi = phi.to(y.dtype).permute(0, 2, 1, 3)
     error = y.permute(0, 2, 1) - torch.einsum("bitf,bif->bit", phi, mean)
-    spread = (torch.linalg.solve_triangular(factor, phi.transpose(-1, -2), upper=False) ** 2).sum(-2)
+    spread = ((phi @ covariance) * phi).sum(-1)
     log_variance = 2.0 * parameters["log_sigma"][:, None] + torch.log1p(spread)
     return (error**2 * torch.exp(-log_variance) + log_variance).permute(0, 2, 1) * mask[..., None]
 
@@ -155,7 +162,7 @@ class TransferObjective:
             return {}
         with torch.no_grad():
             loss, _ = self._loss(parameters, self._watched, WATCHED_TASKS, np.random.default_rng(0))
-        return {"validation": float(loss), "weight": float(torch.sigmoid(parameters["logit_weight"].detach()))}
+        return {"validation": float(loss), "weight": float(torch.sigmoid(parameters["logit_weight"].detach()).mean())}
 
     def _loss(
         self, parameters: Parameters, tasks: Tasks, count: int, generator: np.random.Generator

@@ -120,7 +120,7 @@ def _scaled(weights: OcpWeights, names: tuple[str, ...], factor: float) -> OcpWe
 def own_samples(job: DriveJob) -> Samples:
     """A drive of the vehicle, as it measures it, as samples at 10 Hz."""
     table = drive(job).table
-    columns = {name: table[f"measured_{name}"] for name in (*STATES, "s")}
+    columns = {"t": table["t"]} | {name: table[f"measured_{name}"] for name in (*STATES, "s")}
     columns |= {f"{name}_cmd": table[name] for name in INPUTS}
     return samples_from_log(pd.DataFrame(columns), reference(job.maneuver).path, 0, 0)
 

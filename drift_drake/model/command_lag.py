@@ -44,7 +44,8 @@ class CommandLag(LeafSystem):
     """Runs the lags along the commands in force.
 
     Input port: command [2]. Output port: lagged_command [2], (delta, tau) now.
-    State in the Context, each `period`: time, lagged commands and command of the last tick; the lags start settled.
+    State in the Context, each `period`: time, lagged commands and command of the last tick. The lags start settled, and
+    do so anew after a command that is not finite.
     """
 
     def __init__(self, period: float = 0.01) -> None:
@@ -67,7 +68,7 @@ class CommandLag(LeafSystem):
         if t - held[0] < 0.5 * self._period:
             return held
         command = self._command.Eval(context)
-        if np.isnan(held[0]):
+        if not np.isfinite(held).all():  # the first tick, or after a broken command
             return np.concatenate([[t], command, command])
         keep, by_now, by_next = self._factors
         return np.concatenate([[t], keep * held[1:3] + by_now * held[3:] + by_next * command, command])

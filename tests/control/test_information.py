@@ -11,6 +11,7 @@ from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import update
 
@@ -24,7 +25,8 @@ def model() -> BayesianModel:
 
 def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    x = np.array([0.0, 12.0, 0.0, 13.0, 0.0, 0.0]) + rng.normal(size=(count, 6)) * [0.6, 2.0, 0.2, 2.0, 0.5, 0.1]
+    centre, spread = [0.0, 12.0, 0.0, 13.0, 0.0, 0.0, 0.0, 150.0], [0.6, 2.0, 0.2, 2.0, 0.5, 0.1, 0.2, 80.0]
+    x = np.array(centre) + rng.normal(size=(count, 8)) * spread
     u = np.array([0.0, 150.0]) + rng.normal(size=(count + 1, 2)) * [0.2, 80.0]
     return x, u[:-1], u[1:]
 
@@ -64,31 +66,33 @@ def test_the_gradient_is_exact(model: BayesianModel, updated: bool) -> None:
     objective = cost(model, updated)
     x, u, u_next = stages(4, 2)
     gradient = objective.gradient_at(x, u, u_next)(x, u, u_next)
-    assert gradient.shape == (4, 10)
+    assert gradient.shape == (4, 12)
     assert (gradient[:, 4:6] == 0.0).all()
+    assert (gradient[:, LAGGED] != 0.0).all()
     point = np.concatenate([x, u, u_next], axis=1)
-    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0])
+    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
     for k in range(4):
-        for j in range(10):
+        for j in range(12):
             values = []
             for sign in (1.0, -1.0):
                 moved = point.copy()
                 moved[k, j] += sign * 1e-5 * scale[j]
-                values.append(objective.value(moved[:, :6], moved[:, 6:8], moved[:, 8:]))
+                values.append(objective.value(moved[:, :8], moved[:, 8:10], moved[:, 10:]))
             numeric = (values[0] - values[1]) / 2e-5
             assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=1e-5)
 
 
-def test_a_models_own_states_carry_no_information(model: BayesianModel) -> None:
+def test_a_models_further_states_carry_no_information(model: BayesianModel) -> None:
+    """Those behind the lagged commands."""
     objective = cost(model, False)
     x, u, u_next = stages(3, 3)
     longer = np.concatenate([x, np.ones((3, 2))], axis=1)
     assert objective.value(longer, u, u_next) == objective.value(x, u, u_next)
     gradient = objective.gradient_at(longer, u, u_next)(longer, u, u_next)
     plain = objective.gradient_at(x, u, u_next)(x, u, u_next)
-    np.testing.assert_array_equal(gradient[:, :6], plain[:, :6])
-    np.testing.assert_array_equal(gradient[:, 6:8], 0.0)
-    np.testing.assert_array_equal(gradient[:, 8:], plain[:, 6:])
+    np.testing.assert_array_equal(gradient[:, :8], plain[:, :8])
+    np.testing.assert_array_equal(gradient[:, 8:10], 0.0)
+    np.testing.assert_array_equal(gradient[:, 10:], plain[:, 8:])
 
 
 def info_ocp(
@@ -101,6 +105,7 @@ def info_ocp(
     step_model = BayesianStepModel(model.network, prior.mean, model.vehicle.constants())
     problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
     data = problem_data(config)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))
     problem.set(data)
     straight = problem.initial_guess(data)
     guesses = [straight]

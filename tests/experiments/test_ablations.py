@@ -48,4 +48,4 @@ def test_the_chain_of_beliefs(
     # Errors in drifts are of learnt beliefs that stay as they are.
     with_errors = {name for name, line in zip(names, lines, strict=True) if not line.endswith("|  |  |")}
     assert with_errors == set(names) - {"nominal", "online", "oracle"}
-    assert np.load(tmp_path / "own-000-0.npz")["x"].shape[1] == 6
+    assert np.load(tmp_path / "own-000-0.npz")["x"].shape[1] == 8

@@ -1,5 +1,7 @@
 """BayesianAdapter: equal to the plain functions, replayable, and deaf to what it should not hear."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -10,28 +12,36 @@ from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import features, network_inputs
+from drift_drake.model.command_lag import LAGGED
+from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.model.posterior import mahalanobis, predict, update
 
 TICKS = 30
 TIMES = 0.1 * np.arange(TICKS + 1)
 DEAF_TO_NOTHING = 1e9
+PORTS = (("measured_state", slice(0, 7)), ("command", slice(7, 9)), ("lagged_command", slice(9, 11)))
 
 
 @pytest.fixture(scope="module")
 def record() -> PiecewisePolynomial:
-    """Measured state and command (9 signals) of some drive at 10 Hz."""
+    """Measured state, command and lagged command (11 signals) of some drive at 10 Hz."""
     generator = np.random.default_rng(0)
-    centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0])
-    spread = np.array([0.2, 0.5, 0.1, 1.0, 0.1, 0.02, 1.0, 0.1, 30.0])
-    return PiecewisePolynomial.FirstOrderHold(TIMES, (centre + spread * generator.normal(size=(TICKS + 1, 9))).T)
+    centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0, -0.1, 150.0])
+    spread = np.array([0.2, 0.5, 0.1, 1.0, 0.1, 0.02, 1.0, 0.1, 30.0, 0.1, 30.0])
+    return PiecewisePolynomial.FirstOrderHold(TIMES, (centre + spread * generator.normal(size=(TICKS + 1, 11))).T)
 
 
 @pytest.fixture(scope="module")
-def replay(random_model: BayesianModel, record: PiecewisePolynomial) -> tuple[Diagram, BayesianAdapter]:
+def learner(random_model: BayesianModel, physical_network: Network) -> BayesianModel:
+    """A model that hears the lagged commands."""
+    return dataclasses.replace(random_model, network=physical_network)
+
+
+@pytest.fixture(scope="module")
+def replay(learner: BayesianModel, record: PiecewisePolynomial) -> tuple[Diagram, BayesianAdapter]:
     builder = DiagramBuilder()
-    adapter = builder.AddSystem(BayesianAdapter(random_model, threshold=DEAF_TO_NOTHING))
-    for name, rows in (("measured_state", slice(0, 7)), ("command", slice(7, 9))):
+    adapter = builder.AddSystem(BayesianAdapter(learner, threshold=DEAF_TO_NOTHING))
+    for name, rows in PORTS:
         part = PiecewisePolynomial.FirstOrderHold(TIMES, record.vector_values(list(TIMES))[rows])
         source = builder.AddSystem(TrajectorySource(part))
         builder.Connect(source.get_output_port(), adapter.GetInputPort(name))
@@ -39,19 +49,19 @@ def replay(random_model: BayesianModel, record: PiecewisePolynomial) -> tuple[Di
 
 
 def test_outputs_equal_the_plain_functions(
-    random_model: BayesianModel, record: PiecewisePolynomial, replay: tuple[Diagram, BayesianAdapter]
+    learner: BayesianModel, record: PiecewisePolynomial, replay: tuple[Diagram, BayesianAdapter]
 ) -> None:
     diagram, adapter = replay
     simulator = Simulator(diagram)
     simulator.AdvanceTo(TIMES[-1] + 0.01)
     context = adapter.GetMyContextFromRoot(simulator.get_context())
-    posterior = random_model.prior()
+    posterior = learner.prior()
     for k in range(TICKS):
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
-        x, u, u_next = now[:4], now[7:], then[7:]
-        phi = features(random_model.network, network_inputs(x, u, u_next))
-        posterior = update(posterior, phi, residual(x, u, then[:4], random_model.vehicle.constants()),
-                           random_model.sample_weight)  # fmt: skip
+        x, u, u_next = now[[0, 1, 2, 3, 4, 5, 9, 10]], now[7:9], then[7:9]
+        phi = features(learner.network, network_inputs(x, u, u_next))
+        posterior = update(posterior, phi, residual(x, u, then[:4], learner.vehicle.constants()),
+                           learner.sample_weight)  # fmt: skip
     for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
         np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
@@ -90,49 +100,59 @@ def test_frozen_adapter_keeps_its_posterior_and_thaws(replay: tuple[Diagram, Bay
 
 
 def stepped(model: BayesianModel, ticks: list[np.ndarray]) -> tuple[BayesianAdapter, Context]:
-    """An adapter that has seen the given rows of (r, v, beta, omega_r, delta, tau), one a tick."""
+    """An adapter that has seen the given rows of (state and lagged commands [8], delta, tau), one a tick."""
     adapter = BayesianAdapter(model)
     context = adapter.CreateDefaultContext()
     for row in ticks:
-        adapter.GetInputPort("measured_state").FixValue(context, np.concatenate([row[:4], np.zeros(3)]))
-        adapter.GetInputPort("command").FixValue(context, row[4:])
+        adapter.GetInputPort("measured_state").FixValue(context, np.append(row[:6], 0.0))
+        adapter.GetInputPort("lagged_command").FixValue(context, row[LAGGED])
+        adapter.GetInputPort("command").FixValue(context, row[8:])
         context.SetDiscreteState(adapter.EvalUniquePeriodicDiscreteUpdate(context))
     return adapter, context
 
 
 def consistent_rows(model: BayesianModel, count: int) -> list[np.ndarray]:
     """Rows that the model's prior mean predicts exactly, one step after the other from the same state."""
-    row = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0])
-    rows = [row]
+    rows = [np.array([0.5, 11.0, -0.5, 16.0, 0.0, 0.0, -0.1, 150.0, -0.1, 150.0])]
     for _ in range(count):
-        x, u = rows[-1][:4], rows[-1][4:]
+        x, u = rows[-1][:8], rows[-1][8:]
         phi = features(model.network, network_inputs(x, u, u))
-        h = x - residual(x, u, x, model.vehicle.constants())
-        rows.append(np.concatenate([h + np.sum(model.prior_mean * phi, axis=-1), u]))
+        h = x[:4] - residual(x, u, x, model.vehicle.constants())
+        rows.append(np.concatenate([h + np.sum(model.prior_mean * phi, axis=-1), rows[-1][4:]]))
     return rows
 
 
-def test_what_is_not_finite_is_refused_and_counted(random_model: BayesianModel) -> None:
+@pytest.mark.parametrize("place", [1, 8])
+def test_what_is_not_finite_is_refused_and_counted(random_model: BayesianModel, place: int) -> None:
     rows = consistent_rows(random_model, 5)
     rows[2] = rows[2].copy()
-    rows[2][1] = np.nan
+    rows[2][place] = np.nan
     adapter, context = stepped(random_model, rows)
-    # A bad measurement spoils the step that ends with it and the one that starts with it.
+    # A bad measurement or command spoils the step that ends with it and the one that starts with it.
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [3, 2])
+    assert np.isfinite(adapter.posterior(context).covariance).all()
+
+
+def test_a_lagged_command_that_is_not_finite_spoils_the_step_that_starts_with_it(random_model: BayesianModel) -> None:
+    rows = consistent_rows(random_model, 5)
+    rows[2] = rows[2].copy()
+    rows[2][LAGGED] = np.nan
+    adapter, context = stepped(random_model, rows)
+    np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [4, 1])
     assert np.isfinite(adapter.posterior(context).covariance).all()
 
 
 def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel) -> None:
     rows = consistent_rows(random_model, 3)
-    x, u = rows[-1][:4], rows[-1][4:]
+    x, u = rows[-1][:8], rows[-1][8:]
     phi = features(random_model.network, network_inputs(x, u, u))
     adapter, context = stepped(random_model, rows)
     posterior = adapter.posterior(context)
     prediction = predict(posterior, random_model.sigma, phi)
-    h = x - residual(x, u, x, random_model.vehicle.constants())
+    h = x[:4] - residual(x, u, x, random_model.vehicle.constants())
     deviation = np.array([0.0, 0.0, np.sqrt(prediction.variance[2]), 0.0])
     for distance, taken in ((7.9, 4), (8.1, 3)):
-        spike = np.concatenate([h + prediction.mean + distance * deviation, u])
+        spike = np.concatenate([h + prediction.mean + distance * deviation, rows[-1][4:]])
         np.testing.assert_allclose(mahalanobis(prediction, prediction.mean + distance * deviation), distance)
         adapter, context = stepped(random_model, [*rows, spike])
         np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, 4 - taken])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, euler_step, residual
+from drift_drake.model.command_lag import LAG, LAGGED
 from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -11,9 +12,9 @@ from drift_drake.vehicle.parameters import VehicleParameters
 CAR = VehicleParameters().constants()
 
 
-@pytest.fixture(scope="module")
-def network(random_network: Network) -> Network:
-    return random_network
+@pytest.fixture(scope="module", params=["z alone", "with physical inputs"])
+def network(request, random_network: Network, physical_network: Network) -> Network:
+    return random_network if request.param == "z alone" else physical_network
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +29,33 @@ def horizon(count: int = 45) -> tuple[np.ndarray, ...]:
     x = centre + spread * generator.normal(size=(count, 6))
     u = np.array([-0.2, 180.0]) + np.array([0.2, 60.0]) * generator.normal(size=(count, 2))
     u_next = u + np.array([0.05, 20.0]) * generator.normal(size=(count, 2))
-    return x, u, u_next, generator.uniform(-0.06, 0.06, count)
+    curvature = generator.uniform(-0.06, 0.06, count)
+    lagged = u + np.array([0.1, 40.0]) * generator.normal(size=(count, 2))
+    return np.hstack([x, lagged]), u, u_next, curvature
 
 
 def test_step_is_euler_of_the_nominal_car_plus_the_learnt_part(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon()
     step = BayesianStepModel(network, theta, CAR).step(x, u, u_next, curvature)
-    expected = x + 0.1 * derivatives(x, u, curvature, CAR)
+    expected = x[:, :6] + 0.1 * derivatives(x[:, :6], u, curvature, CAR)
     expected[:, 3] = 0.0
-    np.testing.assert_allclose(euler_step(x, u, curvature, CAR), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(euler_step(x[:, :6], u, curvature, CAR), expected, rtol=0, atol=1e-12)
     learnt = np.sum(theta * features(network, network_inputs(x, u, u_next)), axis=-1)
     expected[:, :4] += learnt
-    np.testing.assert_allclose(step, expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(step[:, :6], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(residual(x, u, step, CAR), learnt, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
+def test_the_lagged_commands_run_after_the_commands(network: Network, theta: np.ndarray, path_step: PathStep) -> None:
+    x, u, u_next, curvature = horizon()
+    step = BayesianStepModel(network, theta, CAR, path_step=path_step).step(x, u, u_next, curvature)
+    lagged, fine = x[:, LAGGED], 10_000
+    for k in range(fine):  # implicit midpoint steps of LAG d lagged/dt = command - lagged
+        command = u + (k + 0.5) / fine * (u_next - u)
+        ratio = 0.1 / fine / LAG
+        lagged = ((1.0 - 0.5 * ratio) * lagged + ratio * command) / (1.0 + 0.5 * ratio)
+    np.testing.assert_allclose(step[:, LAGGED], lagged, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
@@ -49,14 +64,15 @@ def test_jacobians_equal_finite_differences(network: Network, theta: np.ndarray,
     x, u, u_next, curvature = horizon()
     value, a, b, b_next = model.linearize(x, u, u_next, curvature)
     np.testing.assert_allclose(value, model.step(x, u, u_next, curvature), rtol=0, atol=1e-13)
-    variables, scales = np.hstack([x, u, u_next]), np.array([1, 10, 1, 10, 1, 1, 1, 100, 1, 100.0])
+    assert value.shape == (45, 8)
+    variables, scales = np.hstack([x, u, u_next]), np.array([1, 10, 1, 10, 1, 1, 1, 100, 1, 100, 1, 100.0])
 
     def step(flat: np.ndarray) -> np.ndarray:
-        return model.step(flat[:, :6], flat[:, 6:8], flat[:, 8:], curvature)
+        return model.step(flat[:, :8], flat[:, 8:10], flat[:, 10:], curvature)
 
     jacobian = np.concatenate([a, b, b_next], axis=-1)
-    for j in range(10):
-        h = np.zeros(10)
+    for j in range(12):
+        h = np.zeros(12)
         h[j] = 1e-6 * scales[j]
         numeric = (step(variables + h) - step(variables - h)) / (2.0 * h[j])
         np.testing.assert_allclose(jacobian[:, :, j] * scales[j], numeric * scales[j], rtol=0, atol=5e-7)
@@ -76,12 +92,12 @@ def test_another_theta_changes_the_step_and_not_the_first_model(network: Network
 def test_trapezoid_follows_a_circle_that_euler_leaves(network: Network) -> None:
     # A body that turns steadily along a circle must stay on a path of that circle; the learnt part is set to say so.
     radius, v, beta = 18.0, 11.0, -0.5
-    x = np.array([[v / radius, v, beta, 15.0, 0.0, 0.0]])
     u, curvature = np.array([[-0.3, 150.0]]), np.array([1.0 / radius])
+    x = np.hstack([[[v / radius, v, beta, 15.0, 0.0, 0.0]], u])  # the lags are settled
     learnt = residual(x, u, x, CAR)
     constant = Network(
         network.input_offset, network.input_scale, network.w1, network.b1, network.w2, network.b2,
-        np.zeros_like(network.w_out), np.tile(learnt[0][:, None], (1, 16)))  # fmt: skip
+        np.zeros_like(network.w_out), np.tile(learnt[0][:, None], (1, 16)), network.nominal)  # fmt: skip
     theta = np.full((4, 16), 1.0 / 16.0)
     start = x.copy()
     for _ in range(10):

@@ -1,12 +1,14 @@
 """Checkpoints: what is written comes back, and what is no checkpoint says so."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
-from drift_drake.model.features import features
+from drift_drake.model.features import Network, features
+from drift_drake.vehicle.parameters import VehicleParameters
 
 
 def test_the_model_has_the_papers_parameter_count(random_model: BayesianModel) -> None:
@@ -30,7 +32,7 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
     assert again.sample_weight == 0.3
     assert again.vehicle == model.vehicle
     assert again.record == {"epochs": 3}
-    z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0])
+    z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0, -0.08, 140.0])
     np.testing.assert_array_equal(features(model.network, z), features(again.network, z))
     assert path.stat().st_size < 300_000
 
@@ -42,3 +44,23 @@ def test_bad_files_are_named(tmp_path: Path) -> None:
     for path in (missing, garbage, foreign):
         with pytest.raises(InvalidCheckpointError, match=path.name):
             load(path)
+
+
+def test_a_network_with_physical_inputs_comes_back_with_its_car(
+    random_model: BayesianModel, physical_network: Network, tmp_path: Path
+) -> None:
+    model = dataclasses.replace(random_model, network=physical_network, vehicle=VehicleParameters(mass=1700.0))
+    model.save(tmp_path / "model.npz")
+    again = load(tmp_path / "model.npz")
+    assert again.network.w1.shape == (18, 128)
+    assert again.network.nominal == VehicleParameters(mass=1700.0).constants()
+
+
+def test_a_network_with_other_inputs_is_refused(random_model: BayesianModel, tmp_path: Path) -> None:
+    """16 inputs: z and the physical inputs of before the model knew of lags."""
+    old = random_model.network._replace(input_offset=np.zeros(16), input_scale=np.ones(16), w1=np.zeros((16, 128)))
+    path = tmp_path / "old.npz"
+    dataclasses.replace(random_model, network=old).save(path)
+    message = r"old\.npz: its network has 16 inputs, this version's have 8 or 18; train it anew"
+    with pytest.raises(InvalidCheckpointError, match=message):
+        load(path)

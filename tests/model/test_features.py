@@ -6,14 +6,17 @@ import pytest
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
+    INPUT_COUNT,
     INPUT_OFFSET,
     INPUT_SCALE,
+    PAPER_COUNT,
     MeanFunction,
     Network,
     all_inputs,
     feature_jacobian,
     features,
     information_gain,
+    network_inputs,
 )
 
 
@@ -24,13 +27,13 @@ def network(request, random_network: Network, physical_network: Network) -> Netw
 
 @pytest.fixture(scope="module")
 def points() -> np.ndarray:
-    return INPUT_OFFSET + INPUT_SCALE * np.random.default_rng(4).normal(size=(45, 8))
+    return INPUT_OFFSET + INPUT_SCALE * np.random.default_rng(4).normal(size=(45, INPUT_COUNT))
 
 
 def central_difference(function, z: np.ndarray) -> np.ndarray:
     columns = []
-    for j in range(8):
-        step = np.zeros(8)
+    for j in range(INPUT_COUNT):
+        step = np.zeros(INPUT_COUNT)
         step[j] = 1e-5 * INPUT_SCALE[j]
         columns.append((function(z + step) - function(z - step)) / (2.0 * step[j]))
     return np.stack(columns, axis=-1)
@@ -43,8 +46,26 @@ def test_features_are_the_networks_formula(network: Network, points: np.ndarray)
     h2 = np.tanh(network.w2.T @ h1 + network.b2)
     expected = np.stack([network.w_out[i].T @ h2 + network.b_out[i] for i in range(4)])
     np.testing.assert_allclose(features(network, z), expected, rtol=0, atol=1e-13)
-    assert features(network, points.reshape(9, 5, 8)).shape == (9, 5, 4, FEATURE_COUNT)
+    assert features(network, points.reshape(9, 5, INPUT_COUNT)).shape == (9, 5, 4, FEATURE_COUNT)
     assert network.w2.shape == (HIDDEN_COUNT, HIDDEN_COUNT)
+
+
+def test_inputs_are_states_commands_and_lagged_commands() -> None:
+    x, u, u_next = np.arange(8.0), np.array([10.0, 11.0]), np.array([12.0, 13.0])
+    z = network_inputs(x, u, u_next)
+    np.testing.assert_array_equal(z, [0, 1, 2, 3, 10, 11, 12, 13, 6, 7])  # of the path's e and dphi nothing
+    batch = network_inputs(np.tile(x, (2, 3, 1)), np.tile(u, (2, 3, 1)), np.tile(u_next, (2, 3, 1)))
+    np.testing.assert_array_equal(batch, np.tile(z, (2, 3, 1)))
+
+
+def test_the_papers_network_alone_does_not_hear_the_lagged_commands(
+    random_network: Network, physical_network: Network, points: np.ndarray
+) -> None:
+    other = points.copy()
+    other[:, PAPER_COUNT:] += INPUT_SCALE[PAPER_COUNT:]
+    np.testing.assert_array_equal(features(random_network, points), features(random_network, other))
+    np.testing.assert_array_equal(feature_jacobian(random_network, points)[1][..., PAPER_COUNT:], 0.0)
+    assert np.abs(features(physical_network, points) - features(physical_network, other)).max(axis=(1, 2)).min() > 1e-2
 
 
 def test_feature_jacobian_equals_finite_differences(network: Network, points: np.ndarray) -> None:

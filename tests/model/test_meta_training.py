@@ -37,6 +37,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
             size=(count, 4)
         )
         u = np.array([-0.1, 150.0]) + np.array([0.1, 40.0]) * generator.normal(size=(count, 2))
+        x = np.hstack([x, u])  # settled lags
         truth = car._replace(friction=0.8 + 0.1 * vehicle)
         x_next = x.copy()
         x_next[:, :4] -= residual(x, u, x, truth)
@@ -80,7 +81,7 @@ def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
 
 
 def test_parameters_number_as_in_the_paper() -> None:
-    for physical, count in ((False, 27_012), (True, 27_012 + 8 * 128)):
+    for physical, count in ((False, 27_012), (True, 27_012 + 10 * 128)):
         parameters = initial_parameters(torch.Generator().manual_seed(0), physical)
         assert sum(value.numel() for value in parameters.values()) == count
 
@@ -95,17 +96,17 @@ def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network
     assert not config.output.with_name("model.npz.resume").exists()
     stored = load(config.output)
     np.testing.assert_array_equal(stored.sigma, model.sigma)
-    z = network_inputs(*(np.random.default_rng(4).normal(size=(20, n)) for n in (6, 2, 2)))
+    z = network_inputs(*(np.random.default_rng(4).normal(size=(20, n)) for n in (8, 2, 2)))
     parameters = {
         name: torch.as_tensor(getattr(stored.network, name)) for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")
     }
     points = torch.as_tensor(all_inputs(z, stored.network.nominal)).requires_grad_()
-    assert points.shape == (20, 16)
+    assert points.shape == (20, 18)
     phi = torch_features(parameters, points)
     np.testing.assert_allclose(features(stored.network, z), phi.detach().numpy(), rtol=0, atol=1e-12)
     gradient = torch.autograd.grad(phi[:, 2, 5].sum(), points)[0].numpy()
-    gradient = gradient[:, :8] + np.einsum(
-        "np,npz->nz", gradient[:, 8:], physical_inputs(z, stored.vehicle.constants())[1]
+    gradient = gradient[:, :10] + np.einsum(
+        "np,npz->nz", gradient[:, 10:], physical_inputs(z, stored.vehicle.constants())[1]
     )
     np.testing.assert_allclose(feature_jacobian(stored.network, z)[1][:, 2, 5], gradient, rtol=0, atol=1e-12)
     single = torch_features({name: value.float() for name, value in parameters.items()}, points.detach().float())
@@ -145,7 +146,7 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     further = train(dataclasses.replace(again, epochs=4))
     assert np.abs(further.network.w1 - first.network.w1).max() > 1e-4
     assert further.record["start"]["epochs"] == 4
-    with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 16 inputs, .* for 8"):
+    with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 18 inputs, .* for 8"):
         train(dataclasses.replace(again, physical_inputs=False))
 
 
@@ -163,7 +164,7 @@ def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
 def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> None:
     model = train(dataclasses.replace(config, adaptive=False, output=config.output.with_name("fixed.npz")))
     prior = model.prior()
-    phi = features(model.network, np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.1, 150.0]))
+    phi = features(model.network, np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.1, 150.0, -0.1, 150.0]))
     prediction = predict(prior, model.sigma, phi)
     np.testing.assert_allclose(prediction.variance, model.sigma**2, rtol=1e-6)
     after = update(prior, phi, prediction.mean + 5.0 * model.sigma)

@@ -1,5 +1,7 @@
 """The detector: its statistic, its calibration, and the system in a diagram."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
@@ -10,6 +12,7 @@ from scipy.stats import chi2
 
 from drift_drake.model.adapter import BayesianAdapter, adapt
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import Network
 from drift_drake.model.out_of_distribution import (
     Calibration,
     OutOfDistributionDetector,
@@ -20,6 +23,7 @@ from drift_drake.model.out_of_distribution import (
 
 TICKS = 12
 WINDOW = 4
+STATES = [0, 1, 2, 3, 4, 5, 9, 10]  # of the rows: measured, lagged commands
 
 
 def test_the_statistic_is_a_running_mean() -> None:
@@ -52,17 +56,19 @@ def test_no_drive_as_long_as_the_window_is_refused() -> None:
         calibrate([np.ones(5)], window=20)
 
 
-def test_the_system_agrees_with_the_functions(random_model: BayesianModel) -> None:
+def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physical_network: Network) -> None:
     """Beside an adapter: every step is judged by the belief from before it was learnt from."""
+    learner = dataclasses.replace(random_model, network=physical_network)
     generator = np.random.default_rng(0)
-    centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0])
-    rows = centre + 0.05 * centre * generator.normal(size=(TICKS + 1, 9))
+    centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0, -0.1, 150.0])
+    rows = centre + 0.05 * centre * generator.normal(size=(TICKS + 1, 11))
     rows[9:, 0] += 3.0  # another car
     builder = DiagramBuilder()
-    adapter = builder.AddSystem(BayesianAdapter(random_model))
-    detector = builder.AddSystem(OutOfDistributionDetector(random_model, threshold=np.inf, window=WINDOW))
+    adapter = builder.AddSystem(BayesianAdapter(learner))
+    detector = builder.AddSystem(OutOfDistributionDetector(learner, threshold=np.inf, window=WINDOW))
     times = 0.1 * np.arange(TICKS + 1)
-    for name, part in (("measured_state", slice(0, 7)), ("command", slice(7, 9))):
+    ports = (("measured_state", slice(0, 7)), ("command", slice(7, 9)), ("lagged_command", slice(9, 11)))
+    for name, part in ports:
         source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, rows[:, part].T)))
         for system in (adapter, detector):
             builder.Connect(source.get_output_port(), system.GetInputPort(name))
@@ -73,11 +79,12 @@ def test_the_system_agrees_with_the_functions(random_model: BayesianModel) -> No
     context = simulator.get_mutable_context()
     mine = detector.GetMyMutableContextFromRoot(context)
 
-    belief, distances = random_model.prior(), []
+    belief, distances = learner.prior(), []
     for k in range(TICKS):
-        before, after = rows[k], rows[k + 1]
-        distances.append(squared_distance(random_model, belief, before[:4], before[7:], after[7:], after[:4]))
-        belief, _ = adapt(random_model, belief, before[:7], before[7:], after[7:], after[:7])
+        x, x_next = rows[k, STATES], rows[k + 1, STATES]
+        u, u_next = rows[k, 7:9], rows[k + 1, 7:9]
+        distances.append(squared_distance(learner, belief, x, u, u_next, x_next))
+        belief, _ = adapt(learner, belief, x, u, u_next, x_next)
         simulator.AdvanceTo(times[k + 1] + 0.05 if k + 1 < TICKS else times[-1])
         simulator.AdvancePendingEvents()
         assert detector.GetOutputPort("distance").Eval(mine)[0] == pytest.approx(distances[-1], rel=1e-6)
@@ -97,7 +104,8 @@ def test_a_step_that_is_not_finite_leaves_the_window_alone(random_model: Bayesia
     detector = OutOfDistributionDetector(random_model, threshold=1.0, window=2)
     context = detector.CreateDefaultContext()
     prior = random_model.prior()
-    values = {"command": np.array([0.0, 100.0]), "posterior_mean": prior.mean.ravel(),
+    command = np.array([0.0, 100.0])
+    values = {"command": command, "lagged_command": command, "posterior_mean": prior.mean.ravel(),
               "posterior_covariance": prior.covariance.ravel()}  # fmt: skip
     for name, value in values.items():
         detector.GetInputPort(name).FixValue(context, value)

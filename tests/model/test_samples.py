@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.model.bayesian_step import euler_step, residual
+from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.samples import (
     InvalidSamplesError,
     Samples,
@@ -20,7 +21,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 @pytest.fixture
 def samples() -> Samples:
     generator = np.random.default_rng(0)
-    x = np.array([0.5, 11.0, -0.5, 16.0, 0.2, 0.1]) + 0.1 * generator.normal(size=(7, 6))
+    x = np.array([0.5, 11.0, -0.5, 16.0, 0.2, 0.1, -0.1, 140.0]) + 0.1 * generator.normal(size=(7, 8))
     u = np.array([-0.1, 150.0]) + 0.05 * generator.normal(size=(7, 2))
     return Samples(x, u, u + 0.01, x + 0.02, np.full(7, 0.05), np.array([0, 0, 0, 0, 1, 1, 1]),
                    np.array([0, 0, 1, 1, 2, 2, 2]))  # fmt: skip
@@ -45,8 +46,10 @@ def test_the_mirror_image_is_the_same_car_turning_the_other_way(samples: Samples
     np.testing.assert_allclose(
         residual(mirror.x, mirror.u, mirror.x_next, car), residual(samples.x, samples.u, samples.x_next, car) * sign,
         rtol=0, atol=1e-12)  # fmt: skip
-    step, mirror_step = (euler_step(s.x, s.u, s.curvature, car) for s in (samples, mirror))
+    step, mirror_step = (euler_step(s.x[:, :6], s.u, s.curvature, car) for s in (samples, mirror))
     np.testing.assert_allclose(mirror_step[:, 4:], -step[:, 4:], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(mirror.x[:, LAGGED], samples.x[:, LAGGED] * [-1.0, 1.0])
+    np.testing.assert_array_equal(mirror.x_next[:, LAGGED], samples.x_next[:, LAGGED] * [-1.0, 1.0])
     assert set(mirror.vehicle) == {2, 3}
     assert set(mirror.drive) == {3, 4, 5}
 
@@ -63,4 +66,13 @@ def test_bad_tables_are_named(samples: Samples, tmp_path: Path) -> None:
         load_samples(path)
     save_samples(samples.where(np.zeros(7, dtype=bool)), path)
     with pytest.raises(InvalidSamplesError, match="holds no sample"):
+        load_samples(path)
+
+
+def test_a_table_without_lagged_commands_is_refused(samples: Samples, tmp_path: Path) -> None:
+    """As they were made before the model knew of lags."""
+    path = tmp_path / "table.npz"
+    save_samples(samples._replace(x=samples.x[:, :6], x_next=samples.x_next[:, :6]), path)
+    message = r"table\.npz: x has 6 columns, not 8 \(the six states and the lagged commands\); make it anew"
+    with pytest.raises(InvalidSamplesError, match=message):
         load_samples(path)

@@ -7,6 +7,7 @@ import pytest
 
 from drift_drake.cli import main
 from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.samples import Samples, save_samples
 
 
@@ -21,6 +22,7 @@ def test_it_writes_a_checkpoint(tmp_path: Path) -> None:
     generator = np.random.default_rng(0)
     x = np.array([0.4, 11.0, -0.5, 16.0, 0.0, 0.0]) + 0.1 * generator.normal(size=(41, 6))
     u = np.array([-0.1, 150.0]) + 0.05 * generator.normal(size=(41, 2))
+    x = np.hstack([x, lagged_commands(0.1 * np.arange(41), u)])
     number = np.zeros(40, dtype=int)
     save_samples(Samples(x[:-1], u[:-1], u[1:], x[1:], np.zeros(40), number, number), tmp_path / "train.npz")
     arguments = ["--data", str(tmp_path / "train.npz"), "--output", str(tmp_path / "model.npz"), "--validation", "None",

@@ -32,9 +32,9 @@ from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import join_vehicles
 
-# A vehicle's drives: a plan out of the pool of all vehicles, such a plan with its inputs shaken, or a plan of its own,
-# made with what has been learnt since the last one out of the pool.
-SCHEDULE = ("pool", "own", "own", "pool", "own", "pool", "shaken", "shaken")
+# A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
+# inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.
+SCHEDULE = ("first", "own", "own", "pool", "own", "pool", "shaken", "shaken")
 PLANS = 48  # in the pool
 
 
@@ -75,9 +75,14 @@ def random_lane(generator: np.random.Generator) -> GatheringConfig:
 
 
 def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
-    """Plan number `index` of the pool: a slalom or an Info-OCP plan, of a random size; None where none is feasible."""
+    """Plan number `index` of the pool; None where none is feasible.
+
+    The first is information gathering's own; the others are slaloms and Info-OCP's plans of random sizes.
+    """
     options, index = job
     model = load(options.checkpoint)
+    if index == 0:
+        return plan(model, model.prior(), GatheringConfig(), GatheringConfig().alpha)
     generator = np.random.default_rng([options.seed, stream(options.round), index])
     config = random_lane(generator)
     try:
@@ -112,18 +117,19 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     parameters, model = VehicleParameters(), load(options.checkpoint)
     effects = draw_effects(population, index, options.seed)
     generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
-    chosen = iter(generator.choice(len(pool), len(SCHEDULE), replace=False))
+    chosen = iter(1 + generator.choice(len(pool) - 1, len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
     endings: dict[str, int] = {}
     first, belief = pool[0], model.prior()
     for number, kind in enumerate(SCHEDULE):
         trajectory = None
         if kind == "own":
-            trajectory = own_plan(model, belief, first, random_lane(generator), int(generator.integers(2**31)))
+            lane = GatheringConfig() if first is pool[0] else random_lane(generator)
+            trajectory = own_plan(model, belief, first, lane, int(generator.integers(2**31)))
         else:
             belief = model.prior()
         if trajectory is None:
-            trajectory = first = pool[next(chosen)]
+            trajectory = first = pool[0 if kind == "first" else next(chosen)]
         config = GatheringConfig(v_start=float(trajectory.x[0, 1]), v_end=float(trajectory.x[-1, 1]))
         if kind == "shaken":
             shake = wander(config.steps * DT, generator, np.array([generator.uniform(0.0, 0.08), 30.0]), 0.4)
@@ -143,10 +149,11 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
 
 
 def join_rounds(folders: list[Path], rounds: int, ending: str) -> Samples:
-    """One table of the vehicles' drives of all rounds, from the files of this ending."""
+    """One table of the vehicles' drives of all rounds, from the files of this ending; rounds may lack some vehicles."""
     parts, numbered = [], 0
     for number in range(rounds):
-        part = join_vehicles(folders, f"{round_name(number)}{ending}", len(SCHEDULE))
+        name = f"{round_name(number)}{ending}"
+        part = join_vehicles([folder for folder in folders if (folder / f"{name}.npz").exists()], name, len(SCHEDULE))
         parts.append(part._replace(drive=part.drive + numbered))
         numbered += int(part.drive.max()) + 1
     return concatenate(parts)
@@ -166,8 +173,8 @@ def main(config: LaneDrivesConfig) -> None:
             for name, count in endings.items():
                 total[name] = total.get(name, 0) + count
     for population, count in counts:
-        folders = [config.output / population / f"vehicle_{index:02d}" for index in range(count)]
-        for ending in ("", "_phases") if folders else ():
+        folders = sorted((config.output / population).glob("vehicle_*"))
+        for ending in ("", "_phases") if count else ():
             table = join_rounds(folders, config.round + 1, ending)
             save_samples(table, config.output / f"{population}_lane{ending}.npz")
     print(json.dumps({"plans": len(plans), "endings": total}))

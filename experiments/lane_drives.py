@@ -36,6 +36,7 @@ from experiments.drives import join_vehicles
 # inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.
 SCHEDULE = ("first", "own", "own", "pool", "own", "pool", "shaken", "shaken")
 PLANS = 48  # in the pool
+ITERATIONS = 40  # of the SQP: what is worth training on need not be a plan to the last digit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,7 @@ def random_lane(generator: np.random.Generator) -> GatheringConfig:
         max_slip=float(generator.uniform(4.0, 10.0)),
         alpha=float(generator.choice([2.0, 4.0, 8.0, 16.0])),
         starts=2,
-        max_iterations=40,
+        max_iterations=ITERATIONS,
     )
 
 
@@ -124,7 +125,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     for number, kind in enumerate(SCHEDULE):
         trajectory = None
         if kind == "own":
-            lane = GatheringConfig() if first is pool[0] else random_lane(generator)
+            lane = GatheringConfig(max_iterations=ITERATIONS) if first is pool[0] else random_lane(generator)
             trajectory = own_plan(model, belief, first, lane, int(generator.integers(2**31)))
         else:
             belief = model.prior()

@@ -29,12 +29,14 @@ from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
+from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
 # inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.
 SCHEDULE = ("first", "own", "own", "pool", "own", "pool", "shaken", "shaken")
+assert len(SCHEDULE) == LANE_ROUND
 PLANS = 48  # in the pool
 ITERATIONS = 40  # of the SQP: what is worth training on need not be a plan to the last digit
 

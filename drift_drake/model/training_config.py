@@ -6,6 +6,8 @@ from typing import Literal
 
 Recipe = Literal["transfer", "windows", "paper", "fixed"]
 
+LANE_ROUND = 8  # drives of a vehicle in a round of lane drives; the first follow each other as gathering's do
+
 
 @dataclasses.dataclass(frozen=True)
 class TrainingConfig:

@@ -18,14 +18,15 @@ from drift_drake.model.bayesian_step import residual
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
 from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
-from drift_drake.model.training_config import TrainingConfig
+from drift_drake.model.training_config import LANE_ROUND, TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Rows = NDArray[np.int64]
 
 CONTEXTS = {"none": 0.1, "lane": 0.55, "drift": 0.35}  # how often a task's context is which
 LANE_DRIVES = 3  # of a context, at most
-IN_TURN = 0.5  # of lane contexts: drives that followed each other, as a vehicle's own plans do
+IN_TURN = 0.5  # of lane contexts: a round's first drives in turn
+NEWEST = 0.5  # of those: of the last round, whose plans the features of now have made
 LONGEST = 160  # [samples] of a context
 TARGETS = 96  # of a task, at most
 SHUFFLED = 0.2  # of drift contexts: samples in no order
@@ -84,7 +85,9 @@ class Tasks:
             count = generator.integers(1, LANE_DRIVES + 1)
             which = generator.permutation(len(vehicle.lane[0]))
             if generator.random() < IN_TURN:
-                which = np.arange(which[0], len(which))
+                last = max(0, len(which) // LANE_ROUND - 1)
+                chosen = last if generator.random() < NEWEST else generator.integers(last + 1)
+                which = np.arange(LANE_ROUND * chosen, len(which))
             context = picked(vehicle.lane, which[:count])[:LONGEST]
         elif kind == "drift" and len(drives) > 1:
             used = generator.integers(1, len(drives))

@@ -34,6 +34,7 @@ from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import load_samples
@@ -103,7 +104,9 @@ def slalom(model: BayesianModel, config: GatheringConfig) -> Trajectory:
 def random_steering(ocp: Trajectory, config: GatheringConfig, generator: np.random.Generator) -> Trajectory:
     """The OCP's drive with random steering added, while the feedback keeps to the OCP's line."""
     noise = wander(config.steps * DT, generator, np.array([RANDOM_STEERING, 0.0]), RANDOM_PERIOD)[: config.steps + 1]
-    return ocp._replace(u=ocp.u + noise, status="by hand")
+    u = ocp.u + noise
+    x = np.concatenate([ocp.x[:, :6], lagged_commands(DT * np.arange(len(u)), u)], axis=1)
+    return ocp._replace(x=x, u=u, status="by hand")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,10 @@ from drift_drake.control.mpc import MpcController, SolveStatistics
 from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import LAGGED, lag_factors
 from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT
+from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -70,6 +73,30 @@ def test_a_model_with_memory_or_theta_has_a_port_for_it(references: dict[str, Re
     adaptive = MpcController(model, PARAMETERS, references["figure_8"], 2, theta_size=STATE_COUNT * FEATURE_COUNT)
     assert adaptive.GetInputPort("theta").size() == 64
     assert hasattr(BayesianStepModel, "with_theta")
+    learnt = load()
+    controller = MpcController(step_model(learnt, learnt.prior()), PARAMETERS, references["figure_8"], 2)
+    assert controller.GetInputPort("memory").size() == 2
+    assert controller.GetOutputPort("prediction").size() == 3 * 8
+
+
+def test_a_learnt_plan_starts_from_the_lagged_commands(references: dict[str, Reference]) -> None:
+    learnt, reference = load(), references["figure_8"]
+    model = step_model(learnt, learnt.prior(), "trapezoid")
+    command = reference.input(START)
+    controller = MpcController(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1]))
+    context = controller.CreateDefaultContext()
+    lagged = command - np.array([0.05, 20.0])
+    controller.GetInputPort("memory").FixValue(context, lagged)
+    tick(controller, context, 0.0, measured(controller))
+    assert statistics(controller, context).failed == 0.0
+    prediction = controller.GetOutputPort("prediction").Eval(context).reshape(HORIZON + 1, 8)
+    # On the way to the command since the measurement, and what the plan's own commands make of it from there.
+    share = (prediction[0, LAGGED] - lagged) / (command - lagged)
+    assert ((share > 0.03) & (share < 0.3)).all()
+    u = plan(controller, context)[1:].reshape(HORIZON + 1, 2)
+    keep, by_now, by_next = lag_factors(0.1)
+    expected = keep * prediction[:-1, LAGGED] + by_now * u[:-1] + by_next * u[1:]
+    np.testing.assert_allclose(prediction[1:, LAGGED] / INPUT_SCALE, expected / INPUT_SCALE, atol=1e-3)
 
 
 def test_the_plan_begins_after_the_delay_with_the_command_in_force(controller: MpcController) -> None:

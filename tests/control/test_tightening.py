@@ -22,10 +22,10 @@ def learnt() -> BayesianModel:
 
 @pytest.fixture(scope="module")
 def plan(learnt: BayesianModel) -> tuple[BayesianStepModel, np.ndarray, np.ndarray, np.ndarray]:
-    """The learnt car's own rollout in a drift: (model, x [N+1, 6], u [N+1, 2], curvature [N])."""
+    """The learnt car's own rollout in a drift: (model, x [N+1, 8], u [N+1, 2], curvature [N])."""
     horizon = figure_8(VehicleParameters()).horizon(5.0, 0.1, STEPS)
     model = BayesianStepModel(learnt.network, learnt.prior().mean, learnt.vehicle.constants(), path_step="trapezoid")
-    x = horizon.x_ref[:1]
+    x = np.hstack([horizon.x_ref[:1], horizon.u_ref[:1]])  # settled lags
     for k in range(STEPS):
         u, u_next = horizon.u_ref[k : k + 1], horizon.u_ref[k + 1 : k + 2]
         x = np.concatenate([x, model.step(x[-1:], u, u_next, horizon.curvature[k : k + 1])])

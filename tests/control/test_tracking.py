@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from drift_drake.control.step_model import NominalStepModel
-from drift_drake.control.tracking import INPUT_WEIGHT, STATE_WEIGHT, TrackingController, tracking_gains
+from drift_drake.control.tracking import INPUT_WEIGHT, STATE_WEIGHT, TrackingController, lqr_gains, tracking_gains
 from drift_drake.drives.drive import Drive
 from drift_drake.reference.trajectory import straight_line
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -44,6 +44,19 @@ def test_the_last_gain_is_one_step_of_least_squares() -> None:
     rows = np.concatenate([q * (b[0] + b_next[0]), np.diag(r)])
     least = np.linalg.lstsq(rows, np.concatenate([-np.sqrt(STATE_WEIGHT) * (a[0] @ error), np.zeros(2)]), rcond=None)[0]
     np.testing.assert_allclose(gain @ error, least, rtol=1e-9, atol=1e-12)
+
+
+def test_further_states_have_no_weight_but_their_feedback() -> None:
+    """Two more states: where they move nothing the gains know only the six, where they move the car they count."""
+    rng = np.random.default_rng(1)
+    a, b = np.zeros((5, 8, 8)), rng.normal(size=(5, 8, 2))
+    a[:, :6, :6], a[:, 6:, 6:] = rng.normal(size=(5, 6, 6)), 0.5 * np.eye(2)
+    gains = lqr_gains(a, b)
+    assert gains.shape == (5, 2, 8)
+    np.testing.assert_allclose(gains[..., :6], lqr_gains(a[:, :6, :6], b[:, :6]), rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(gains[..., 6:], 0.0, rtol=0, atol=1e-10)
+    a[:, :6, 6:] = rng.normal(size=(5, 6, 2))
+    assert np.abs(lqr_gains(a, b)[..., 6:]).max() > 0.1
 
 
 def test_ports_and_values() -> None:

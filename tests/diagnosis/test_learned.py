@@ -8,6 +8,7 @@ import pytest
 from drift_drake.diagnosis.learned import CELLS, _Sampled, learned
 from drift_drake.diagnosis.problem import make_problem
 from drift_drake.diagnosis.reduction import FOLDS, without_effects
+from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.vehicle.parameters import VehicleParameters
 
 VEHICLE = VehicleParameters()
@@ -46,6 +47,16 @@ def test_no_sample_that_is_adapted_to_touches_the_fold(problem):
         held = run.run.y[run.folds == fold, :4]
         for states in (kept.x[:, :4], kept.x_next[:, :4]):
             assert not (states[:, None] == held[None]).all(axis=-1).any()
+
+
+def test_the_samples_know_the_runs_lagged_commands(problem):
+    run = problem.runs[0]
+    samples = _Sampled(run).samples(None)
+    commands = np.column_stack([run.delta, run.tau])
+    lagged = lagged_commands(run.period * np.arange(len(commands)), commands)
+    for states, inputs in ((samples.x, samples.u), (samples.x_next, samples.u_next)):
+        together = np.hstack([inputs, states[:, LAGGED]])
+        assert (together[:, None] == np.hstack([commands, lagged])[None]).all(axis=-1).any(axis=1).all()
 
 
 def test_missing_columns_are_said_in_a_sentence(stiffness_case):

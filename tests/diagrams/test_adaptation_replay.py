@@ -7,8 +7,10 @@ import pytest
 
 from diagrams.adaptation_replay import AdaptationReplay, one_step_errors, read_log
 from drift_drake.logs.table import InvalidLogError, Run, write_run
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import INPUT_OFFSET, INPUT_SCALE, Network
+from drift_drake.model.command_lag import LAGGED, lagged_commands
+from drift_drake.model.features import Network, features, input_scaling, network_inputs
 from drift_drake.model.quality import adapted
 from drift_drake.model.samples import Samples
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -21,8 +23,9 @@ def model() -> BayesianModel:
     def normal(*shape: int) -> np.ndarray:
         return np.asarray(generator.normal(size=shape) / np.sqrt(shape[-2] if len(shape) > 1 else 8))
 
-    network = Network(INPUT_OFFSET, INPUT_SCALE, normal(8, 128), normal(128), normal(128, 128), normal(128),
-                      normal(4, 128, 16), normal(4, 16))  # fmt: skip
+    offset, scale = input_scaling(physical=True)
+    network = Network(offset, scale, normal(len(offset), 128), normal(128), normal(128, 128), normal(128),
+                      normal(4, 128, 16), normal(4, 16), VehicleParameters().constants())  # fmt: skip
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
     return BayesianModel(network, sigma[:, None] * normal(4, 16), np.tile(np.eye(16), (4, 1, 1)), sigma, 0.3,
                          VehicleParameters(), {})  # fmt: skip
@@ -39,15 +42,19 @@ def log() -> Run:
 def test_the_replay_ends_in_the_posterior_of_the_decimated_log(model: BayesianModel, log: Run) -> None:
     ticks = AdaptationReplay(log, model, threshold=1e9).run()
     np.testing.assert_array_equal(ticks["counters"][-1], [14, 0])  # the sample that ends with the log is still due
-    x = np.zeros((16, 6))
+    commands = np.stack([log.delta_cmd, log.tau_cmd], axis=1)
+    x, u = np.zeros((16, 8)), commands[::10]
     x[:, :4] = np.stack([log.r, log.v, log.beta, log.omega_r], axis=1)[::10]
-    u = np.stack([log.delta_cmd, log.tau_cmd], axis=1)[::10]
+    x[:, LAGGED] = lagged_commands(log.t, commands)[::10]
     samples = Samples(x[:-1], u[:-1], u[1:], x[1:], np.zeros(15), np.zeros(15, dtype=int), np.zeros(15, dtype=int))
     expected = adapted(model, samples.where(np.arange(14)))
     np.testing.assert_allclose(ticks["mean"][-1], expected.mean, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(ticks["covariance"][-1], expected.covariance, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(ticks["mean"][0], model.prior_mean)
     errors = one_step_errors(log, model, ticks["mean"])
+    predicted = np.sum(ticks["mean"][:-1] * features(model.network, network_inputs(x[:-1], u[:-1], u[1:])), axis=-1)
+    found = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())
+    np.testing.assert_allclose(errors, found - predicted, rtol=0, atol=1e-9)
     assert errors.shape == (15, 4)
     assert np.abs(errors[-3:]).mean() < np.abs(errors[:3]).mean()
 

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import Change, ClosedLoop, ControlConfig
+from diagrams.closed_loop import Change, ClosedLoop, ControlConfig, Limits
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
@@ -53,6 +54,19 @@ def test_the_controller_follows_the_adapter(adaptive: tuple[ClosedLoop, Bayesian
     differ = (without["delta"].to_numpy()[:count] != with_adaptation["delta"].to_numpy()[:count]).nonzero()[0]
     first = without["t"].iloc[differ[0]]
     assert 0.1 < first < 0.3
+
+
+def test_the_lags_follow_the_commands_in_force(adaptive: tuple[ClosedLoop, BayesianAdapter]) -> None:
+    loop, _ = adaptive
+    context = loop.initial_context(seed=1)
+    table = loop.run(context, Limits(time_factor=0.1)).table
+    lag = loop.diagram.GetSubsystemByName("command_lag")
+    held = lag.GetMyContextFromRoot(context).get_discrete_state_vector().value()
+    expected = lagged_commands(table["t"].to_numpy(), table[["delta", "tau"]].to_numpy())
+    row = int(np.argmin(np.abs(table["t"] - held[0])))
+    assert row > 10
+    np.testing.assert_allclose(held[1:3], expected[row], rtol=1e-6)
+    assert (np.abs(held[1:3] - held[3:]) > 0.0).all()  # and are not the commands
 
 
 def test_an_adapting_loop_replays_to_the_bit(adaptive: tuple[ClosedLoop, BayesianAdapter]) -> None:

@@ -19,6 +19,7 @@ from diagrams.information_gathering import (
 from drift_drake.control.lane_drive import problem_data
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import learn
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -67,6 +68,13 @@ def test_plans_keep_their_bounds(info: Trajectory) -> None:
     assert info.u[:, 1].max() <= PARAMETERS.torque_max + 1e-3
 
 
+def test_a_plans_lagged_commands_are_those_of_its_commands(info: Trajectory) -> None:
+    assert info.x.shape == (CONFIG.steps + 1, 8)
+    expected = lagged_commands(0.1 * np.arange(CONFIG.steps + 1), info.u)
+    scale = np.array([0.3, 100.0])
+    np.testing.assert_allclose(info.x[:, LAGGED] / scale, expected / scale, rtol=0, atol=1e-3)
+
+
 def test_a_bound_that_binds_is_kept(model: BayesianModel, info: Trajectory) -> None:
     """Half the wheel spin of the free plan."""
     free = np.abs(info.x[:, 3] - info.x[:, 1]).max()
@@ -81,7 +89,8 @@ def test_what_is_driven_is_learnt(model: BayesianModel, ocp: Trajectory, info: T
         assert ending == "time"
         assert table["e"].abs().max() < CONFIG.half_width
         assert len(samples.x) == CONFIG.steps
-        np.testing.assert_allclose(samples.x[0], trajectory.x[0], atol=0.3)
+        np.testing.assert_allclose(samples.x[0, :6], trajectory.x[0, :6], atol=0.3)
+        np.testing.assert_array_equal(samples.x[0, LAGGED], samples.u[0])
         after = learn(model, prior, samples)
         totals[name] = covariance_norms(after)[1]
         # What is obtained is what the covariances tell.

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.drives.dataset import all_phases, samples_from_log
+from drift_drake.model.command_lag import LAGGED, lagged_commands
 
 
 class Ramp:
@@ -28,6 +29,17 @@ def test_every_tenth_row_makes_a_sample() -> None:
     assert set(samples.vehicle) == {3}
     assert set(samples.drive) == {7}
     np.testing.assert_array_equal(samples.curvature, 0.0)
+
+
+def test_lagged_commands_are_those_of_the_whole_log() -> None:
+    """Not of every tenth row, and settled where the log begins, whatever the phase."""
+    table = log(35)
+    table["delta_cmd"], table["tau_cmd"] = np.random.default_rng(0).normal(size=(2, 35)) * [[0.3], [100.0]]
+    every = lagged_commands(table["t"].to_numpy(), table[["delta_cmd", "tau_cmd"]].to_numpy())
+    for phase in (0, 4):
+        samples = samples_from_log(table, None, 0, 0, phase)
+        np.testing.assert_array_equal(samples.x[:, LAGGED], every[[phase, phase + 10, phase + 20]])
+        np.testing.assert_array_equal(samples.x_next[:, LAGGED], every[[phase + 10, phase + 20, phase + 30]])
 
 
 def test_curvature_is_the_mean_over_the_step() -> None:

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagrams.information_gathering import GatheringConfig, Trajectory
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT
 from drift_drake.model.posterior import covariance_norms, update_all
 from drift_drake.model.samples import Samples
 from experiments.drifting_errors import drifting_errors, judged_by_halves
-from experiments.information_gathering import InformationConfig, full_weight_total, main
+from experiments.information_gathering import InformationConfig, full_weight_total, main, random_steering
 from experiments.information_summary import markdown, stop_round, summarise, summarise_halves
 
 
@@ -57,6 +59,16 @@ def test_missing_drives_are_one_sentence(tmp_path: Path) -> None:
         main(InformationConfig(drives=tmp_path))
 
 
+def test_random_steering_is_lagged_as_its_own_commands_are() -> None:
+    config = GatheringConfig(steps=12)
+    x, u = np.tile([0.0, 10.0, 0.0, 10.0, 0.3, 0.0, 0.0, 50.0], (13, 1)), np.tile([0.0, 50.0], (13, 1))
+    shaken = random_steering(Trajectory(x, u, 1.0, 2.0, "converged"), config, np.random.default_rng(0))
+    np.testing.assert_array_equal(shaken.x[:, :6], x[:, :6])
+    np.testing.assert_array_equal(shaken.u[:, 1], u[:, 1])
+    assert shaken.u[:, 0].std() > 0.01
+    np.testing.assert_allclose(shaken.x[:, LAGGED], lagged_commands(0.1 * np.arange(13), shaken.u), rtol=1e-12)
+
+
 def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> None:
     model = load()
     generator = np.random.default_rng(0)
@@ -72,6 +84,7 @@ def test_halves_of_the_own_drives_judge_what_the_other_half_taught() -> None:
     count = 60
     x = np.array([0.5, 13.0, -0.5, 17.0, 0.0, 0.0]) + 0.1 * generator.normal(size=(4 * count, 6))
     u = np.array([-0.2, 150.0]) + np.array([0.05, 20.0]) * generator.normal(size=(4 * count, 2))
+    x = np.hstack([x, u])  # settled lags
     truth = model.prior().mean + 0.5 * generator.normal(size=model.prior_mean.shape)
     x_next = BayesianStepModel(model.network, truth, model.vehicle.constants(), path_step="trapezoid").step(
         x, u, u, np.zeros(len(x))

@@ -10,6 +10,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import load
+from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.quality import step_model
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.effects import Effects, settled_memory
@@ -46,9 +47,9 @@ def test_the_true_curve_is_the_oracles_with_effects() -> None:
 def test_the_models_curve_is_its_step() -> None:
     model = load()
     x, u = states_and_inputs()
-    step = step_model(model, model.prior()).step(x, u, u, np.zeros(len(x)))
+    step = step_model(model, model.prior()).step(np.hstack([x, u]), u, u, np.zeros(len(x)))  # settled lags
     mean, deviation = model_change(model, model.prior(), STEERING)
-    np.testing.assert_allclose(mean, (step - x)[:, :4] / 0.1, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(mean, (step[:, :4] - x[:, :4]) / 0.1, rtol=0, atol=1e-9)
     assert (deviation > model.sigma / 0.1).all()
 
 
@@ -61,6 +62,7 @@ def drives(tmp_path: Path) -> Path:
         for drive in range(4):
             x = np.array([0.6, 11.0, -0.5, 15.5, 0.1, 0.0]) + 0.02 * generator.normal(size=(61, 6))
             u = np.array([-0.2, 150.0]) + np.array([0.02, 6.0]) * generator.normal(size=(61, 2))
+            x = np.hstack([x, lagged_commands(0.1 * np.arange(61), u)])
             parts.append(Samples(x[:-1], u[:-1], u[1:], x[1:], np.full(60, 0.05), np.zeros(60, dtype=int),
                                  np.full(60, drive)))  # fmt: skip
         save_samples(concatenate(parts), tmp_path / f"{population}.npz")

@@ -79,7 +79,7 @@ def load(path: str | Path | None = None) -> BayesianModel:
         about = json.loads(str(arrays.pop("about")))
         weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *WEIGHTS)}
         prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
-        weight = np.broadcast_to(np.asarray(arrays["sample_weight"], dtype=float), prior["sigma"].shape)
+        weight = np.full(prior["sigma"].shape, arrays["sample_weight"], dtype=float)  # one number for all, of old
         if prior["precision_factor"].ndim == 3:  # of states that know nothing of each other
             prior["precision_factor"] = block_diagonal(prior["precision_factor"])
     except FileNotFoundError:

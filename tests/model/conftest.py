@@ -33,9 +33,10 @@ def physical_network() -> Network:
 
 @pytest.fixture(scope="session")
 def random_model(random_network: Network) -> BayesianModel:
-    """An untrained model with a wide prior."""
+    """An untrained model with a wide prior that couples the states, whose samples tell of some states more."""
     generator = np.random.default_rng(8)
-    factor = np.eye(16) + 0.2 * generator.normal(size=(4, 16, 16))
+    factor = np.eye(64) + 0.1 * generator.normal(size=(64, 64))
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
     mean = sigma[:, None] * generator.normal(size=(4, 16))
-    return BayesianModel(random_network, mean, factor, sigma, 0.3, VehicleParameters(), {"note": "untrained"})
+    weight = np.array([0.3, 0.5, 0.2, 0.4])
+    return BayesianModel(random_network, mean, factor, sigma, weight, VehicleParameters(), {"note": "untrained"})

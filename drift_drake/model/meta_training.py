@@ -24,6 +24,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
 FIRST_WEIGHT = 0.3  # of a sample, where it is trained
+FIRST_SHARE = 0.5  # of a sample's noise, the noise of a stretch's mean
 
 
 def _objective(
@@ -56,6 +57,9 @@ def train(config: TrainingConfig) -> BayesianModel:
     begun_from = None if config.start is None else load(config.start)
     if begun_from is not None:
         parameters |= _started(begun_from, parameters, objective.scale, config)
+    if config.lane is not None:
+        share = torch.full((STATE_COUNT,), math.log(FIRST_SHARE), dtype=torch.float64, requires_grad=True)
+        parameters["log_share"] = share
     if config.lane is not None and "logit_weight" not in parameters:
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
         parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)

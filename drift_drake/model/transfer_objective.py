@@ -2,9 +2,10 @@
 
 A task is one vehicle, a context (nothing, drives along a straight lane, or some of its drifting) and targets out of
 its other drifting drives. With the posterior of eq. (5) after the context, each sample of it counting with a weight w,
-the loss is -2 log of the predictive density (6) of each target by itself. So the prior learns what a lane tells of a
-drift, which windows of consecutive samples never ask; and w, which is trained along, learns how much less n samples of
-one drive tell than n independent ones.
+the loss is -2 log of the predictive density (6) of each target by itself, and of the mean over each stretch of
+consecutive targets: a controller plans two seconds ahead, where what is wrong every time adds up and noise does not. So
+the prior learns what a lane tells of a drift, which windows of consecutive samples never ask; and w, which is trained
+along for each state, learns how much less n samples of one drive tell than n independent ones.
 """
 
 from collections.abc import Iterator
@@ -25,10 +26,11 @@ Rows = NDArray[np.int64]
 
 CONTEXTS = {"none": 0.1, "lane": 0.55, "drift": 0.35}  # how often a task's context is which
 LANE_DRIVES = 3  # of a context, at most
-IN_TURN = 0.5  # of lane contexts: a round's first drives in turn
-NEWEST = 0.5  # of those: of the last round, whose plans the features of now have made
+IN_TURN = 0.7  # of lane contexts: a round's first drives in turn
+NEWEST = 0.7  # of those: of the last round, whose plans the features of now have made
 LONGEST = 160  # [samples] of a context
-TARGETS = 96  # of a task, at most
+STRETCH = 10  # consecutive targets whose mean is predicted too
+TARGETS = 100  # of a task, at most
 SHUFFLED = 0.2  # of drift contexts: samples in no order
 LANE_TARGETS = 0.2  # of tasks whose context is not of drifting: targets include a lane drive
 WATCHED_TASKS = 256
@@ -96,25 +98,35 @@ class Tasks:
                 context = generator.permutation(context)
             context = context[: int(np.exp(generator.uniform(np.log(5.0), np.log(LONGEST))))]
             drives = drives[used:]
-        targets = picked(vehicle.drift, drives)
+        targets = [picked(vehicle.drift, drives[[k]]) for k in range(len(drives))]
         if kind != "drift" and generator.random() < LANE_TARGETS:
-            targets = np.concatenate([targets, picked(vehicle.lane, generator.integers(len(vehicle.lane[0]), size=1))])
-        return context, generator.permutation(targets)[:TARGETS]
+            targets.append(picked(vehicle.lane, generator.integers(len(vehicle.lane[0]), size=1)))
+        return context, _stretches(targets, generator)
+
+
+def _stretches(drives: list[Rows], generator: np.random.Generator) -> Rows:
+    """`TARGETS` rows at most: whole stretches of `STRETCH` consecutive rows out of drives, in random order."""
+    whole = []
+    for rows in drives:
+        rows = rows[generator.integers(STRETCH) :]
+        whole.append(rows[: len(rows) - len(rows) % STRETCH].reshape(-1, STRETCH))
+    return generator.permutation(np.concatenate(whole))[: TARGETS // STRETCH].ravel()
 
 
 def predictive_nll(
     parameters: Parameters,
     context: tuple[torch.Tensor, torch.Tensor, torch.Tensor],
     targets: tuple[torch.Tensor, torch.Tensor, torch.Tensor],
-) -> torch.Tensor:
-    """-2 log of the predictive density of each target (without the 2 pi), after the context.
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """-2 log of the predictive density (without the 2 pi), after the context.
 
     Args:
         context, targets: (features [b, n, 4, 16], residuals in units of the output scale [b, n, 4], which entries are
             samples [b, n]); the numbers n of the two differ.
 
     Returns:
-        [b, n, 4], zero where there is no sample.
+        (of each target [b, n, 4], zero where there is no sample; of each stretch's mean [b, n // STRETCH, 4], whose
+        noise is exp(`log_share`) of a sample's, for targets that come in whole stretches).
     """
     phi, y, mask = context
     weight = torch.sigmoid(parameters["logit_weight"])[:, None]
@@ -133,9 +145,20 @@ def predictive_nll(
     phi, y, mask = targets
     phi = phi.to(y.dtype).permute(0, 2, 1, 3)
     error = y.permute(0, 2, 1) - torch.einsum("bitf,bif->bit", phi, mean)
-    spread = ((phi @ covariance) * phi).sum(-1)
-    log_variance = 2.0 * parameters["log_sigma"][:, None] + torch.log1p(spread)
-    return (error**2 * torch.exp(-log_variance) + log_variance).permute(0, 2, 1) * mask[..., None]
+
+    def nll(phi: torch.Tensor, error: torch.Tensor, share: torch.Tensor | float) -> torch.Tensor:
+        log_variance = torch.log(share + ((phi @ covariance) * phi).sum(-1)) + 2.0 * parameters["log_sigma"][:, None]
+        return (error**2 * torch.exp(-log_variance) + log_variance).permute(0, 2, 1)
+
+    single = nll(phi, error, 1.0) * mask[..., None]
+    number = mask.shape[1] // STRETCH
+    first = mask[:, ::STRETCH][:, :number]
+
+    def mean_of(values: torch.Tensor) -> torch.Tensor:
+        return values[:, :, : number * STRETCH].unflatten(2, (number, STRETCH)).mean(3)
+
+    stretches = nll(mean_of(phi), mean_of(error), torch.exp(2.0 * parameters["log_share"])[:, None])
+    return single, stretches * first[..., None]
 
 
 class TransferObjective:
@@ -177,7 +200,8 @@ class TransferObjective:
             (part.reshape(*rows.shape, STATE_COUNT, -1), tasks.y[rows] / self.scale, valid)
             for part, rows, valid in zip(phi.split([rows.numel() for rows in index]), index, mask, strict=True)
         ]
-        total = predictive_nll(parameters, parts[0], parts[1]).sum()
+        single, stretches = predictive_nll(parameters, parts[0], parts[1])
         number = int(mask[1].sum())
         # In the density of the physical units, as the objective over windows.
-        return total / number + 2.0 * torch.log(self.scale).sum(), number
+        loss = (single.sum() + STRETCH * stretches.sum()) / number + 4.0 * torch.log(self.scale).sum()
+        return loss, number

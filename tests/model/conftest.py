@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import Network, input_scaling
+from drift_drake.model.features import INPUT_OFFSET, INPUT_SCALE, Network, features, input_scaling
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -33,9 +33,13 @@ def physical_network() -> Network:
 
 @pytest.fixture(scope="session")
 def random_model(random_network: Network) -> BayesianModel:
-    """An untrained model with a wide prior that couples the states, whose samples tell of some states more."""
+    """An untrained model with a wide prior, wider still in one direction that all states share, as a tyre's friction
+    is; samples tell of some states more."""
     generator = np.random.default_rng(8)
-    factor = np.eye(64) + 0.1 * generator.normal(size=(64, 64))
+    shared = features(random_network, INPUT_OFFSET + 0.5 * INPUT_SCALE).ravel()
+    shared /= np.linalg.norm(shared)
+    narrow = np.eye(64) - np.outer(shared, shared) * 2.0 / 3.0
+    factor = narrow @ (np.eye(64) + 0.1 * generator.normal(size=(64, 64)))
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
     mean = sigma[:, None] * generator.normal(size=(4, 16))
     weight = np.array([0.3, 0.5, 0.2, 0.4])

@@ -60,8 +60,8 @@ def test_outputs_equal_the_plain_functions(
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, u, u_next = now[[0, 1, 2, 3, 4, 5, 9, 10]], now[7:9], then[7:9]
         phi = features(learner.network, network_inputs(x, u, u_next))
-        posterior = update(posterior, phi, residual(x, u, then[:4], learner.vehicle.constants()),
-                           learner.sample_weight)  # fmt: skip
+        y = residual(x, u, then[:4], learner.vehicle.constants())
+        posterior = update(posterior, learner.sigma, phi, y, learner.sample_weight)
     for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
         np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
@@ -142,19 +142,23 @@ def test_a_lagged_command_that_is_not_finite_spoils_the_step_that_starts_with_it
     assert np.isfinite(adapter.posterior(context).covariance).all()
 
 
-def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel) -> None:
-    rows = consistent_rows(random_model, 3)
+@pytest.mark.parametrize("count", [0, 3])
+def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel, count: int) -> None:
+    """After so many samples: of the prior, where the states are coupled, and where each is known by itself."""
+    rows = consistent_rows(random_model, count)
     x, u = rows[-1][:8], rows[-1][8:]
     phi = features(random_model.network, network_inputs(x, u, u))
     adapter, context = stepped(random_model, rows)
     posterior = adapter.posterior(context)
     prediction = predict(posterior, random_model.sigma, phi)
     h = x[:4] - residual(x, u, x, random_model.vehicle.constants())
-    deviation = np.array([0.0, 0.0, np.sqrt(prediction.variance[2]), 0.0])
-    for distance, taken in ((7.9, 4), (8.1, 3)):
+    # Of sideslip, with the other states where they were predicted: unlikelier than by itself, for they would go along.
+    deviation = np.array([0.0, 0.0, 1.0 / np.sqrt(np.linalg.inv(prediction.covariance)[2, 2]), 0.0])
+    assert count > 0 or deviation[2] < 0.8 * np.sqrt(prediction.variance[2])
+    for distance, taken in ((7.9, count + 1), (8.1, count)):
         spike = np.concatenate([h + prediction.mean + distance * deviation, rows[-1][4:]])
         np.testing.assert_allclose(mahalanobis(prediction, prediction.mean + distance * deviation), distance)
         adapter, context = stepped(random_model, [*rows, spike])
-        np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, 4 - taken])
+        np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, count + 1 - taken])
     adapter.set_threshold(context, 3.0)
     assert context.get_numeric_parameter(1).value()[0] == 3.0

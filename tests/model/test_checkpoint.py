@@ -6,20 +6,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import PRECISION_FLOOR, BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.features import Network, features
+from drift_drake.model.posterior import block_diagonal, predict, state_blocks, update
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
-def test_the_model_has_the_papers_parameter_count(random_model: BayesianModel) -> None:
-    assert random_model.trainable_count() == 27_012
+def test_a_model_that_does_not_couple_the_states_has_the_papers_parameter_count(random_model: BayesianModel) -> None:
+    apart = block_diagonal(state_blocks(random_model.precision_factor))
+    assert dataclasses.replace(random_model, precision_factor=apart).trainable_count() == 27_012
+    assert random_model.trainable_count() == 27_012 + 64 * 64 - 4 * 16 * 16
 
 
 def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) -> None:
     single = random_model.network._replace(
         **{name: getattr(random_model.network, name).astype(np.float32).astype(float)
            for name in ("w1", "b1", "w2", "b2", "w_out", "b_out")})  # fmt: skip
-    model = BayesianModel(single, random_model.prior_mean, random_model.precision_factor, random_model.sigma, 0.3,
+    weight = np.array([0.3, 1.0, 0.02, 0.5])
+    model = BayesianModel(single, random_model.prior_mean, random_model.precision_factor, random_model.sigma, weight,
                           random_model.vehicle.replace(mass=1700.0), {"epochs": 3})  # fmt: skip
     path = tmp_path / "folder" / "model.npz"
     model.save(path)
@@ -29,12 +33,46 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
     np.testing.assert_array_equal(model.prior_mean, again.prior_mean)
     np.testing.assert_array_equal(model.precision_factor, again.precision_factor)
     np.testing.assert_array_equal(model.sigma, again.sigma)
-    assert again.sample_weight == 0.3
+    np.testing.assert_array_equal(again.sample_weight, weight)
     assert again.vehicle == model.vehicle
     assert again.record == {"epochs": 3}
     z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0, -0.08, 140.0])
     np.testing.assert_array_equal(features(model.network, z), features(again.network, z))
     assert path.stat().st_size < 300_000
+
+
+def test_a_checkpoint_of_before_the_states_were_coupled_predicts_as_it_did(
+    random_model: BayesianModel, tmp_path: Path
+) -> None:
+    """Four factors [4, 16, 16] and one weight for all states."""
+    random_model.save(tmp_path / "new.npz")
+    with np.load(tmp_path / "new.npz") as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    factor = np.eye(16) + 0.2 * np.random.default_rng(1).normal(size=(4, 16, 16))
+    np.savez(tmp_path / "old.npz", **(arrays | {"precision_factor": factor, "sample_weight": np.float64(0.3)}))
+    model = load(tmp_path / "old.npz")
+    np.testing.assert_array_equal(model.sample_weight, np.full(4, 0.3))
+    generator = np.random.default_rng(2)
+    phi, y = generator.normal(size=(9, 4, 16)), generator.normal(size=(9, 4)) * model.sigma
+    after = model.prior()
+    for k in range(8):
+        after = update(after, model.sigma, phi[k], y[k], model.sample_weight)
+    before, learnt = predict(model.prior(), model.sigma, phi[8]), predict(after, model.sigma, phi[8])
+    for i in range(4):
+        own = phi[:8, i]
+        precision = factor[i] @ factor[i].T + PRECISION_FLOOR * np.eye(16)
+        told = precision + 0.3 * own.T @ own
+        mean = np.linalg.solve(told, precision @ model.prior_mean[i] + 0.3 * own.T @ y[:8, i])
+        for found, lam, theta in ((before, precision, model.prior_mean[i]), (learnt, told, mean)):
+            np.testing.assert_allclose(found.mean[i], theta @ phi[8, i], rtol=1e-9)
+            variance = model.sigma[i] ** 2 * (1.0 + phi[8, i] @ np.linalg.solve(lam, phi[8, i]))
+            np.testing.assert_allclose(found.variance[i], variance, rtol=1e-9)
+    np.testing.assert_array_equal(learnt.covariance, np.diag(learnt.variance))
+    # Written again, it comes back as a model of today.
+    model.save(tmp_path / "again.npz")
+    again = load(tmp_path / "again.npz")
+    np.testing.assert_array_equal(again.precision_factor, model.precision_factor)
+    np.testing.assert_array_equal(again.sample_weight, model.sample_weight)
 
 
 def test_bad_files_are_named(tmp_path: Path) -> None:

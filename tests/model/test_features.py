@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from drift_drake.model.features import (
     FEATURE_COUNT,
@@ -18,6 +19,7 @@ from drift_drake.model.features import (
     information_gain,
     network_inputs,
 )
+from drift_drake.model.posterior import state_blocks
 
 
 @pytest.fixture(scope="module", params=["z alone", "with physical inputs"])
@@ -94,12 +96,42 @@ def test_mean_function_folds_theta(network: Network, points: np.ndarray) -> None
     np.testing.assert_array_equal(mean.linearize(points)[0], kept)
 
 
-def test_information_gain_and_its_gradient(network: Network, points: np.ndarray) -> None:
+def test_information_gain_without_coupling_is_equation_8(network: Network, points: np.ndarray) -> None:
     factor = np.random.default_rng(6).normal(size=(4, FEATURE_COUNT, FEATURE_COUNT))
     covariance = factor @ factor.transpose(0, 2, 1)
+    gain, gradient = information_gain(network, block_diag(*covariance), points)
+    phi, slope = feature_jacobian(network, points)
+    spread = 1.0 + np.einsum("nif,ifg,nig->ni", phi, covariance, phi)
+    np.testing.assert_allclose(gain, 0.5 * np.log(spread).sum(axis=1), rtol=1e-12)
+    by_phi = np.einsum("ifg,nig->nif", covariance, phi) / spread[..., None]
+    expected = np.einsum("nif,nifz->nz", by_phi, slope)
+    np.testing.assert_allclose(gradient * INPUT_SCALE, expected * INPUT_SCALE, rtol=1e-9, atol=1e-11)
+
+
+def test_information_gain_is_what_the_determinant_loses_and_its_gradient_is_exact(
+    network: Network, points: np.ndarray
+) -> None:
+    factor = np.random.default_rng(6).normal(size=(64, 64))
+    covariance = factor @ factor.T
     gain, gradient = information_gain(network, covariance, points)
     phi = features(network, points)
-    expected = 0.5 * np.log(1.0 + np.einsum("nif,ifg,nig->ni", phi, covariance, phi)).sum(axis=1)
-    np.testing.assert_allclose(gain, expected, rtol=1e-12)
+    rows = np.stack([block_diag(*(one[None] for one in states)) for states in phi])  # [n, 4, 64]
+    before = np.linalg.inv(covariance)
+    after = before + rows.transpose(0, 2, 1) @ rows
+    expected = 0.5 * (np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1])
+    np.testing.assert_allclose(gain, expected, rtol=1e-8)
     numeric = central_difference(lambda z: information_gain(network, covariance, z)[0], points)
     np.testing.assert_allclose(gradient * INPUT_SCALE, numeric * INPUT_SCALE, rtol=0, atol=1e-7)
+    # Coupled states tell of each other: together they bring less than each by itself would.
+    apart = block_diag(*state_blocks(covariance))
+    assert (gain < information_gain(network, apart, points)[0] - 1e-3).all()
+
+
+def test_information_gain_under_a_covariance_for_each_point(network: Network, points: np.ndarray) -> None:
+    factor = np.random.default_rng(7).normal(size=(3, 64, 64))
+    covariance = factor @ factor.transpose(0, 2, 1)
+    together = information_gain(network, covariance, points[:3])
+    for k in range(3):
+        alone = information_gain(network, covariance[k], points[k])
+        for whole, part in zip(together, alone, strict=True):
+            np.testing.assert_allclose(whole[k], part, rtol=1e-12, atol=1e-12)

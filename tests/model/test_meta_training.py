@@ -10,7 +10,7 @@ from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import InvalidCheckpointError, load
 from drift_drake.model.features import FEATURE_COUNT, all_inputs, feature_jacobian, features, network_inputs
 from drift_drake.model.physical_inputs import physical_inputs
-from drift_drake.model.posterior import predict, update
+from drift_drake.model.posterior import block_diagonal, from_precision, predict, state_blocks, update, update_all
 from drift_drake.model.samples import Samples, load_samples, save_samples
 from drift_drake.model.training_config import TrainingConfig, with_recipe
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -62,6 +62,8 @@ def config(table: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainingCon
 def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
     generator = torch.Generator().manual_seed(1)
     parameters = initial_parameters(generator)
+    blocks = np.eye(16) + 0.2 * np.random.default_rng(5).normal(size=(4, 16, 16))
+    parameters["precision_factor"] = torch.as_tensor(blocks)
     scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
     model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
     phi = np.random.default_rng(2).normal(size=(2, 12, 4, FEATURE_COUNT))
@@ -76,13 +78,18 @@ def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
         for k in range(length):
             prediction = predict(posterior, model.sigma, phi[w, k])
             total += (y[w, k] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
-            posterior = update(posterior, phi[w, k], y[w, k])
+            posterior = update(posterior, model.sigma, phi[w, k], y[w, k])
         np.testing.assert_allclose(loss[w] + 2.0 * length * np.log(scale.numpy()), total, rtol=1e-9)
 
 
 def test_parameters_number_as_in_the_paper() -> None:
-    for physical, count in ((False, 27_012), (True, 27_012 + 10 * 128)):
-        parameters = initial_parameters(torch.Generator().manual_seed(0), physical)
+    coupling = 64 * 64 - 4 * 16 * 16
+    for physical, coupled, count in (
+        (False, False, 27_012),
+        (True, False, 27_012 + 10 * 128),
+        (True, True, 27_012 + 10 * 128 + coupling),
+    ):
+        parameters = initial_parameters(torch.Generator().manual_seed(0), physical, coupled)
         assert sum(value.numel() for value in parameters.values()) == count
 
 
@@ -167,7 +174,7 @@ def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> 
     phi = features(model.network, np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.1, 150.0, -0.1, 150.0]))
     prediction = predict(prior, model.sigma, phi)
     np.testing.assert_allclose(prediction.variance, model.sigma**2, rtol=1e-6)
-    after = update(prior, phi, prediction.mean + 5.0 * model.sigma)
+    after = update(prior, model.sigma, phi, prediction.mean + 5.0 * model.sigma)
     np.testing.assert_allclose(after.mean, prior.mean, rtol=0, atol=1e-6)
 
 
@@ -180,11 +187,15 @@ def transfer(config: TrainingConfig) -> TrainingConfig:
 
 
 def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> None:
-    parameters = initial_parameters(torch.Generator().manual_seed(1))
-    parameters["logit_weight"] = torch.tensor(-0.5, dtype=torch.float64)
+    parameters = initial_parameters(torch.Generator().manual_seed(1), coupled=True)
+    factor = np.eye(64) + 0.1 * np.random.default_rng(5).normal(size=(64, 64))
+    parameters["precision_factor"] = torch.as_tensor(factor)
+    parameters["log_sigma"] = torch.log(torch.tensor([0.3, 0.1, 0.6, 0.2], dtype=torch.float64))
+    parameters["logit_weight"] = torch.tensor([-0.5, 1.0, -3.0, 0.2], dtype=torch.float64)
     scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
     model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
-    assert model.sample_weight == pytest.approx(1.0 / (1.0 + np.exp(0.5)))
+    np.testing.assert_allclose(model.sample_weight, 1.0 / (1.0 + np.exp([0.5, -1.0, 3.0, -0.2])))
+    np.testing.assert_array_equal(model.precision_factor, factor)
     generator = np.random.default_rng(2)
     phi, y = generator.normal(size=(2, 9, 4, FEATURE_COUNT)), generator.normal(size=(2, 9, 4)) * scale.numpy()
     mask = np.ones((2, 9), dtype=bool)
@@ -198,10 +209,16 @@ def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> Non
     for task, length in enumerate((9, 5)):
         posterior = model.prior()
         for k in range(length):
-            posterior = update(posterior, phi[task, k], y[task, k], model.sample_weight)
+            posterior = update(posterior, model.sigma, phi[task, k], y[task, k], model.sample_weight)
         prediction = predict(posterior, model.sigma, target_phi[task])
         expected = (target_y[task] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
         np.testing.assert_allclose(loss[task] + 2.0 * np.log(scale.numpy()), expected, rtol=1e-8)
+        alone = model.prior()  # what the context tells without the coupling
+        alone = alone._replace(covariance=block_diagonal(state_blocks(alone.covariance)))
+        alone = from_precision(alone.mean, np.linalg.inv(alone.covariance), model.sigma)
+        alone = update_all(alone, model.sigma, phi[task, :length], y[task, :length], model.sample_weight)
+        difference = predict(alone, model.sigma, target_phi[task]).mean - prediction.mean
+        assert np.abs(difference / np.sqrt(prediction.variance)).max() > 0.1
 
 
 def test_targets_are_of_the_contexts_vehicle_and_never_in_the_context(table: Path) -> None:
@@ -223,4 +240,45 @@ def test_training_on_tasks_lowers_their_objective_and_goes_on_where_it_was(trans
     model = train(transfer)
     first = train(dataclasses.replace(transfer, epochs=1, output=transfer.output.with_name("one.npz")))
     assert model.record["history"][-1]["validation"] < first.record["history"][-1]["validation"] - 1.0
-    assert 0.0 < load(transfer.output).sample_weight < 1.0
+    stored = load(transfer.output)
+    assert stored.sample_weight.shape == (4,)
+    assert (stored.sample_weight > 0.0).all()
+    assert (stored.sample_weight < 1.0).all()
+    assert len(np.unique(stored.sample_weight)) == 4  # each state's is trained by itself
+    coupling = stored.precision_factor - block_diagonal(state_blocks(stored.precision_factor))
+    assert np.abs(coupling).max() > 1e-3
+    # Begun again from there: the numbers there and back.
+    again = dataclasses.replace(transfer, start=transfer.output, output=transfer.output.with_name("further.npz"))
+    unchanged = train(dataclasses.replace(again, epochs=0))
+    for name in ("prior_mean", "precision_factor", "sigma", "sample_weight"):
+        np.testing.assert_allclose(getattr(unchanged, name), getattr(stored, name), rtol=1e-12, atol=1e-15)
+
+
+def test_windows_do_not_start_from_a_prior_that_couples_the_states(
+    config: TrainingConfig, transfer: TrainingConfig
+) -> None:
+    coupled = train(dataclasses.replace(transfer, epochs=1, output=transfer.output.with_name("coupled.npz")))
+    begun = dataclasses.replace(
+        config, start=transfer.output.with_name("coupled.npz"), epochs=0, output=config.output.with_name("begun.npz")
+    )
+    message = r"coupled\.npz: its prior couples the states; windows start from one that does not"
+    with pytest.raises(InvalidCheckpointError, match=message):
+        train(begun)
+    # Without its coupling it is taken, and its samples count as windows find.
+    apart = block_diagonal(state_blocks(coupled.precision_factor))
+    dataclasses.replace(coupled, precision_factor=apart).save(begun.output.with_name("apart.npz"))
+    taken = train(dataclasses.replace(begun, start=begun.output.with_name("apart.npz")))
+    np.testing.assert_array_equal(taken.precision_factor, apart)
+    np.testing.assert_array_equal(taken.sample_weight, np.ones(4))
+
+
+def test_tasks_couple_a_prior_that_windows_have_trained(config: TrainingConfig, transfer: TrainingConfig) -> None:
+    first = train(dataclasses.replace(config, epochs=2, output=config.output.with_name("windows.npz")))
+    begun = dataclasses.replace(
+        transfer, start=config.output.with_name("windows.npz"), output=config.output.with_name("tasks.npz"), epochs=0
+    )
+    taken = train(begun)
+    np.testing.assert_allclose(taken.precision_factor, first.precision_factor, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(taken.sample_weight, meta_training.FIRST_WEIGHT)
+    further = train(dataclasses.replace(begun, epochs=2))
+    assert np.abs(further.precision_factor - block_diagonal(state_blocks(further.precision_factor))).max() > 1e-4

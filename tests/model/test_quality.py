@@ -5,15 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import state_blocks, update
 from drift_drake.model.quality import (
     adapted,
     choose_sample_weight,
     coverage,
     judge,
     judge_stepper,
+    learn,
     mean_nll,
     rollout_errors,
     split_vehicle,
@@ -40,7 +43,7 @@ def drive(count: int, number: int, generator: np.random.Generator) -> Samples:
 
 @pytest.fixture(scope="module")
 def full_weight(random_model: BayesianModel) -> BayesianModel:
-    return dataclasses.replace(random_model, sample_weight=1.0)
+    return dataclasses.replace(random_model, sample_weight=np.ones(4))
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +52,7 @@ def believed(random_model: BayesianModel) -> Samples:
     generator = np.random.default_rng(0)
     prior = random_model.prior()
     factor = np.linalg.cholesky(prior.covariance)
-    theta = prior.mean + random_model.sigma[:, None] * np.einsum(
-        "ifg,ig->if", factor, generator.standard_normal((4, 16))
-    )
+    theta = prior.mean + random_model.sigma[:, None] * (factor @ generator.standard_normal(64)).reshape(4, 16)
     parts = []
     for number in range(6):
         samples = drive(60, number, generator)
@@ -112,8 +113,22 @@ def test_rollouts_feed_on_themselves() -> None:
 def test_judging_uses_the_features_of_the_network(random_model: BayesianModel, believed: Samples) -> None:
     phi = features(random_model.network, network_inputs(believed.x, believed.u, believed.u_next))
     _, deviation = standardized_errors(random_model, random_model.prior(), believed)
-    spread = np.einsum("nif,ifg,nig->ni", phi, random_model.prior().covariance, phi)
+    spread = np.einsum("nif,ifg,nig->ni", phi, state_blocks(random_model.prior().covariance), phi)
     np.testing.assert_allclose(deviation, random_model.sigma * np.sqrt(1.0 + spread))
+
+
+def test_learning_weighs_each_state_by_its_own_weight(random_model: BayesianModel, believed: Samples) -> None:
+    few = believed.where(np.arange(20))
+    expected = random_model.prior()
+    for k in range(20):
+        phi = features(random_model.network, network_inputs(few.x[k], few.u[k], few.u_next[k]))
+        y = residual(few.x[k], few.u[k], few.x_next[k], random_model.vehicle.constants())
+        expected = update(expected, random_model.sigma, phi, y, random_model.sample_weight)
+    found = adapted(random_model, few)
+    np.testing.assert_allclose(found.mean, expected.mean, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0, atol=1e-9)
+    again = learn(random_model, adapted(random_model, few.where(np.arange(20) < 7)), few.where(np.arange(20) >= 7))
+    np.testing.assert_allclose(again.mean, found.mean, rtol=0, atol=1e-9)
 
 
 def test_a_right_model_is_given_full_weight_and_a_wrong_one_less(full_weight: BayesianModel, believed: Samples) -> None:

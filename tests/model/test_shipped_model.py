@@ -43,10 +43,13 @@ def drives() -> list[tuple[Samples, Samples]]:
 
 
 def test_it_is_the_papers_network_with_more_inputs_and_believes_in_the_nominal_car(model: BayesianModel) -> None:
-    assert model.trainable_count() == 28_292  # the paper's 27,012 and the weights of ten more inputs
+    # The paper's 27,012, the weights of ten more inputs, and the states' couplings.
+    assert model.trainable_count() == 27_012 + 10 * 128 + 64 * 64 - 4 * 16 * 16
     assert model.vehicle == VehicleParameters()
     assert len(model.record["data"]) == 64
-    assert 0.0 < model.sample_weight <= 1.0
+    assert model.sample_weight.shape == (4,)
+    assert (model.sample_weight > 0.0).all()
+    assert (model.sample_weight <= 1.0).all()
     assert np.linalg.eigvalsh(model.prior().covariance).min() > 0.0
 
 

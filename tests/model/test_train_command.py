@@ -31,4 +31,4 @@ def test_it_writes_a_checkpoint(tmp_path: Path) -> None:
     model = load(tmp_path / "model.npz")
     assert model.record["epochs"] == 2
     assert model.record["config"]["data"] == "train.npz"
-    assert model.sample_weight == 1.0
+    np.testing.assert_array_equal(model.sample_weight, np.ones(4))

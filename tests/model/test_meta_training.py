@@ -20,7 +20,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
 from drift_drake.model.meta_training import train  # noqa: E402
 from drift_drake.model.torch_network import initial_parameters, torch_features  # noqa: E402
-from drift_drake.model.transfer_objective import Tasks, predictive_nll  # noqa: E402
+from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
 from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
 
 
@@ -200,19 +200,29 @@ def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> Non
     phi, y = generator.normal(size=(2, 9, 4, FEATURE_COUNT)), generator.normal(size=(2, 9, 4)) * scale.numpy()
     mask = np.ones((2, 9), dtype=bool)
     mask[1, 5:] = False  # a shorter context
-    target_phi, target_y = generator.normal(size=(2, 3, 4, FEATURE_COUNT)), generator.normal(size=(2, 3, 4))
-    loss = predictive_nll(
+    parameters["log_share"] = torch.log(torch.tensor([0.5, 0.8, 0.3, 1.0], dtype=torch.float64))
+    count = 2 * STRETCH
+    target_phi, target_y = generator.normal(size=(2, count, 4, FEATURE_COUNT)), generator.normal(size=(2, count, 4))
+    single, stretches = predictive_nll(
         parameters,
         (torch.as_tensor(phi), torch.as_tensor(y) / scale, torch.as_tensor(mask)),
-        (torch.as_tensor(target_phi), torch.as_tensor(target_y) / scale, torch.ones(2, 3)),
-    ).detach().numpy()  # fmt: skip
+        (torch.as_tensor(target_phi), torch.as_tensor(target_y) / scale, torch.ones(2, count)),
+    )  # fmt: skip
     for task, length in enumerate((9, 5)):
         posterior = model.prior()
         for k in range(length):
             posterior = update(posterior, model.sigma, phi[task, k], y[task, k], model.sample_weight)
         prediction = predict(posterior, model.sigma, target_phi[task])
         expected = (target_y[task] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
-        np.testing.assert_allclose(loss[task] + 2.0 * np.log(scale.numpy()), expected, rtol=1e-8)
+        np.testing.assert_allclose(single[task].detach().numpy() + 2.0 * np.log(scale.numpy()), expected, rtol=1e-8)
+        for place in range(2):
+            rows = slice(place * STRETCH, (place + 1) * STRETCH)
+            middle = predict(posterior, model.sigma, target_phi[task, rows].mean(axis=0))
+            # The belief is as unsure of a mean's features as of a sample's; the noise of a mean is less.
+            variance = middle.variance - model.sigma**2 * (1.0 - np.array([0.5, 0.8, 0.3, 1.0]) ** 2)
+            error = target_y[task, rows].mean(axis=0) - middle.mean
+            found = stretches[task, place].detach().numpy() + 2.0 * np.log(scale.numpy())
+            np.testing.assert_allclose(found, error**2 / variance + np.log(variance), rtol=1e-8)
         alone = model.prior()  # what the context tells without the coupling
         alone = alone._replace(covariance=block_diagonal(state_blocks(alone.covariance)))
         alone = from_precision(alone.mean, np.linalg.inv(alone.covariance), model.sigma)

@@ -27,8 +27,9 @@ def model() -> BayesianModel:
     network = Network(offset, scale, normal(len(offset), 128), normal(128), normal(128, 128), normal(128),
                       normal(4, 128, 16), normal(4, 16), VehicleParameters().constants())  # fmt: skip
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
-    return BayesianModel(network, sigma[:, None] * normal(4, 16), np.tile(np.eye(16), (4, 1, 1)), sigma, 0.3,
-                         VehicleParameters(), {})  # fmt: skip
+    factor = np.eye(64) + 0.1 * generator.normal(size=(64, 64))
+    weight = np.array([0.3, 0.5, 0.2, 0.4])
+    return BayesianModel(network, sigma[:, None] * normal(4, 16), factor, sigma, weight, VehicleParameters(), {})
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,7 @@ def test_the_replay_ends_in_the_posterior_of_the_decimated_log(model: BayesianMo
     np.testing.assert_allclose(ticks["mean"][-1], expected.mean, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(ticks["covariance"][-1], expected.covariance, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(ticks["mean"][0], model.prior_mean)
+    np.testing.assert_array_equal(ticks["covariance"][0], model.prior().covariance)
     errors = one_step_errors(log, model, ticks["mean"])
     predicted = np.sum(ticks["mean"][:-1] * features(model.network, network_inputs(x[:-1], u[:-1], u[1:])), axis=-1)
     found = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())

@@ -1,11 +1,12 @@
 """The replay of a log through the adapter."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from diagrams.adaptation_replay import AdaptationReplay, one_step_errors, read_log
+from diagrams.adaptation_replay import AdaptationReplay, ReplayConfig, main, one_step_errors, read_log
 from drift_drake.logs.table import InvalidLogError, Run, write_run
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
@@ -59,6 +60,21 @@ def test_the_replay_ends_in_the_posterior_of_the_decimated_log(model: BayesianMo
     np.testing.assert_allclose(errors, found - predicted, rtol=0, atol=1e-9)
     assert errors.shape == (15, 4)
     assert np.abs(errors[-3:]).mean() < np.abs(errors[:3]).mean()
+
+
+def test_the_command_leaves_the_posterior_and_its_numbers(model: BayesianModel, log: Run, tmp_path: Path) -> None:
+    write_run(log, tmp_path / "run.csv")
+    model.save(tmp_path / "model.npz")
+    main(ReplayConfig(tmp_path / "run.csv", model=tmp_path / "model.npz", threshold=1e9, out=tmp_path / "out"))
+    numbers = json.loads((tmp_path / "out" / "numbers.json").read_text())
+    with np.load(tmp_path / "out" / "posterior.npz") as stored:
+        covariance = stored["covariance"]
+    assert covariance.shape == (64, 64)
+    assert numbers["taken"] == 14
+    norms = [np.linalg.eigvalsh(covariance[k : k + 16, k : k + 16]).max() for k in (0, 16, 32, 48)]
+    np.testing.assert_allclose(numbers["norms_after"], norms, rtol=1e-9)
+    assert (np.array(numbers["norms_before"]) > norms).all()
+    assert (tmp_path / "out" / "adaptation.png").stat().st_size > 1000
 
 
 def test_bad_logs_are_named(log: Run, tmp_path: Path) -> None:

@@ -152,11 +152,14 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
 
 
 def join_rounds(folders: list[Path], rounds: int, ending: str) -> Samples:
-    """One table of the vehicles' drives of all rounds, from the files of this ending; rounds may lack some vehicles."""
+    """One table of the vehicles' drives of all rounds, from the files of this ending; rounds may lack vehicles."""
     parts, numbered = [], 0
     for number in range(rounds):
         name = f"{round_name(number)}{ending}"
-        part = join_vehicles([folder for folder in folders if (folder / f"{name}.npz").exists()], name, len(SCHEDULE))
+        driven = [folder for folder in folders if (folder / f"{name}.npz").exists()]
+        if not driven:
+            continue
+        part = join_vehicles(driven, name, len(SCHEDULE))
         parts.append(part._replace(drive=part.drive + numbered))
         numbered += int(part.drive.max()) + 1
     return concatenate(parts)

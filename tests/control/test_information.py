@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
+from scipy.linalg import block_diag
 
 from diagrams.information_gathering import GatheringConfig
 from drift_drake.control.information import InformationCost
@@ -13,7 +14,7 @@ from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import features, network_inputs
-from drift_drake.model.posterior import update
+from drift_drake.model.posterior import state_blocks, update, weighed
 
 ALPHA = 1.7
 
@@ -35,30 +36,70 @@ def cost(model: BayesianModel, updated: bool) -> InformationCost:
     return InformationCost(model.network, model.prior().covariance, ALPHA, updated)
 
 
-def test_the_value_is_equation_8(model: BayesianModel) -> None:
+def rows(model: BayesianModel, x: np.ndarray, u: np.ndarray, u_next: np.ndarray) -> np.ndarray:
+    """Phi [4, 64] of one stage: each state's features in its own place."""
+    return block_diag(*(phi[None] for phi in features(model.network, network_inputs(x, u, u_next))))
+
+
+@pytest.mark.parametrize("updated", [False, True])
+def test_without_coupling_the_value_is_equation_8(model: BayesianModel, updated: bool) -> None:
+    """Each state by itself, with its covariance of before the drive or after the stages before by eq. (5)."""
     x, u, u_next = stages(5, 0)
-    covariance = model.prior().covariance
+    blocks = state_blocks(model.prior().covariance).copy()
+    objective = InformationCost(model.network, block_diag(*blocks), ALPHA, updated)
     expected = 0.0
     for k in range(5):
         phi = features(model.network, network_inputs(x[k], u[k], u_next[k]))
         for i in range(4):
-            expected += 0.5 * np.log(1.0 + phi[i] @ covariance[i] @ phi[i])
-    assert cost(model, False).information(x, u, u_next) == pytest.approx(expected, rel=1e-12)
-    assert cost(model, False).value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-12)
+            gain = blocks[i] @ phi[i]
+            expected += 0.5 * np.log(1.0 + phi[i] @ gain)
+            if updated:
+                blocks[i] -= np.outer(gain, gain) / (1.0 + phi[i] @ gain)
+    assert objective.information(x, u, u_next) == pytest.approx(expected, rel=1e-8)
+    assert objective.value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-8)
+
+
+def test_the_value_is_what_the_determinant_loses_at_each_stage(model: BayesianModel) -> None:
+    x, u, u_next = stages(5, 0)
+    precision = np.linalg.inv(model.prior().covariance)
+    expected = 0.0
+    for k in range(5):
+        phi = rows(model, x[k], u[k], u_next[k])
+        expected += 0.5 * (np.linalg.slogdet(precision + phi.T @ phi)[1] - np.linalg.slogdet(precision)[1])
+    assert cost(model, False).information(x, u, u_next) == pytest.approx(expected, rel=1e-9)
+    assert cost(model, False).value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-9)
+    # States that know of each other tell less together than each by itself.
+    apart = InformationCost(model.network, block_diag(*state_blocks(model.prior().covariance)), ALPHA)
+    assert expected < apart.information(x, u, u_next)
 
 
 def test_the_updated_value_is_the_recursion_of_equation_5(model: BayesianModel) -> None:
     x, u, u_next = stages(7, 1)
     belief, expected = model.prior(), 0.0
     for k in range(7):
-        phi = features(model.network, network_inputs(x[k], u[k], u_next[k]))
-        for i in range(4):
-            expected += 0.5 * np.log(1.0 + phi[i] @ belief.covariance[i] @ phi[i])
-        belief = update(belief, phi, np.zeros(4))
+        phi = rows(model, x[k], u[k], u_next[k])
+        expected += 0.5 * np.linalg.slogdet(np.eye(4) + phi @ belief.covariance @ phi.T)[1]
+        own = features(model.network, network_inputs(x[k], u[k], u_next[k]))
+        belief = update(belief, model.sigma, own, np.zeros(4))
     assert cost(model, True).information(x, u, u_next) == pytest.approx(expected, rel=1e-8)
     before, after = (np.linalg.slogdet(c)[1] for c in (model.prior().covariance, belief.covariance))
-    assert expected == pytest.approx(0.5 * np.sum(before - after), rel=1e-7)
+    assert expected == pytest.approx(0.5 * (before - after), rel=1e-7)
     assert expected < cost(model, False).information(x, u, u_next)
+
+
+@pytest.mark.parametrize("updated", [False, True])
+def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianModel, updated: bool) -> None:
+    x, u, u_next = stages(6, 4)
+    weight = np.array([0.1, 1.0, 0.4, 0.03])
+    prior = model.prior()
+    belief, expected = prior, 0.0
+    for k in range(6):
+        own = features(model.network, network_inputs(x[k], u[k], u_next[k]))
+        after = update(belief, model.sigma, own, np.zeros(4), weight)
+        expected += 0.5 * (np.linalg.slogdet(belief.covariance)[1] - np.linalg.slogdet(after.covariance)[1])
+        belief = after if updated else prior
+    objective = InformationCost(model.network, weighed(prior.covariance, weight), 1.0, updated)
+    assert objective.information(x, u, u_next) == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize("updated", [False, True])
@@ -101,7 +142,8 @@ def info_ocp(
     """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
     config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
     prior = model.prior()
-    information = InformationCost(model.network, model.sample_weight * prior.covariance, alpha, updated)
+    covariance = weighed(prior.covariance, model.sample_weight)
+    information = InformationCost(model.network, covariance, alpha, updated)
     step_model = BayesianStepModel(model.network, prior.mean, model.vehicle.constants())
     problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
     data = problem_data(config)
@@ -161,6 +203,6 @@ def test_information_draws_the_plan_from_the_straight_line(model: BayesianModel)
     result = LineSearchSqp(problem, SqpOptions(max_iterations=60, tolerance=1e-4)).solve(guesses[1])
     x, u, _ = problem.unstack(result.z)
     straight_x, straight_u, _ = problem.unstack(guesses[0])
-    objective = InformationCost(model.network, model.sample_weight * model.prior().covariance, 1.0)
+    objective = InformationCost(model.network, weighed(model.prior().covariance, model.sample_weight), 1.0)
     straight = objective.information(straight_x[:-1], straight_u[:-1], straight_u[1:])
     assert objective.information(x[:-1], u[:-1], u[1:]) > 1.5 * straight

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from drift_drake.control.tightening import MAX_SHARE, lateral_deviation, tightened
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.posterior import Posterior, sample_theta
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import Posterior, sample_theta, state_blocks
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -57,6 +59,34 @@ def test_agrees_with_simulated_cars(learnt: BayesianModel, plan: tuple[BayesianS
     assert predicted[0] == 0.0
     # A step's uncertainty reaches e a step late, which matters at the beginning alone.
     np.testing.assert_allclose(predicted[4:], found[4:], rtol=0.25)
+
+
+def test_is_the_joint_gaussians_first_order(learnt: BayesianModel, plan: tuple[BayesianStepModel, ...]) -> None:
+    """Of all 64 numbers, and with a coupling that is felt."""
+    model, x, u, curvature = plan
+    _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
+    closed = a + (b + b_next) @ lqr_gains(a, b + b_next)
+    phi = features(learnt.network, network_inputs(x[:-1], u[:-1], u[1:]))
+    by_theta, process, sensitivities, noises = np.zeros((8, 64)), np.zeros((8, 8)), [np.zeros(64)], [0.0]
+    for k in range(STEPS):
+        by_theta = closed[k] @ by_theta
+        by_theta[:4] += block_diag(*phi[k][:, None])
+        process = closed[k] @ process @ closed[k].T
+        process[:4, :4] += np.diag(learnt.sigma**2)
+        sensitivities.append(by_theta[4])
+        noises.append(process[4, 4])
+    scale = np.repeat(learnt.sigma, 16)
+    factor = np.random.default_rng(2).normal(size=(64, 64))
+    # Along one direction, in which each state moves e at the end by as much.
+    own = (sensitivities[-1] * scale).reshape(4, 16)
+    shared = (own / np.sum(own**2, axis=1, keepdims=True)).ravel() * np.linalg.norm(own)
+    covariance = factor @ factor.T + 64.0 * np.outer(shared, shared)
+    found = []
+    for known in (covariance, block_diag(*state_blocks(covariance))):
+        found.append(lateral_deviation(model, learnt.network, learnt.sigma, known, x, u, curvature))
+        variance = [(s * scale) @ known @ (s * scale) + noise for s, noise in zip(sensitivities, noises, strict=True)]
+        np.testing.assert_allclose(found[-1], np.sqrt(variance), rtol=1e-9)
+    assert found[0][-1] > 1.1 * found[1][-1]
 
 
 def test_what_is_learnt_narrows_it(learnt: BayesianModel, plan: tuple[BayesianStepModel, ...]) -> None:

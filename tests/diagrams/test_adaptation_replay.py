@@ -1,11 +1,12 @@
 """The replay of a log through the adapter."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from diagrams.adaptation_replay import AdaptationReplay, one_step_errors, read_log
+from diagrams.adaptation_replay import AdaptationReplay, ReplayConfig, main, one_step_errors, read_log
 from drift_drake.logs.table import InvalidLogError, Run, write_run
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
@@ -27,8 +28,9 @@ def model() -> BayesianModel:
     network = Network(offset, scale, normal(len(offset), 128), normal(128), normal(128, 128), normal(128),
                       normal(4, 128, 16), normal(4, 16), VehicleParameters().constants())  # fmt: skip
     sigma = np.array([0.05, 0.1, 0.02, 0.5])
-    return BayesianModel(network, sigma[:, None] * normal(4, 16), np.tile(np.eye(16), (4, 1, 1)), sigma, 0.3,
-                         VehicleParameters(), {})  # fmt: skip
+    factor = np.eye(64) + 0.1 * generator.normal(size=(64, 64))
+    weight = np.array([0.3, 0.5, 0.2, 0.4])
+    return BayesianModel(network, sigma[:, None] * normal(4, 16), factor, sigma, weight, VehicleParameters(), {})
 
 
 @pytest.fixture(scope="module")
@@ -51,12 +53,28 @@ def test_the_replay_ends_in_the_posterior_of_the_decimated_log(model: BayesianMo
     np.testing.assert_allclose(ticks["mean"][-1], expected.mean, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(ticks["covariance"][-1], expected.covariance, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(ticks["mean"][0], model.prior_mean)
+    np.testing.assert_array_equal(ticks["covariance"][0], model.prior().covariance)
     errors = one_step_errors(log, model, ticks["mean"])
     predicted = np.sum(ticks["mean"][:-1] * features(model.network, network_inputs(x[:-1], u[:-1], u[1:])), axis=-1)
     found = residual(x[:-1], u[:-1], x[1:], model.vehicle.constants())
     np.testing.assert_allclose(errors, found - predicted, rtol=0, atol=1e-9)
     assert errors.shape == (15, 4)
     assert np.abs(errors[-3:]).mean() < np.abs(errors[:3]).mean()
+
+
+def test_the_command_leaves_the_posterior_and_its_numbers(model: BayesianModel, log: Run, tmp_path: Path) -> None:
+    write_run(log, tmp_path / "run.csv")
+    model.save(tmp_path / "model.npz")
+    main(ReplayConfig(tmp_path / "run.csv", model=tmp_path / "model.npz", threshold=1e9, out=tmp_path / "out"))
+    numbers = json.loads((tmp_path / "out" / "numbers.json").read_text())
+    with np.load(tmp_path / "out" / "posterior.npz") as stored:
+        covariance = stored["covariance"]
+    assert covariance.shape == (64, 64)
+    assert numbers["taken"] == 14
+    norms = [np.linalg.eigvalsh(covariance[k : k + 16, k : k + 16]).max() for k in (0, 16, 32, 48)]
+    np.testing.assert_allclose(numbers["norms_after"], norms, rtol=1e-9)
+    assert (np.array(numbers["norms_before"]) > norms).all()
+    assert (tmp_path / "out" / "adaptation.png").stat().st_size > 1000
 
 
 def test_bad_logs_are_named(log: Run, tmp_path: Path) -> None:

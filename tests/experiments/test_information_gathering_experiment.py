@@ -73,8 +73,9 @@ def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> Non
     model = load()
     generator = np.random.default_rng(0)
     phi, y = generator.normal(size=(30, 4, FEATURE_COUNT)), generator.normal(size=(30, 4))
-    belief = update_all(model.prior(), phi, y, model.sample_weight)
-    full = update_all(model.prior(), phi, y)
+    assert (model.sample_weight < 1.0).all()
+    belief = update_all(model.prior(), model.sigma, phi, y, model.sample_weight)
+    full = update_all(model.prior(), model.sigma, phi, y)
     assert full_weight_total(model, belief) == pytest.approx(covariance_norms(full)[1], rel=1e-6)
 
 

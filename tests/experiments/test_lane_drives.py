@@ -74,7 +74,7 @@ def test_a_vehicle_is_driven_along_the_first_plan_plans_of_the_pool_and_of_its_o
     assert np.abs(DRIVEN[4].u - slalom.u)[:, 0].max() > 1e-3
     # After the first plan its own are as information gathering's; after one of the pool they are of a random lane.
     assert [first.cost for _, first, _ in PLANNED] == [0.0, DRIVEN[2].cost]
-    assert PLANNED[0][2] == GatheringConfig()
+    assert PLANNED[0][2] == GatheringConfig(max_iterations=lane_drives.ITERATIONS)
     assert PLANNED[1][2].v_end != GatheringConfig().v_end
     folder = tmp_path / "train" / "vehicle_01"
     table = join_vehicles([folder], "lane_phases", 5)

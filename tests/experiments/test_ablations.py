@@ -49,3 +49,9 @@ def test_the_chain_of_beliefs(
     with_errors = {name for name, line in zip(names, lines, strict=True) if not line.endswith("|  |  |")}
     assert with_errors == set(names) - {"nominal", "online", "oracle"}
     assert np.load(tmp_path / "own-000-0.npz")["x"].shape[1] == 8
+    # Samples that count in full leave less unknown of all states together.
+    left = []
+    for folder in (tmp_path / "full_weight", tmp_path):
+        with np.load(folder / "beliefs-000-0.npz") as stored:
+            left.append(np.linalg.slogdet(stored["once_info.covariance"])[1])
+    assert left[0] < left[1] - 1.0

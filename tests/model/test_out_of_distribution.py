@@ -11,8 +11,9 @@ from pydrake.trajectories import PiecewisePolynomial
 from scipy.stats import chi2
 
 from drift_drake.model.adapter import BayesianAdapter, adapt
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import Network
+from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.model.out_of_distribution import (
     Calibration,
     OutOfDistributionDetector,
@@ -20,6 +21,7 @@ from drift_drake.model.out_of_distribution import (
     squared_distance,
     statistics,
 )
+from drift_drake.model.posterior import predict, sample_theta
 
 TICKS = 12
 WINDOW = 4
@@ -98,6 +100,24 @@ def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physi
     again = detector.GetMyContextFromRoot(clone)
     np.testing.assert_array_equal(detector.GetOutputPort("statistic").Eval(again),
                                   detector.GetOutputPort("statistic").Eval(mine))  # fmt: skip
+
+
+def test_cars_as_the_model_believes_are_as_far_off_as_chi_square(random_model: BayesianModel) -> None:
+    """One step of each of many cars, with its noise: the four states' errors go together, and the distance knows."""
+    generator = np.random.default_rng(3)
+    prior, sigma = random_model.prior(), random_model.sigma
+    x, u = np.array([0.5, 11.0, -0.5, 16.0, 0.0, 0.0, -0.1, 150.0]), np.array([-0.1, 150.0])
+    phi = features(random_model.network, network_inputs(x, u, u))
+    h = x[:4] - residual(x, u, x, random_model.vehicle.constants())
+    distances = []
+    for theta in sample_theta(prior, sigma, 2000, generator):
+        x_next = np.append(h + np.sum(theta * phi, axis=-1) + sigma * generator.standard_normal(4), x[4:])
+        distances.append(squared_distance(random_model, prior, x, u, u, x_next))
+    assert np.mean(distances) == pytest.approx(4.0, rel=0.05)
+    assert np.var(distances) == pytest.approx(8.0, rel=0.2)
+    correlation = predict(prior, sigma, phi).covariance
+    correlation /= np.sqrt(np.outer(np.diag(correlation), np.diag(correlation)))
+    assert np.abs(correlation - np.eye(4)).max() > 0.3
 
 
 def test_a_step_that_is_not_finite_leaves_the_window_alone(random_model: BayesianModel) -> None:

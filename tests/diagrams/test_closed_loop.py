@@ -110,7 +110,7 @@ def test_a_run_ends_with_a_reason(loop: ClosedLoop, error: list[float], limits: 
 
 
 def test_main_writes_a_run_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(ClosedLoopConfig(control=dataclasses.replace(FAST, horizon=12), out=tmp_path))
+    main(ClosedLoopConfig(control=dataclasses.replace(FAST, horizon=20), out=tmp_path))
     assert "completed after" in capsys.readouterr().out
     names = {"config.json", "numbers.json", "versions.json", "run.csv", "overhead.png", "time_series.png", "solver.png",
              "replay.html"}  # fmt: skip

@@ -26,7 +26,7 @@ from drift_drake.model.bayesian_step import TIME_STEP, residual
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import CommandLag, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
-from drift_drake.model.posterior import covariance_norms, state_blocks
+from drift_drake.model.posterior import covariance_norms, state_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 
@@ -131,7 +131,7 @@ def one_step_errors(log: Run, model: BayesianModel, mean: Array) -> Array:
 
 def draw(ticks: dict[str, Array], prior_errors: Array, errors: Array, file: Path) -> None:
     """Covariance norms, and one-step errors of the prior and of the adapted model, over time."""
-    norms = np.linalg.norm(state_blocks(ticks["covariance"]), ord=2, axis=(-2, -1))
+    norms = state_norms(ticks["covariance"])
     figure, axes = plt.subplots(2, 4, figsize=(15, 6), constrained_layout=True, sharex=True)
     for i, state in enumerate(STATES):
         axes[0, i].plot(ticks["t"], norms[:, i])
@@ -168,7 +168,7 @@ def main(config: ReplayConfig) -> None:
         "rms_prior": dict(zip(STATES, np.sqrt(np.mean(prior_errors**2, axis=0)), strict=True)),
         "rms_adapted": dict(zip(STATES, np.sqrt(np.mean(errors**2, axis=0)), strict=True)),
         "norms_before": covariance_norms(model.prior())[0],
-        "norms_after": np.linalg.norm(state_blocks(ticks["covariance"][-1]), ord=2, axis=(-2, -1)),
+        "norms_after": state_norms(ticks["covariance"][-1]),
     }
     write_json(folder / "config.json", config)
     write_versions(folder)

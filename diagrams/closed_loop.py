@@ -59,8 +59,8 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     iterations: int = 1  # SQP steps a plan
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
-    # Steering smoother than the OCP's own: with that, cars whose front tyre slides were lost (chosen on the training
-    # population; the same for every model).
+    # Steering is smoother than under the OCP's own weights, which lost cars whose front tyre slides (chosen on the
+    # training population; the same for every model).
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=60.0))
 
     def __post_init__(self) -> None:

@@ -113,8 +113,8 @@ def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_n
                 updated: bool = False) -> float:  # fmt: skip
     """Information [nat] of samples to a belief, as the regression weighs them: eq. (8), or with updates in between.
 
-    With updates it is the information gained from all the samples together: half the log of the covariances'
-    determinant before over after, summed over states.
+    With updates it is the information gained from all the samples together: half the log of the covariance's
+    determinant before over after.
     """
     cost = InformationCost(model.network, weighed(belief.covariance, model.sample_weight), 1.0, updated)
     return cost.information(x, u, u_next)

@@ -70,7 +70,7 @@ def _physical(z: Array, p: Constants, wheel: Array, values: Array, gradient: Arr
     f_zf, f_zr = static_loads(p)
     peak_f, peak_r = p.friction * f_zf, p.friction * f_zr
     for n in range(z.shape[0]):
-        for turn in range(2):  # under delta_{k+1} the front alone differs
+        for turn in range(2):  # at the step's end the front alone is asked
             angles = wheel[turn]
             delta = 0.0
             for j in range(3):

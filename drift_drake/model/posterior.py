@@ -121,8 +121,13 @@ def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.r
 
 def covariance_norms(posterior: Posterior) -> tuple[Array, Array]:
     """||Lambda_i^{-1}||_2 of each state's own block [..., 4], and their sum [...] (Table I of the paper)."""
-    norms = np.linalg.norm(state_blocks(posterior.covariance, posterior.mean.shape[-2]), ord=2, axis=(-2, -1))
+    norms = state_norms(posterior.covariance)
     return norms, np.sum(norms, axis=-1)
+
+
+def state_norms(covariance: Array) -> Array:
+    """The spectral norm of each state's own block [..., 4] of a covariance [..., 64, 64]."""
+    return np.linalg.norm(state_blocks(covariance), ord=2, axis=(-2, -1)).astype(float)
 
 
 def mahalanobis(prediction: Prediction, y: Array) -> Array:

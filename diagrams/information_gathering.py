@@ -43,7 +43,10 @@ class GatheringConfig(LaneDrive):
     max_sideslip: float = 0.35  # [rad] in plans
     alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
     starts: int = 2  # first guesses of Info-OCP: the straight line, and random ones
-    updated: bool = False  # covariance updated along the horizon
+    updated: bool = False  # covariance updated along the horizon, in the first round
+    # Likewise in the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and
+    # far from drifting: drifts were predicted no better after them, and the true car left the lane.
+    updated_later: bool = True
     max_iterations: int = 80
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
@@ -120,6 +123,18 @@ def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_n
     return cost.information(x, u, u_next)
 
 
+def plan_again(
+    model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig, seed: int = 0
+) -> Trajectory:
+    """Info-OCP's plan of a later round, with what is believed after the rounds before.
+
+    Raises:
+        RuntimeError: no first guess led to a feasible trajectory.
+    """
+    again = dataclasses.replace(config, updated=config.updated_later)
+    return plan(model, belief, again, round_alpha(model, belief, first, config), seed)
+
+
 def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:
     """The weight of the information in a later round: a repeat of the first drive is worth what it was then.
 
@@ -183,8 +198,7 @@ def main(options: Options) -> None:
     for name, before in (("Once-OCP", "prior"), ("Once-Info", "prior"), ("Twice-Info", "Once-Info")):
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
         if trajectory is None:
-            alpha = round_alpha(model, beliefs[before], first, config)
-            trajectory = plan(model, beliefs[before], config, alpha, options.seed + 1)
+            trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
         samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
         beliefs[name] = learn(model, beliefs[before], samples)
         _report(name, beliefs[name])

@@ -20,7 +20,7 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information, plan, round_alpha
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information, plan, plan_again
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
@@ -80,10 +80,9 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
     ocp = taught(plan(learnt, prior, settings, 0.0), prior, config.seed)
     informative = plan(learnt, prior, settings, settings.alpha)
     first = taught(informative, prior, config.seed)
-    alpha = round_alpha(learnt, first.belief, informative, settings)
     rounds = {"once_ocp": ocp, "once_info": first}
     try:
-        planned = plan(learnt, first.belief, settings, alpha)
+        planned = plan_again(learnt, first.belief, informative, settings)
     except RuntimeError:  # no feasible second plan: Twice-Info is what Once-Info is, and the page says so
         bar.update()
         return rounds

@@ -20,7 +20,7 @@ import pandas as pd
 import tyro
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, plan, round_alpha
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, plan, plan_again
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -222,7 +222,7 @@ def gather_beliefs(job: GatherJob) -> dict[str, Posterior]:
     if "twice_info" in job.wanted:
         once = beliefs["once_info"]
         try:
-            second = plan(learnt, once, config, round_alpha(learnt, once, job.info, config))
+            second = plan_again(learnt, once, job.info, config)
         except RuntimeError:
             return beliefs
         beliefs["twice_info"] = taught(once, second, SECOND_ROUND + seed)

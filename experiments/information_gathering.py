@@ -28,7 +28,7 @@ from diagrams.information_gathering import (
     gather,
     information,
     plan,
-    round_alpha,
+    plan_again,
 )
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
@@ -195,9 +195,8 @@ class _Vehicle:
             seconds = 0.0
             if k > 0:
                 start = time.process_time()
-                alpha = round_alpha(model, belief, shared.info, config.gathering)
                 try:
-                    trajectory = plan(model, belief, config.gathering, alpha, config.seed + k)
+                    trajectory = plan_again(model, belief, shared.info, config.gathering, config.seed + k)
                 except RuntimeError as error:
                     result["stopped"] = str(error)
                     break

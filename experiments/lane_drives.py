@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan, round_alpha
+from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan, plan_again
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
@@ -104,7 +104,7 @@ def own_plan(
 ) -> Trajectory | None:
     """Info-OCP's plan with what is believed of a vehicle after its drives so far; None where none is feasible."""
     try:
-        return plan(model, belief, config, round_alpha(model, belief, first, config), seed)
+        return plan_again(model, belief, first, config, seed)
     except RuntimeError:
         return None
 

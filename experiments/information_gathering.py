@@ -171,6 +171,7 @@ class _Vehicle:
         entry = self.judge(after) | gain | {
             "ending": ending,
             "max_e": float(table["e"].abs().max()),
+            "left_lane": bool(table["e"].abs().max() > config.half_width),
             "max_beta": float(table["beta"].abs().max()),
             "max_r": float(table["r"].abs().max()),
             "status": trajectory.status,

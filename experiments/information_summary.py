@@ -73,6 +73,7 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
                 model[key] = _spread([found[key] for found in entries])
         if "ending" in entries[0]:
             model["not driven to the end"] = sum(found["ending"] != "time" for found in entries)
+            model["left the lane"] = sum(found["left_lane"] for found in entries)
         summary["models"][name] = model
     summary["counts"] = {
         "Twice-Info's total norm below Once-OCP's": _count(
@@ -109,6 +110,7 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
         found: dict[str, Any] = {key: _spread([one[key] for one in rounds]) for key in keys}
         found["vehicles"] = len(rounds)
         found["not driven to the end"] = sum(one["ending"] != "time" for one in rounds)
+        found["left the lane"] = sum(one["left_lane"] for one in rounds)
         summary["rounds"].append(found)
     summary["stopping"] = {
         "rule": f"stop before a round whose predicted gain is below {stop_below:g} of all gained before",
@@ -156,25 +158,28 @@ def markdown(summary: dict[str, Any]) -> str:
         "Error in held-out drifts (one step in units of the model's noise; 2 s rollouts in units of the inputs' scale)",
         "and the true vehicle's largest excursions",
         "",
-        "| model | one step | 2 s rollout | abs(e) [m] | abs(beta) [rad] | not driven to the end |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| model | one step | 2 s rollout | abs(e) [m] | abs(beta) [rad] | left the lane | not driven to the end |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, model in summary["models"].items():
         safety = (
-            f"{_cell(model['max_e'])} | {_cell(model['max_beta'])} | {model['not driven to the end']}"
+            f"{_cell(model['max_e'])} | {_cell(model['max_beta'])} | {model['left the lane']} | "
+            f"{model['not driven to the end']}"
             if "max_e" in model
-            else "| |"
+            else "| | |"
         )
         lines.append(f"| {name} | {_cell(model['one_step_scaled'])} | {_cell(model['rollout_scaled'])} | {safety} |")
     lines += [
         "",
-        "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | broken off |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | left the lane | "
+        "broken off |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for k, found in enumerate(summary["rounds"]):
         keys = ("predicted", "obtained", "total", "one_step_scaled", "max_e", "max_beta")
         cells = [_cell(found[key]) for key in keys]
-        lines.append(f"| {k + 1} | {' | '.join(cells)} | {found['not driven to the end']} |")
+        cells += [str(found[key]) for key in ("left the lane", "not driven to the end")]
+        lines.append(f"| {k + 1} | {' | '.join(cells)} |")
     lines += [
         "",
         "Error in drifts on half of a vehicle's own drives, also after learning from the other half",

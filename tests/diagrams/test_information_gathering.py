@@ -2,10 +2,12 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from diagrams import information_gathering
 from diagrams.information_gathering import (
     GatheringConfig,
     Options,
@@ -14,6 +16,7 @@ from diagrams.information_gathering import (
     information,
     main,
     plan,
+    plan_again,
     round_alpha,
 )
 from drift_drake.control.lane_drive import problem_data
@@ -114,6 +117,19 @@ def test_a_later_rounds_repeat_of_the_first_drive_keeps_its_worth(model: Bayesia
     again = information(model, after, info.x[:-1], info.u[:-1], info.u[1:])
     assert alpha > 2.0 * CONFIG.alpha
     assert alpha * again == pytest.approx(CONFIG.alpha * info.information)
+
+
+def test_later_rounds_plan_with_the_covariance_updated_along_the_horizon(
+    model: BayesianModel, info: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(information_gathering, "plan", lambda *arguments: calls.append(arguments) or info)
+    belief = learn(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    plan_again(model, belief, info, CONFIG, 7)
+    plan_again(model, belief, info, dataclasses.replace(CONFIG, updated=True, updated_later=False))
+    alpha = round_alpha(model, belief, info, CONFIG)
+    assert calls[0] == (model, belief, dataclasses.replace(CONFIG, updated=True), alpha, 7)
+    assert not calls[1][2].updated
 
 
 def test_the_command_prints_four_models(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ def judged(total: float, error: float) -> dict[str, Any]:
 
 def driven(total: float, error: float, gain: float, ending: str = "time") -> dict[str, Any]:
     return judged(total, error) | {"predicted": gain, "obtained": gain, "ending": ending, "max_e": 1.0, "max_beta": 0.2,
-                                   "plan_seconds": 4.0}  # fmt: skip
+                                   "left_lane": ending == "spin", "plan_seconds": 4.0}  # fmt: skip
 
 
 def vehicle(twice: float, error: float, ending: str = "time") -> dict[str, Any]:
@@ -43,6 +43,8 @@ def test_counts_and_spreads() -> None:
     twice = summary["models"]["Twice-Info"]
     assert twice["total"] == {"best": 4.0, "median": 5.0, "worst": 60.0}
     assert twice["not driven to the end"] == 1
+    assert twice["left the lane"] == 1
+    assert summary["models"]["Once-Info"]["left the lane"] == 0
     assert "33.98" in markdown(summary | {"plan_seconds": {"OCP": 0.3}})
 
 

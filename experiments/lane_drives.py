@@ -47,7 +47,8 @@ class LaneDrivesConfig:
 
     seed: int = 0
     round: int = 0  # of planning and training; the tables hold all rounds up to this one
-    train: int = 240  # vehicles
+    first: int = 0  # of the training vehicles: a round may leave some out
+    train: int = 240  # vehicles, up to this one
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2
@@ -167,20 +168,23 @@ def join_rounds(folders: list[Path], rounds: int, ending: str) -> Samples:
 
 def main(config: LaneDrivesConfig) -> None:
     """Makes the pool of plans and the populations' drives."""
-    counts: list[tuple[Population, int]] = [("train", config.train), ("validation", config.validation)]
+    driven: list[tuple[Population, range]] = [
+        ("train", range(config.first, config.train)),
+        ("validation", range(config.validation)),
+    ]
     with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=25) as pool:
         jobs = [(config, index) for index in range(PLANS)]
         plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
         runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [
-            (config, population, index, plans) for population, count in counts for index in range(count)
+            (config, population, index, plans) for population, indices in driven for index in indices
         ]
         total: dict[str, int] = {}
         for endings in tqdm(pool.imap(lane_drives, runs), total=len(runs), unit="vehicle"):
             for name, count in endings.items():
                 total[name] = total.get(name, 0) + count
-    for population, count in counts:
+    for population, indices in driven:
         folders = sorted((config.output / population).glob("vehicle_*"))
-        for ending in ("", "_phases") if count else ():
+        for ending in ("", "_phases") if indices else ():
             table = join_rounds(folders, config.round + 1, ending)
             save_samples(table, config.output / f"{population}_lane{ending}.npz")
     print(json.dumps({"plans": len(plans), "endings": total}))

@@ -42,7 +42,7 @@ class GatheringConfig(LaneDrive):
     # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
     max_sideslip: float = 0.35  # [rad] in plans
     alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
-    starts: int = 2  # first guesses of Info-OCP: the straight line, and random ones
+    starts: int = 3  # first guesses of Info-OCP: the straight line, and random ones
     updated: bool = False  # covariance updated along the horizon, in the first round
     # Likewise in the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and
     # far from drifting: drifts were predicted no better after them, and the true car left the lane.

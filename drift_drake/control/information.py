@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import STATE_COUNT, Network, features, information_gain, network_inputs
-from drift_drake.model.posterior import block_diagonal
+from drift_drake.model.posterior import block_diagonal, spread_of_features
 
 Array = NDArray[np.float64]
 
@@ -56,20 +56,12 @@ class InformationCost:
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         """See `StageCost`."""
-        covariance = self._covariance
-        if self._updated:
-            # What is left of the uncertainty after all other stages.
-            outer = _outer(features(self._network, network_inputs(x, u, u_next)))
-            others = outer.sum(axis=0) - outer
-            covariance = np.linalg.inv(self._precision + np.stack([block_diagonal(blocks) for blocks in others]))
+        covariance = self._after_others(network_inputs(x, u, u_next)) if self._updated else self._covariance
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
-            if covariance.ndim == 2:
-                by_z = information_gain(self._network, covariance, z)[1]
-            else:
-                repeats = len(z) // len(covariance)
-                by_z = information_gain(self._network, np.tile(covariance, (repeats, 1, 1)), z)[1]
+            by_stage = z.reshape(-1, len(covariance), z.shape[-1]) if self._updated else z
+            by_z = information_gain(self._network, covariance, by_stage)[1].reshape(z.shape)
             result = np.zeros((len(z), x.shape[1] + 4))
             by_z *= -self._alpha
             result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
@@ -78,6 +70,19 @@ class InformationCost:
             return result
 
         return gradient
+
+    def _after_others(self, z: Array) -> Array:
+        """What is left of the covariance after all stages but one, for each of these [N, 64, 64].
+
+        A stage is taken out of the covariance after all of them by Woodbury's identity.
+        """
+        phi = features(self._network, z)
+        after = np.linalg.inv(self._precision + block_diagonal(_outer(phi).sum(axis=0)))
+        projected, spread = spread_of_features(after, phi)
+        projected = projected.reshape(*projected.shape[:-2], -1)
+        left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi after Phi^T
+        result: Array = after + np.swapaxes(projected, 1, 2) @ np.linalg.solve(left, projected)
+        return result
 
 
 def _outer(phi: Array) -> Array:

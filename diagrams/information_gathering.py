@@ -74,24 +74,6 @@ def plan(
 ) -> Trajectory:
     """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins.
 
-    Args: see `candidates`.
-
-    Raises:
-        RuntimeError: no first guess led to a feasible trajectory.
-    """
-    return candidates(model, belief, config, alpha, seed, lateral)[0]
-
-
-def candidates(
-    model: BayesianModel,
-    belief: Posterior,
-    config: GatheringConfig,
-    alpha: float,
-    seed: int = 0,
-    lateral: Array | None = None,
-) -> list[Trajectory]:
-    """What OCP (alpha = 0) or Info-OCP finds from several first guesses, the lowest cost first.
-
     Args:
         alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
 
@@ -119,7 +101,7 @@ def candidates(
     solver = LineSearchSqp(problem, options)
     straight = problem.initial_guess(data)
     rng = np.random.default_rng(seed)
-    found = []
+    best = None
     for start in range(config.starts if alpha > 0.0 else 1):
         guess = straight
         if start > 0:
@@ -128,13 +110,12 @@ def candidates(
             u[1:, 1] = rng.uniform(50.0, 250.0)
             guess = problem.stack(x, u)
         result = solver.solve(guess)
-        if not result.failed and result.primal_residual < FEASIBLE:
-            x, u, _ = problem.unstack(result.z)
-            gain = information(model, belief, x[:-1], u[:-1], u[1:])
-            found.append(Trajectory(x, u, result.cost, gain, result.status))
-    if not found:
+        if not result.failed and result.primal_residual < FEASIBLE and (best is None or result.cost < best.cost):
+            best = result
+    if best is None:
         raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")
-    return sorted(found, key=lambda trajectory: trajectory.cost)
+    x, u, _ = problem.unstack(best.z)
+    return Trajectory(x, u, best.cost, information(model, belief, x[:-1], u[:-1], u[1:]), best.status)
 
 
 def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array,

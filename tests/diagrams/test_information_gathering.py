@@ -24,7 +24,7 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
-from drift_drake.model.quality import learn
+from drift_drake.model.quality import learn, step_model
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=3, max_iterations=60)
@@ -76,6 +76,15 @@ def test_a_plans_lagged_commands_are_those_of_its_commands(info: Trajectory) -> 
     expected = lagged_commands(0.1 * np.arange(CONFIG.steps + 1), info.u)
     scale = np.array([0.3, 100.0])
     np.testing.assert_allclose(info.x[:, LAGGED] / scale, expected / scale, rtol=0, atol=1e-3)
+
+
+def test_a_plans_path_is_the_learnt_cars(model: BayesianModel, info: Trajectory) -> None:
+    """Its course turns with the learnt yaw rate and sideslip, not (as under Euler's step) with the nominal car's."""
+    believed = step_model(model, model.prior(), "trapezoid")
+    followed = believed.step(info.x[:-1], info.u[:-1], info.u[1:], np.zeros(CONFIG.steps))
+    np.testing.assert_allclose(followed[:, 4:6], info.x[1:, 4:6], rtol=0, atol=2e-3)
+    euler = step_model(model, model.prior()).step(info.x[:-1], info.u[:-1], info.u[1:], np.zeros(CONFIG.steps))
+    assert np.abs(euler[:, 5] - info.x[1:, 5]).max() > 0.01
 
 
 def test_a_bound_that_binds_is_kept(model: BayesianModel, info: Trajectory) -> None:

@@ -6,7 +6,7 @@ python -m diagrams.information_gathering --graph         # draws the diagram of 
 
 import dataclasses
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from drift_drake.control.information import InformationCost
 from drift_drake.control.lane_drive import DT, FEASIBLE, QP_RHO, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
@@ -34,6 +35,9 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 
+# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come.
+Objective = Literal["eq8", "updated", "drifts"]
+
 
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
@@ -43,10 +47,10 @@ class GatheringConfig(LaneDrive):
     max_sideslip: float = 0.35  # [rad] in plans
     alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
     starts: int = 3  # first guesses of Info-OCP: the straight line, and random ones
-    updated: bool = False  # covariance updated along the horizon, in the first round
-    # Likewise in the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and
-    # far from drifting: drifts were predicted no better after them, and the true car left the lane.
-    updated_later: bool = True
+    objective: Objective = "eq8"  # of the first round
+    # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
+    # drifting. With updates they seek what is new, whether a drift asks for it or not.
+    objective_later: Objective = "drifts"
     max_iterations: int = 80
     tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
@@ -60,7 +64,7 @@ class Trajectory(NamedTuple):
     x: Array  # states and lagged commands [N+1, 8]
     u: Array  # [N+1, 2]
     cost: float
-    information: float  # [nat], eq. (8), of the belief that it was planned with
+    information: float  # [nat] to the belief that it was planned with, by the objective
     status: str
 
 
@@ -82,8 +86,7 @@ def plan(
     """
     # Euler's path would turn as the nominal car does: on validation vehicles the true car was twice as far from it.
     believed = step_model(model, belief, "trapezoid")
-    # The information is what the regression will make of a sample, weight included.
-    cost = InformationCost(model.network, weighed(belief.covariance, model.sample_weight), alpha, config.updated)
+    cost = information_cost(model, belief, config.objective, alpha)
     problem = OptimalControlProblem(
         believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
@@ -115,18 +118,30 @@ def plan(
     if best is None:
         raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")
     x, u, _ = problem.unstack(best.z)
-    return Trajectory(x, u, best.cost, information(model, belief, x[:-1], u[:-1], u[1:]), best.status)
+    return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
 
 
-def information(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array,
-                updated: bool = False) -> float:  # fmt: skip
-    """Information [nat] of samples to a belief, as the regression weighs them: eq. (8), or with updates in between.
+def information_cost(
+    model: BayesianModel, belief: Posterior, objective: Objective, alpha: float = 1.0
+) -> InformationCost | PredictiveInformationCost:
+    """-alpha times an objective's information, a sample counting as the regression weighs it.
 
-    With updates it is the information gained from all the samples together: half the log of the covariance's
-    determinant before over after.
+    Raises:
+        ValueError: the model does not know where it is to predict.
     """
-    cost = InformationCost(model.network, weighed(belief.covariance, model.sample_weight), 1.0, updated)
-    return cost.information(x, u, u_next)
+    if objective != "drifts":
+        covariance = weighed(belief.covariance, model.sample_weight)
+        return InformationCost(model.network, covariance, alpha, updated=objective == "updated")
+    if model.drifts is None:
+        raise ValueError(
+            "the checkpoint names no drifts to plan for; train it anew, or choose objective 'updated' for later rounds"
+        )
+    return PredictiveInformationCost(model.network, belief.covariance, model.sample_weight, model.drifts, alpha)
+
+
+def information_gained(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array) -> float:
+    """Information [nat] that samples together bring: half the log of the covariance's determinant before over after."""
+    return information_cost(model, belief, "updated").information(x, u, u_next)
 
 
 def plan_again(
@@ -137,17 +152,17 @@ def plan_again(
     Raises:
         RuntimeError: no first guess led to a feasible trajectory.
     """
-    again = dataclasses.replace(config, updated=config.updated_later)
+    again = dataclasses.replace(config, objective=config.objective_later)
     return plan(model, belief, again, round_alpha(model, belief, first, config), seed)
 
 
 def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:
     """The weight of the information in a later round: a repeat of the first drive is worth what it was then.
 
-    As the belief narrows, all of l_info shrinks; under a fixed weight the second plan is a straight line again.
+    As the belief narrows, all information shrinks; under a fixed weight the second plan is a straight line again.
     """
-    again = information(model, belief, first.x[:-1], first.u[:-1], first.u[1:])
-    return config.alpha * first.information / again
+    cost = information_cost(model, belief, config.objective_later)
+    return config.alpha * first.information / cost.information(first.x[:-1], first.u[:-1], first.u[1:])
 
 
 def execution(
@@ -208,8 +223,15 @@ def main(options: Options) -> None:
         samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
         beliefs[name] = learn(model, beliefs[before], samples)
         _report(name, beliefs[name])
+        planned, driven = (
+            information_gained(model, beliefs[before], *drive)
+            for drive in (
+                (trajectory.x[:-1], trajectory.u[:-1], trajectory.u[1:]),
+                (samples.x, samples.u, samples.u_next),
+            )
+        )
         print(
-            f"{'':>12}  planned {trajectory.information:.1f} nat ({trajectory.status}); driven: "
+            f"{'':>12}  planned {planned:.1f} nat ({trajectory.status}), gained {driven:.1f}; driven: "
             f"|e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, ended by {ending}"
         )
 

@@ -20,7 +20,7 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information, plan, plan_again
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information_gained, plan, plan_again
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
@@ -71,8 +71,8 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
 
     def taught(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
         samples, table, ending = gather(planned, effects, parameters, settings, seed)
-        expected = information(learnt, before, planned.x[:-1], planned.u[:-1], planned.u[1:], updated=True)
-        obtained = information(learnt, before, samples.x, samples.u, samples.u_next, updated=True)
+        expected = information_gained(learnt, before, planned.x[:-1], planned.u[:-1], planned.u[1:])
+        obtained = information_gained(learnt, before, samples.x, samples.u, samples.u_next)
         bar.update()
         return Gathered(expected, obtained, table, ending, learn(learnt, before, samples))
 

@@ -8,9 +8,8 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import INPUT_SCALE, STATE_COUNT
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, rollout_errors, step_errors, step_model
-from drift_drake.model.samples import Samples, concatenate
+from drift_drake.model.samples import DRIFTING, Samples, concatenate
 
-DRIFTING = 0.2  # [rad] of sideslip from which on a sample counts as drifting
 ROLLOUT_STEPS = 20  # 2 s
 EVERY = 5  # samples from one rollout's start to the next
 

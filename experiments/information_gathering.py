@@ -26,7 +26,7 @@ from diagrams.information_gathering import (
     GatheringConfig,
     Trajectory,
     gather,
-    information,
+    information_gained,
     plan,
     plan_again,
 )
@@ -165,8 +165,8 @@ class _Vehicle:
         samples, table, ending = gather(trajectory, self._effects, self._parameters, config, seed)
         x, u = trajectory.x, trajectory.u
         gain = {
-            "predicted": information(self._model, belief, x[:-1], u[:-1], u[1:], updated=True),
-            "obtained": information(self._model, belief, samples.x, samples.u, samples.u_next, updated=True),
+            "predicted": information_gained(self._model, belief, x[:-1], u[:-1], u[1:]),
+            "obtained": information_gained(self._model, belief, samples.x, samples.u, samples.u_next),
         }
         after = learn(self._model, belief, samples)
         entry = self.judge(after) | gain | {

@@ -51,40 +51,47 @@ class InformationCost:
         z = network_inputs(x, u, u_next)
         if not self._updated:
             return float(information_gain(self._network, self._covariance, z)[0].sum())
-        after = self._precision + block_diagonal(_outer(features(self._network, z)).sum(axis=0))
-        return float(0.5 * (np.linalg.slogdet(after)[1] - np.linalg.slogdet(self._precision)[1]))
+        after = covariance_after(self._precision, features(self._network, z))
+        return float(-0.5 * (np.linalg.slogdet(after)[1] + np.linalg.slogdet(self._precision)[1]))
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         """See `StageCost`."""
-        covariance = self._after_others(network_inputs(x, u, u_next)) if self._updated else self._covariance
+        covariance = self._covariance
+        if self._updated:
+            covariance = after_others(self._precision, features(self._network, network_inputs(x, u, u_next)))
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
             by_stage = z.reshape(-1, len(covariance), z.shape[-1]) if self._updated else z
-            by_z = information_gain(self._network, covariance, by_stage)[1].reshape(z.shape)
-            result = np.zeros((len(z), x.shape[1] + 4))
-            by_z *= -self._alpha
-            result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
-            result[:, LAGGED] = by_z[:, STATE_COUNT + 4 :]
-            result[:, x.shape[1] :] = by_z[:, STATE_COUNT : STATE_COUNT + 4]
-            return result
+            by_z = information_gain(self._network, covariance, by_stage)[1]
+            return -self._alpha * stage_gradient(by_z, x.shape[1])
 
         return gradient
 
-    def _after_others(self, z: Array) -> Array:
-        """What is left of the covariance after all stages but one, for each of these [N, 64, 64].
 
-        A stage is taken out of the covariance after all of them by Woodbury's identity.
-        """
-        phi = features(self._network, z)
-        after = np.linalg.inv(self._precision + block_diagonal(_outer(phi).sum(axis=0)))
-        projected, spread = spread_of_features(after, phi)
-        projected = projected.reshape(*projected.shape[:-2], -1)
-        left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi after Phi^T
-        result: Array = after + np.swapaxes(projected, 1, 2) @ np.linalg.solve(left, projected)
-        return result
+def covariance_after(precision: Array, phi: Array) -> Array:
+    """What is left of the covariance [64, 64] after stages of features phi [N, 4, 16]."""
+    return np.asarray(np.linalg.inv(precision + block_diagonal(np.einsum("nif,nig->ifg", phi, phi))), dtype=np.float64)
 
 
-def _outer(phi: Array) -> Array:
-    """phi_i phi_i^T of each sample and state [n, 4, 16, 16]."""
-    return phi[..., :, None] * phi[..., None, :]
+def after_others(precision: Array, phi: Array) -> Array:
+    """What is left of the covariance after all stages but one, for each of these [N, 64, 64].
+
+    A stage is taken out of the covariance after all of them by Woodbury's identity.
+    """
+    after = covariance_after(precision, phi)
+    projected, spread = spread_of_features(after, phi)
+    projected = projected.reshape(*projected.shape[:-2], -1)
+    left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi after Phi^T
+    result: Array = after + np.swapaxes(projected, 1, 2) @ np.linalg.solve(left, projected)
+    return result
+
+
+def stage_gradient(by_z: Array, size: int) -> Array:
+    """By (x, u, u_next) [M, size + 4], x [M, size], from the gradients by the network's z [..., 10], M in all."""
+    by_z = by_z.reshape(-1, by_z.shape[-1])
+    result = np.zeros((len(by_z), size + 4))
+    result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
+    result[:, LAGGED] = by_z[:, STATE_COUNT + 4 :]
+    result[:, size:] = by_z[:, STATE_COUNT : STATE_COUNT + 4]
+    return result

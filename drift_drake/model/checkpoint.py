@@ -35,6 +35,8 @@ class BayesianModel:
     sample_weight: Array  # of one sample in the posterior, by state [4], see `posterior`; 1 is the paper's recursion
     vehicle: VehicleParameters  # the car inside h
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
+    # z [n, 10] of some drifting samples that it was trained on: where predictions are wanted of it.
+    drifts: Array | None = None
 
     def prior(self) -> Posterior:
         """The belief before any data of the vehicle at hand."""
@@ -51,6 +53,8 @@ class BayesianModel:
     def save(self, path: str | Path) -> None:
         """Writes the checkpoint. Weights trained in single precision are stored so; nothing is lost."""
         arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in WEIGHTS}
+        if self.drifts is not None:
+            arrays["drifts"] = self.drifts.astype(np.float32)
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         with Path(path).open("wb") as file:
             np.savez_compressed(
@@ -79,6 +83,7 @@ def load(path: str | Path | None = None) -> BayesianModel:
         about = json.loads(str(arrays.pop("about")))
         weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *WEIGHTS)}
         prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
+        drifts = np.asarray(arrays["drifts"], dtype=float) if "drifts" in arrays else None  # not in those of old
         weight = np.full(prior["sigma"].shape, arrays["sample_weight"], dtype=float)  # one number for all, of old
         if prior["precision_factor"].ndim == 3:  # of states that know nothing of each other
             prior["precision_factor"] = block_diagonal(prior["precision_factor"])
@@ -99,4 +104,4 @@ def load(path: str | Path | None = None) -> BayesianModel:
         )
     physical = count == counts[1]
     network = Network(**weights, nominal=vehicle.constants() if physical else None)
-    return BayesianModel(network, **prior, sample_weight=weight, vehicle=vehicle, record=about["record"])
+    return BayesianModel(network, **prior, sample_weight=weight, vehicle=vehicle, record=about["record"], drifts=drifts)

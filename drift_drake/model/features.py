@@ -8,6 +8,7 @@ both or neither. The output layers are linear, so theta folds into them: for the
 become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -118,16 +119,26 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
 
     Returns:
         (gain [...] = 1/2 log det(I + Phi Lambda^{-1} Phi^T) [nat], where the prior does not couple the states 1/2 sum_i
-        log(1 + phi_i^T Lambda_i^{-1} phi_i); its gradient in z [..., 10]). The gradient costs one reverse row.
+        log(1 + phi_i^T Lambda_i^{-1} phi_i); its gradient in z [..., 10]).
     """
-    hidden = _hidden(network, z)
-    h2 = hidden[1]
-    phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    phi, pullback = features_and_pullback(network, z)
     projected, spread = spread_of_features(covariance, phi)
     gain = 0.5 * np.linalg.slogdet(spread)[1]
-    by_phi = np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True)
-    seed = np.einsum("ihf,...if->...h", network.w_out, by_phi, optimize=True)
-    return gain, _reverse(network, hidden, seed[..., None, :])[..., 0, :]
+    return gain, pullback(np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True))
+
+
+def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[Array], Array]]:
+    """phi [..., 4, 16] at z [..., 10], and what turns a function's gradient in phi into that in z.
+
+    The gradient costs one reverse row.
+    """
+    hidden = _hidden(network, z)
+
+    def pullback(by_phi: Array) -> Array:
+        seed = np.einsum("ihf,...if->...h", network.w_out, by_phi, optimize=True)
+        return _reverse(network, hidden, seed[..., None, :])[..., 0, :]
+
+    return np.einsum("...h,ihf->...if", hidden[1], network.w_out, optimize=True) + network.b_out, pullback
 
 
 class MeanFunction:

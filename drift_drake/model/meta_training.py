@@ -9,20 +9,24 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load
-from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling
+from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling, network_inputs
 from drift_drake.model.posterior import block_diagonal, state_blocks
 from drift_drake.model.quality import choose_sample_weight
-from drift_drake.model.samples import Samples, concatenate, content_hash, load_samples
+from drift_drake.model.samples import DRIFTING, Samples, concatenate, content_hash, load_samples
 from drift_drake.model.torch_network import Parameters, initial_parameters, parameters_of
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
 from drift_drake.vehicle.parameters import VehicleParameters
 
+Array = NDArray[np.float64]
+
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
+DRIFT_COUNT = 200  # samples that stand for what is to be predicted
 FIRST_WEIGHT = 0.3  # of a sample, where it is trained
 FIRST_SHARE = 0.5  # of a sample's noise, the noise of a stretch's mean
 
@@ -108,12 +112,23 @@ def train(config: TrainingConfig) -> BayesianModel:
     if begun_from is not None:
         record["start"] = begun_from.record
     model = to_model(parameters, objective.scale, vehicle, record, config.adaptive)
+    model = dataclasses.replace(model, drifts=drifts_of(tables[0], config.seed))
     if config.lane is None and config.validation is not None and config.temper and config.adaptive:
         weight = choose_sample_weight(model, load_samples(config.validation))
         model = dataclasses.replace(model, sample_weight=np.full(STATE_COUNT, weight))
     model.save(config.output)
     resume.unlink(missing_ok=True)
     return model
+
+
+def drifts_of(samples: Samples, seed: int) -> Array | None:
+    """z [`DRIFT_COUNT`, 10] of drifting samples, drawn at random; None where nothing drifts."""
+    drifting = np.flatnonzero(np.abs(samples.x[:, 2]) > DRIFTING)
+    if not len(drifting):
+        return None
+    rows = np.random.default_rng(seed).choice(drifting, DRIFT_COUNT)
+    # In single precision, as a checkpoint holds them.
+    return network_inputs(samples.x[rows], samples.u[rows], samples.u_next[rows]).astype(np.float32).astype(float)
 
 
 def _started(model: BayesianModel, fresh: Parameters, scale: torch.Tensor, config: TrainingConfig) -> Parameters:

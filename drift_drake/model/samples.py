@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PHASE_STRIDE = 1000  # between the vehicle numbers of two phases of the same drives
+DRIFTING = 0.2  # [rad] of sideslip from which on a sample counts as drifting
 MIRROR_INPUT = np.array([-1.0, 1.0])  # (delta, tau) seen in a mirror
 MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT])
 

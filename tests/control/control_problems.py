@@ -2,8 +2,15 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
-from drift_drake.control.ocp import OcpData
+from diagrams.information_gathering import GatheringConfig
+from drift_drake.control.lane_drive import problem_data
+from drift_drake.control.ocp import OcpData, OptimalControlProblem
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.stacked import StageCost
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.reference.trajectory import Reference
 
 Array = NDArray[np.float64]
@@ -14,3 +21,48 @@ def ocp_data(reference: Reference, s: float, horizon: int, error: Array | None =
     window = reference.horizon(s, 0.1, horizon)
     x = reference.state(s) + (np.zeros(6) if error is None else error)
     return OcpData(x, reference.input(s), window.x_ref, window.curvature, window.e_min, window.e_max)
+
+
+def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(x [n, 8], u [n, 2], u_next [n, 2]) of a lively drive."""
+    rng = np.random.default_rng(seed)
+    centre, spread = [0.0, 12.0, 0.0, 13.0, 0.0, 0.0, 0.0, 150.0], [0.6, 2.0, 0.2, 2.0, 0.5, 0.1, 0.2, 80.0]
+    x = np.array(centre) + rng.normal(size=(count, 8)) * spread
+    u = np.array([0.0, 150.0]) + rng.normal(size=(count + 1, 2)) * [0.2, 80.0]
+    return x, u[:-1], u[1:]
+
+
+def lane_ocp(
+    model: BayesianModel, steps: int, information: StageCost, count: int = 4
+) -> tuple[OptimalControlProblem, list[np.ndarray]]:
+    """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
+    config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
+    step_model = BayesianStepModel(model.network, model.prior_mean, model.vehicle.constants())
+    problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
+    data = problem_data(config)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))
+    problem.set(data)
+    straight = problem.initial_guess(data)
+    guesses = [straight]
+    rng = np.random.default_rng(0)
+    for _ in range(count - 1):
+        x, u, _ = problem.unstack(straight)
+        u[1:] = rng.normal(size=(steps, 2)) * [0.1, 60.0] + [0.0, 100.0]
+        guesses.append(problem.stack(x, u))
+    return problem, guesses
+
+
+def check_against_referees(problem: OptimalControlProblem, guesses: list[np.ndarray]) -> None:
+    """The SQP's best value of the first guesses is that of SNOPT and IPOPT."""
+    solver = LineSearchSqp(problem, SqpOptions(max_iterations=150, tolerance=1e-5))
+    results = [solver.solve(guess) for guess in guesses]
+    feasible = [result.cost for result in results if not result.failed and result.primal_residual < 1e-5]
+    best = min(feasible)
+    options = SolverOptions()
+    options.SetOption(IpoptSolver.id(), "max_iter", 400)
+    referees = []
+    for referee in (SnoptSolver(), IpoptSolver()):
+        solved = [referee.Solve(problem.program, guess, options) for guess in guesses]
+        referees += [result.get_optimal_cost() for result in solved if result.is_success()]
+    assert referees
+    assert best <= min(referees) + 1e-3 * abs(min(referees))

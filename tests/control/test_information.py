@@ -2,15 +2,13 @@
 
 import numpy as np
 import pytest
-from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
+from control_problems import check_against_referees, lane_ocp, stages
 from scipy.linalg import block_diag
 
 from diagrams.information_gathering import GatheringConfig
 from drift_drake.control.information import InformationCost
-from drift_drake.control.lane_drive import problem_data
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import features, network_inputs
@@ -22,14 +20,6 @@ ALPHA = 1.7
 @pytest.fixture(scope="module")
 def model() -> BayesianModel:
     return load()
-
-
-def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    centre, spread = [0.0, 12.0, 0.0, 13.0, 0.0, 0.0, 0.0, 150.0], [0.6, 2.0, 0.2, 2.0, 0.5, 0.1, 0.2, 80.0]
-    x = np.array(centre) + rng.normal(size=(count, 8)) * spread
-    u = np.array([0.0, 150.0]) + rng.normal(size=(count + 1, 2)) * [0.2, 80.0]
-    return x, u[:-1], u[1:]
 
 
 def cost(model: BayesianModel, updated: bool) -> InformationCost:
@@ -136,27 +126,10 @@ def test_a_models_further_states_carry_no_information(model: BayesianModel) -> N
     np.testing.assert_array_equal(gradient[:, 10:], plain[:, 8:])
 
 
-def info_ocp(
-    model: BayesianModel, steps: int, updated: bool = False, count: int = 4, alpha: float = 0.3
-) -> tuple[OptimalControlProblem, list[np.ndarray]]:
-    """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
-    config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)
-    prior = model.prior()
-    covariance = weighed(prior.covariance, model.sample_weight)
-    information = InformationCost(model.network, covariance, alpha, updated)
-    step_model = BayesianStepModel(model.network, prior.mean, model.vehicle.constants())
-    problem = OptimalControlProblem(step_model, model.vehicle, steps, config.weights, extra_cost=information)
-    data = problem_data(config)
-    data = data._replace(x_init=np.append(data.x_init, data.u_init))
-    problem.set(data)
-    straight = problem.initial_guess(data)
-    guesses = [straight]
-    rng = np.random.default_rng(0)
-    for _ in range(count - 1):
-        x, u, _ = problem.unstack(straight)
-        u[1:] = rng.normal(size=(steps, 2)) * [0.1, 60.0] + [0.0, 100.0]
-        guesses.append(problem.stack(x, u))
-    return problem, guesses
+def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 4,
+             alpha: float = 0.3) -> tuple[OptimalControlProblem, list[np.ndarray]]:  # fmt: skip
+    covariance = weighed(model.prior().covariance, model.sample_weight)
+    return lane_ocp(model, steps, InformationCost(model.network, covariance, alpha, updated), count)
 
 
 @pytest.mark.parametrize("updated", [False, True])
@@ -168,21 +141,6 @@ def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, updated: 
 @pytest.mark.slow
 def test_the_sqp_finds_what_snopt_and_ipopt_find_of_ten_starts(model: BayesianModel) -> None:
     check_against_referees(*info_ocp(model, 12, count=10))
-
-
-def check_against_referees(problem: OptimalControlProblem, guesses: list[np.ndarray]) -> None:
-    solver = LineSearchSqp(problem, SqpOptions(max_iterations=150, tolerance=1e-5))
-    results = [solver.solve(guess) for guess in guesses]
-    feasible = [result.cost for result in results if not result.failed and result.primal_residual < 1e-5]
-    best = min(feasible)
-    options = SolverOptions()
-    options.SetOption(IpoptSolver.id(), "max_iter", 400)
-    referees = []
-    for referee in (SnoptSolver(), IpoptSolver()):
-        solved = [referee.Solve(problem.program, guess, options) for guess in guesses]
-        referees += [result.get_optimal_cost() for result in solved if result.is_success()]
-    assert referees
-    assert best <= min(referees) + 1e-3 * abs(min(referees))
 
 
 def test_each_qp_is_convex(model: BayesianModel) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -10,10 +10,12 @@ import pytest
 from diagrams import information_gathering
 from diagrams.information_gathering import (
     GatheringConfig,
+    Objective,
     Options,
     Trajectory,
     gather,
-    information,
+    information_cost,
+    information_gained,
     main,
     plan,
     plan_again,
@@ -106,7 +108,7 @@ def test_what_is_driven_is_learnt(model: BayesianModel, ocp: Trajectory, info: T
         after = learn(model, prior, samples)
         totals[name] = covariance_norms(after)[1]
         # What is obtained is what the covariances tell.
-        obtained = information(model, prior, samples.x, samples.u, samples.u_next, updated=True)
+        obtained = information_gained(model, prior, samples.x, samples.u, samples.u_next)
         logs = [np.linalg.slogdet(belief.covariance)[1] for belief in (prior, after)]
         assert obtained == pytest.approx(0.5 * (logs[0] - logs[1]), rel=1e-6)
     assert totals["info"] < totals["ocp"] < covariance_norms(prior)[1]
@@ -120,25 +122,42 @@ def test_a_drive_replays_to_the_bit(info: Trajectory) -> None:
 
 def test_a_later_rounds_repeat_of_the_first_drive_keeps_its_worth(model: BayesianModel, info: Trajectory) -> None:
     prior = model.prior()
-    assert round_alpha(model, prior, info, CONFIG) == pytest.approx(CONFIG.alpha)
+    same = dataclasses.replace(CONFIG, objective_later=CONFIG.objective)
+    assert round_alpha(model, prior, info, same) == pytest.approx(CONFIG.alpha)
     after = learn(model, prior, gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
     alpha = round_alpha(model, after, info, CONFIG)
-    again = information(model, after, info.x[:-1], info.u[:-1], info.u[1:])
+    again = information_cost(model, after, "drifts").information(info.x[:-1], info.u[:-1], info.u[1:])
     assert alpha > 2.0 * CONFIG.alpha
     assert alpha * again == pytest.approx(CONFIG.alpha * info.information)
 
 
-def test_later_rounds_plan_with_the_covariance_updated_along_the_horizon(
+def test_later_rounds_plan_for_the_drifts_to_come(
     model: BayesianModel, info: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[tuple[Any, ...]] = []
     monkeypatch.setattr(information_gathering, "plan", lambda *arguments: calls.append(arguments) or info)
     belief = learn(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
     plan_again(model, belief, info, CONFIG, 7)
-    plan_again(model, belief, info, dataclasses.replace(CONFIG, updated=True, updated_later=False))
+    plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later="updated"))
     alpha = round_alpha(model, belief, info, CONFIG)
-    assert calls[0] == (model, belief, dataclasses.replace(CONFIG, updated=True), alpha, 7)
-    assert not calls[1][2].updated
+    assert calls[0] == (model, belief, dataclasses.replace(CONFIG, objective="drifts"), alpha, 7)
+    assert calls[1][2].objective == "updated"
+
+
+def test_a_plan_for_drifts_tells_more_of_them(model: BayesianModel, info: Trajectory) -> None:
+    """More than plans for the other objectives, from the same belief."""
+    belief = learn(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    cost, told = information_cost(model, belief, "drifts"), {}
+    for objective in get_args(Objective):
+        drive = plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later=objective), 1)
+        told[objective] = cost.information(drive.x[:-1], drive.u[:-1], drive.u[1:])
+    assert drive.information == pytest.approx(told["drifts"])
+    assert told["drifts"] > 1.05 * max(told["eq8"], told["updated"])
+
+
+def test_a_checkpoint_without_drifts_is_named(model: BayesianModel) -> None:
+    with pytest.raises(ValueError, match="names no drifts to plan for; train it anew, or choose objective 'updated'"):
+        information_cost(dataclasses.replace(model, drifts=None), model.prior(), "drifts")
 
 
 def test_the_command_prints_four_models(capsys: pytest.CaptureFixture[str]) -> None:

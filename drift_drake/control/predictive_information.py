@@ -1,0 +1,83 @@
+"""Information about what is to be predicted, in place of l_info: for plans that teach one thing, drifting, above all.
+
+    l_pred = 1/2 mean_t sum_i log(v_ti before / v_ti after),   v_ti = 1 + phi_i(z_t)' Lambda_i^{-1} phi_i(z_t)
+
+is how many nats a drive tells of the next step at a point z_t where the car will be used, over all points t and states
+i: the expected predictive information gain of Bickford Smith et al. ("Prediction-oriented Bayesian active learning",
+2023), which for a Gaussian belief depends on where one drives, not on what one measures. l_info counts all that the
+features can express, whether a drift will ask for it or not.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.information import after_others, covariance_after, stage_gradient
+from drift_drake.model.features import Network, features, features_and_pullback, network_inputs
+from drift_drake.model.posterior import spread_of_features, weighed
+
+Array = NDArray[np.float64]
+
+
+class PredictiveInformationCost:
+    """-alpha l_pred as a `StageCost`, the covariance updated along the horizon.
+
+    The gradient is exact. The second derivatives within a stage, which the SQP takes by its differences, are those with
+    the points' weights 1 / v_t held where they are; between stages they are left out (see `InformationCost`).
+
+    Args:
+        network: the features.
+        covariance: Lambda^{-1} before the drive [64, 64].
+        sample_weight: of one sample in the posterior, by state [4].
+        points: z_t [n, 10], where predictions are wanted.
+        alpha: weight of the information [1/nat].
+    """
+
+    def __init__(self, network: Network, covariance: Array, sample_weight: Array, points: Array, alpha: float) -> None:
+        self._network = network
+        # As if samples counted in full: the covariance is scaled by their weight, and the points' features against it.
+        self._precision: Array = np.linalg.inv(weighed(covariance, sample_weight)).astype(np.float64)
+        phi = features(network, points) / np.sqrt(sample_weight)[:, None]
+        states = range(phi.shape[1])
+        rows = np.zeros((len(phi), len(states), *phi.shape[1:]))
+        rows[:, states, states] = phi
+        self._rows = rows.reshape(-1, len(self._precision))  # of Phi, of all points
+        self._before = self._variances(weighed(covariance, sample_weight))
+        self._count = len(points)
+        self._alpha = alpha
+
+    def _variances(self, covariance: Array) -> Array:
+        """v of each point and state [4 n]."""
+        return 1.0 + np.sum((self._rows @ covariance) * self._rows, axis=1)
+
+    def value(self, x: Array, u: Array, u_next: Array) -> float:
+        """-alpha l_pred."""
+        return -self._alpha * self.information(x, u, u_next)
+
+    def information(self, x: Array, u: Array, u_next: Array) -> float:
+        """l_pred [nat] of a trajectory."""
+        after = covariance_after(self._precision, features(self._network, network_inputs(x, u, u_next)))
+        return float(0.5 * np.sum(np.log(self._before / self._variances(after))) / self._count)
+
+    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
+        """See `StageCost`."""
+        phi = features(self._network, network_inputs(x, u, u_next))
+        variances = self._variances(covariance_after(self._precision, phi))
+        wanted = (self._rows.T / variances) @ self._rows / self._count
+        others = after_others(self._precision, phi)
+        seen, states = others @ wanted @ others, range(phi.shape[-2])
+
+        def gradient(x: Array, u: Array, u_next: Array) -> Array:
+            z = network_inputs(x, u, u_next)
+            phi, pullback = features_and_pullback(self._network, z.reshape(-1, len(others), z.shape[-1]))
+            # Phi C W C with C = (others^{-1} + Phi' Phi)^{-1}, by Woodbury's identity.
+            own, spread = spread_of_features(others, phi)
+            told, overlap = spread_of_features(seen, phi)
+            whole = (*phi.shape[:-1], -1)
+            overlap = overlap - np.eye(phi.shape[-2])
+            rest = told.reshape(whole) - overlap @ np.linalg.solve(spread, own.reshape(whole))
+            by_phi = np.linalg.solve(spread, rest).reshape(told.shape)[..., states, states, :]
+            return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
+
+        return gradient

@@ -1,0 +1,116 @@
+"""Information about drifts to come against the posterior that samples leave, and its plans against SNOPT and IPOPT."""
+
+import numpy as np
+import pytest
+from control_problems import check_against_referees, lane_ocp, stages
+
+from drift_drake.control.information import InformationCost
+from drift_drake.control.predictive_information import PredictiveInformationCost
+from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.command_lag import LAGGED
+from drift_drake.model.features import features, network_inputs
+from drift_drake.model.posterior import predict, update_all
+
+ALPHA = 1.7
+
+
+@pytest.fixture(scope="module")
+def model() -> BayesianModel:
+    return load()
+
+
+@pytest.fixture(scope="module")
+def points(model: BayesianModel) -> np.ndarray:
+    assert model.drifts is not None
+    return model.drifts[:12]
+
+
+@pytest.fixture(scope="module")
+def cost(model: BayesianModel, points: np.ndarray) -> PredictiveInformationCost:
+    return PredictiveInformationCost(model.network, model.prior().covariance, model.sample_weight, points, ALPHA)
+
+
+def test_the_value_is_by_how_much_predictions_narrow(
+    model: BayesianModel, points: np.ndarray, cost: PredictiveInformationCost
+) -> None:
+    x, u, u_next = stages(7, 0)
+    prior = model.prior()
+    phi = features(model.network, network_inputs(x, u, u_next))
+    after = update_all(prior, model.sigma, phi, np.zeros((7, 4)), model.sample_weight)
+    wanted = features(model.network, points)
+    before, left = (predict(belief, model.sigma, wanted).variance for belief in (prior, after))
+    expected = 0.5 * np.log(before / left).sum(axis=1).mean()
+    assert expected > 0.1
+    assert cost.information(x, u, u_next) == pytest.approx(expected, rel=1e-7)
+    assert cost.value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-7)
+
+
+def test_of_itself_a_sample_tells_less_than_all_it_tells(model: BayesianModel) -> None:
+    """One stage, one state, the point is the stage: v falls from 1 + s to 1 + s / (1 + s), s = phi' Lambda^{-1} phi."""
+    x, u, u_next = stages(1, 3)
+    z = network_inputs(x, u, u_next)
+    covariance = 1e-12 * np.eye(64)
+    covariance[:16, :16] = model.prior().covariance[:16, :16]
+    phi = features(model.network, z)[0, 0]
+    s = phi @ covariance[:16, :16] @ phi
+    told = PredictiveInformationCost(model.network, covariance, np.ones(4), z, 1.0).information(x, u, u_next)
+    assert told == pytest.approx(0.5 * np.log((1.0 + s) ** 2 / (1.0 + 2.0 * s)), rel=1e-4)
+    information = InformationCost(model.network, covariance, 1.0).information(x, u, u_next)
+    assert told < information == pytest.approx(0.5 * np.log(1.0 + s), rel=1e-4)
+
+
+def test_the_gradient_is_exact(cost: PredictiveInformationCost) -> None:
+    x, u, u_next = stages(4, 2)
+    gradient = cost.gradient_at(x, u, u_next)(x, u, u_next)
+    assert gradient.shape == (4, 12)
+    assert (gradient[:, 4:6] == 0.0).all()
+    assert (gradient[:, LAGGED] != 0.0).all()
+    point = np.concatenate([x, u, u_next], axis=1)
+    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
+    for k in range(4):
+        for j in range(12):
+            moved = np.stack([point, point])
+            moved[:, k, j] += np.array([1e-5, -1e-5]) * scale[j]
+            values = [cost.value(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved]
+            numeric = (values[0] - values[1]) / 2e-5
+            assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=1e-6)
+
+
+def test_curvature_is_taken_with_the_points_weights_held(
+    model: BayesianModel, points: np.ndarray, cost: PredictiveInformationCost
+) -> None:
+    """A stage's gradient away from where it was asked for is that of the variances weighed as they were there."""
+    x, u, u_next = stages(3, 5)
+    wanted, prior = features(model.network, points), model.prior()
+
+    def variances(x: np.ndarray) -> np.ndarray:
+        phi = features(model.network, network_inputs(x, u, u_next))
+        after = update_all(prior, np.ones(4), phi, np.zeros((3, 4)), model.sample_weight)
+        return predict(after, np.ones(4), wanted).variance
+
+    weights = 1.0 / variances(x)
+    moved = x.copy()
+    moved[1, 2] += 0.1
+    gradient = cost.gradient_at(x, u, u_next)(moved, u, u_next)[1]
+    for j, step in enumerate((1e-5, 1e-4, 1e-5, 1e-4)):
+        up, down = moved.copy(), moved.copy()
+        up[1, j] += step
+        down[1, j] -= step
+        change = (weights * (variances(up) - variances(down))).sum() / (2.0 * step)
+        assert gradient[j] == pytest.approx(ALPHA * 0.5 * change / len(points), rel=1e-4, abs=1e-6)
+
+
+def test_a_drift_tells_more_of_drifts_than_straight_driving(
+    cost: PredictiveInformationCost, points: np.ndarray
+) -> None:
+    z = points[:1]
+    x = np.concatenate([z[:, :4], np.zeros((1, 2)), z[:, 8:]], axis=1)
+    straight = np.array([[0.0, 10.0, 0.0, 10.1, 0.0, 0.0, 0.0, 50.0]])
+    slow = np.array([[0.0, 50.0]])
+    assert cost.information(x, z[:, 4:6], z[:, 6:8]) > 2.0 * cost.information(straight, slow, slow)
+
+
+def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, points: np.ndarray) -> None:
+    covariance = model.prior().covariance
+    objective = PredictiveInformationCost(model.network, covariance, model.sample_weight, points, 2.0)
+    check_against_referees(*lane_ocp(model, 6, objective))

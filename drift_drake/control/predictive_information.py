@@ -74,10 +74,10 @@ class PredictiveInformationCost:
             # Phi C W C with C = (others^{-1} + Phi' Phi)^{-1}, by Woodbury's identity.
             own, spread = spread_of_features(others, phi)
             told, overlap = spread_of_features(seen, phi)
-            whole = (*phi.shape[:-1], -1)
-            overlap = overlap - np.eye(phi.shape[-2])
-            rest = told.reshape(whole) - overlap @ np.linalg.solve(spread, own.reshape(whole))
-            by_phi = np.linalg.solve(spread, rest).reshape(told.shape)[..., states, states, :]
+            whole, shrink = (*phi.shape[:-1], -1), np.linalg.inv(spread)
+            overlap = (overlap - np.eye(phi.shape[-2])) @ shrink
+            rest = told.reshape(whole) - overlap @ own.reshape(whole)
+            by_phi = (shrink @ rest).reshape(told.shape)[..., states, states, :]
             return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
 
         return gradient

@@ -9,6 +9,7 @@ import pytest
 from drift_drake.model.checkpoint import PRECISION_FLOOR, BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.features import Network, features
 from drift_drake.model.posterior import block_diagonal, predict, state_blocks, update
+from drift_drake.model.samples import DRIFTING
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -39,6 +40,22 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
     z = np.array([0.5, 11.0, -0.5, 16.0, -0.1, 150.0, -0.12, 160.0, -0.08, 140.0])
     np.testing.assert_array_equal(features(model.network, z), features(again.network, z))
     assert path.stat().st_size < 300_000
+
+
+def test_a_checkpoint_names_drifts_or_none(random_model: BayesianModel, tmp_path: Path) -> None:
+    random_model.save(tmp_path / "none.npz")
+    assert load(tmp_path / "none.npz").drifts is None
+    drifts = np.arange(30.0).reshape(3, 10)
+    dataclasses.replace(random_model, drifts=drifts).save(tmp_path / "some.npz")
+    np.testing.assert_array_equal(load(tmp_path / "some.npz").drifts, drifts)
+
+
+def test_the_shipped_checkpoint_names_drifts_to_both_sides() -> None:
+    drifts = load().drifts
+    assert drifts is not None
+    assert drifts.shape == (200, 10)
+    assert np.abs(drifts[:, 2]).min() > DRIFTING
+    assert 50 < np.count_nonzero(drifts[:, 2] > 0.0) < 150
 
 
 def test_a_checkpoint_of_before_the_states_were_coupled_predicts_as_it_did(

@@ -11,14 +11,14 @@ from drift_drake.model.checkpoint import InvalidCheckpointError, load
 from drift_drake.model.features import FEATURE_COUNT, all_inputs, feature_jacobian, features, network_inputs
 from drift_drake.model.physical_inputs import physical_inputs
 from drift_drake.model.posterior import block_diagonal, from_precision, predict, state_blocks, update, update_all
-from drift_drake.model.samples import Samples, load_samples, save_samples
+from drift_drake.model.samples import DRIFTING, Samples, load_samples, save_samples
 from drift_drake.model.training_config import TrainingConfig, with_recipe
 from drift_drake.vehicle.parameters import VehicleParameters
 
 torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
-from drift_drake.model.meta_training import train  # noqa: E402
+from drift_drake.model.meta_training import DRIFT_COUNT, drifts_of, train  # noqa: E402
 from drift_drake.model.torch_network import initial_parameters, torch_features  # noqa: E402
 from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
 from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
@@ -155,6 +155,17 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     assert further.record["start"]["epochs"] == 4
     with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 18 inputs, .* for 8"):
         train(dataclasses.replace(again, physical_inputs=False))
+
+
+def test_a_checkpoint_holds_drifting_samples_that_it_was_trained_on(config: TrainingConfig) -> None:
+    model, samples = train(dataclasses.replace(config, epochs=1)), load_samples(config.data)
+    assert model.drifts is not None
+    assert model.drifts.shape == (DRIFT_COUNT, 10)
+    table = network_inputs(samples.x, samples.u, samples.u_next)[np.abs(samples.x[:, 2]) > DRIFTING]
+    for z in model.drifts[:5]:
+        assert np.abs(table - z).max(axis=1).min() < 1e-4
+    straight = samples.where(np.abs(samples.x[:, 2]) < DRIFTING)
+    assert drifts_of(straight, 0) is None
 
 
 def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:

@@ -84,7 +84,7 @@ def plan(
     Raises:
         RuntimeError: no first guess led to a feasible trajectory.
     """
-    # Euler's path would turn as the nominal car does: on validation vehicles the true car was twice as far from it.
+    # Euler's path would turn as the nominal car does: on validation vehicles the true car strayed up to twice as far.
     believed = step_model(model, belief, "trapezoid")
     cost = information_cost(model, belief, config.objective, alpha)
     problem = OptimalControlProblem(

@@ -5,6 +5,7 @@ python -m diagrams.information_gathering --graph         # draws the diagram of 
 """
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -23,7 +24,7 @@ from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples
@@ -127,13 +128,13 @@ def information_cost(
     """-alpha times an objective's information, a sample counting as the regression weighs it.
 
     Raises:
-        ValueError: the model does not know where it is to predict.
+        InvalidCheckpointError: the model does not know where it is to predict.
     """
     if objective != "drifts":
         covariance = weighed(belief.covariance, model.sample_weight)
         return InformationCost(model.network, covariance, alpha, updated=objective == "updated")
     if model.drifts is None:
-        raise ValueError(
+        raise InvalidCheckpointError(
             "the checkpoint names no drifts to plan for; train it anew, or choose objective 'updated' for later rounds"
         )
     return PredictiveInformationCost(model.network, belief.covariance, model.sample_weight, model.drifts, alpha)
@@ -242,4 +243,7 @@ def _report(name: str, belief: Posterior) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    try:
+        main(tyro.cli(Options))
+    except InvalidCheckpointError as error:
+        sys.exit(f"error: {error}")

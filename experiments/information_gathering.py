@@ -12,6 +12,7 @@ import dataclasses
 import json
 import multiprocessing
 import os
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from diagrams.information_gathering import (
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn
@@ -254,4 +255,7 @@ def main(config: InformationConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(InformationConfig))
+    try:
+        main(tyro.cli(InformationConfig))
+    except InvalidCheckpointError as error:
+        sys.exit(f"error: {error}")

@@ -23,7 +23,7 @@ from diagrams.information_gathering import (
 )
 from drift_drake.control.lane_drive import problem_data
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import learn, step_model
@@ -156,7 +156,9 @@ def test_a_plan_for_drifts_tells_more_of_them(model: BayesianModel, info: Trajec
 
 
 def test_a_checkpoint_without_drifts_is_named(model: BayesianModel) -> None:
-    with pytest.raises(ValueError, match="names no drifts to plan for; train it anew, or choose objective 'updated'"):
+    with pytest.raises(
+        InvalidCheckpointError, match="names no drifts to plan for; train it anew, or choose objective 'updated'"
+    ):
         information_cost(dataclasses.replace(model, drifts=None), model.prior(), "drifts")
 
 

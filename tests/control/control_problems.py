@@ -11,6 +11,7 @@ from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.stacked import StageCost
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.command_lag import LAGGED
 from drift_drake.reference.trajectory import Reference
 
 Array = NDArray[np.float64]
@@ -30,6 +31,24 @@ def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x = np.array(centre) + rng.normal(size=(count, 8)) * spread
     u = np.array([0.0, 150.0]) + rng.normal(size=(count + 1, 2)) * [0.2, 80.0]
     return x, u[:-1], u[1:]
+
+
+def check_gradient(cost: StageCost) -> None:
+    """Exact, by central differences; the path coordinates tell nothing, the lagged commands do."""
+    x, u, u_next = stages(4, 2)
+    gradient = cost.gradient_at(x, u, u_next)(x, u, u_next)
+    assert gradient.shape == (4, 12)
+    assert (gradient[:, 4:6] == 0.0).all()
+    assert (gradient[:, LAGGED] != 0.0).all()
+    point = np.concatenate([x, u, u_next], axis=1)
+    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
+    for k in range(4):
+        for j in range(12):
+            moved = np.stack([point, point])
+            moved[:, k, j] += np.array([1e-5, -1e-5]) * scale[j]
+            values = [cost.value(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved]
+            numeric = (values[0] - values[1]) / 2e-5
+            np.testing.assert_allclose(gradient[k, j] * scale[j], numeric, rtol=1e-5, atol=1e-5)
 
 
 def lane_ocp(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_problems import check_against_referees, lane_ocp, stages
+from control_problems import check_against_referees, check_gradient, lane_ocp, stages
 from scipy.linalg import block_diag
 
 from diagrams.information_gathering import GatheringConfig
@@ -10,7 +10,6 @@ from drift_drake.control.information import InformationCost
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update, weighed
 
@@ -94,23 +93,7 @@ def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianMod
 
 @pytest.mark.parametrize("updated", [False, True])
 def test_the_gradient_is_exact(model: BayesianModel, updated: bool) -> None:
-    objective = cost(model, updated)
-    x, u, u_next = stages(4, 2)
-    gradient = objective.gradient_at(x, u, u_next)(x, u, u_next)
-    assert gradient.shape == (4, 12)
-    assert (gradient[:, 4:6] == 0.0).all()
-    assert (gradient[:, LAGGED] != 0.0).all()
-    point = np.concatenate([x, u, u_next], axis=1)
-    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
-    for k in range(4):
-        for j in range(12):
-            values = []
-            for sign in (1.0, -1.0):
-                moved = point.copy()
-                moved[k, j] += sign * 1e-5 * scale[j]
-                values.append(objective.value(moved[:, :8], moved[:, 8:10], moved[:, 10:]))
-            numeric = (values[0] - values[1]) / 2e-5
-            assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=1e-5)
+    check_gradient(cost(model, updated))
 
 
 def test_a_models_further_states_carry_no_information(model: BayesianModel) -> None:

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from control_problems import check_against_referees, lane_ocp, stages
+from control_problems import check_against_referees, check_gradient, lane_ocp, stages
 
 from drift_drake.control.information import InformationCost
 from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.model.checkpoint import BayesianModel, load
-from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import predict, update_all
 
@@ -60,20 +59,7 @@ def test_of_itself_a_sample_tells_less_than_all_it_tells(model: BayesianModel) -
 
 
 def test_the_gradient_is_exact(cost: PredictiveInformationCost) -> None:
-    x, u, u_next = stages(4, 2)
-    gradient = cost.gradient_at(x, u, u_next)(x, u, u_next)
-    assert gradient.shape == (4, 12)
-    assert (gradient[:, 4:6] == 0.0).all()
-    assert (gradient[:, LAGGED] != 0.0).all()
-    point = np.concatenate([x, u, u_next], axis=1)
-    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
-    for k in range(4):
-        for j in range(12):
-            moved = np.stack([point, point])
-            moved[:, k, j] += np.array([1e-5, -1e-5]) * scale[j]
-            values = [cost.value(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved]
-            numeric = (values[0] - values[1]) / 2e-5
-            assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=1e-6)
+    check_gradient(cost)
 
 
 def test_curvature_is_taken_with_the_points_weights_held(

@@ -152,6 +152,7 @@ def plan_again(
 
     Raises:
         RuntimeError: no first guess led to a feasible trajectory.
+        InvalidCheckpointError: see `information_cost`.
     """
     again = dataclasses.replace(config, objective=config.objective_later)
     return plan(model, belief, again, round_alpha(model, belief, first, config), seed)

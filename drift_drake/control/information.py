@@ -58,7 +58,8 @@ class InformationCost:
         """See `StageCost`."""
         covariance = self._covariance
         if self._updated:
-            covariance = after_others(self._precision, features(self._network, network_inputs(x, u, u_next)))
+            phi = features(self._network, network_inputs(x, u, u_next))
+            covariance = after_others(covariance_after(self._precision, phi), phi)
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
@@ -74,12 +75,11 @@ def covariance_after(precision: Array, phi: Array) -> Array:
     return np.asarray(np.linalg.inv(precision + block_diagonal(np.einsum("nif,nig->ifg", phi, phi))), dtype=np.float64)
 
 
-def after_others(precision: Array, phi: Array) -> Array:
+def after_others(after: Array, phi: Array) -> Array:
     """What is left of the covariance after all stages but one, for each of these [N, 64, 64].
 
-    A stage is taken out of the covariance after all of them by Woodbury's identity.
+    A stage is taken out of the covariance after all of them, `after` [64, 64], by Woodbury's identity.
     """
-    after = covariance_after(precision, phi)
     projected, spread = spread_of_features(after, phi)
     projected = projected.reshape(*projected.shape[:-2], -1)
     left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi after Phi^T

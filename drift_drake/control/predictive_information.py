@@ -63,9 +63,9 @@ class PredictiveInformationCost:
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         """See `StageCost`."""
         phi = features(self._network, network_inputs(x, u, u_next))
-        variances = self._variances(covariance_after(self._precision, phi))
-        wanted = (self._rows.T / variances) @ self._rows / self._count
-        others = after_others(self._precision, phi)
+        after = covariance_after(self._precision, phi)
+        wanted = (self._rows.T / self._variances(after)) @ self._rows / self._count
+        others = after_others(after, phi)
         seen, states = others @ wanted @ others, range(phi.shape[-2])
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:

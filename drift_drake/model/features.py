@@ -79,6 +79,11 @@ def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
     return h1, np.tanh(h1 @ network.w2 + network.b2), by_physics
 
 
+def _outputs(network: Network, h2: Array) -> Array:
+    """phi [..., 4, 16] from the last hidden layer [..., 128]."""
+    return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+
+
 def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
     """Gradients [..., k, 10] with respect to z, from those [..., k, inputs] with respect to all inputs."""
     if by_physics is None:
@@ -98,14 +103,14 @@ def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
     h2 = _hidden(network, z)[1]
-    return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    return _outputs(network, h2)
 
 
 def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
     """phi [..., 4, 16] and d phi / dz [..., 4, 16, 10]."""
     hidden = _hidden(network, z)
     h2 = hidden[1]
-    phi = np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    phi = _outputs(network, h2)
     rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
     jacobian = _reverse(network, hidden, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
     return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
@@ -138,7 +143,7 @@ def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[
         seed = np.einsum("ihf,...if->...h", network.w_out, by_phi, optimize=True)
         return _reverse(network, hidden, seed[..., None, :])[..., 0, :]
 
-    return np.einsum("...h,ihf->...if", hidden[1], network.w_out, optimize=True) + network.b_out, pullback
+    return _outputs(network, hidden[1]), pullback
 
 
 class MeanFunction:

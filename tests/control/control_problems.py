@@ -1,6 +1,7 @@
 """Problems that several tests solve."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
@@ -33,7 +34,7 @@ def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x, u[:-1], u[1:]
 
 
-def check_gradient(cost: StageCost) -> None:
+def check_gradient(cost: StageCost, tolerance: float) -> None:
     """Exact, by central differences; the path coordinates tell nothing, the lagged commands do."""
     x, u, u_next = stages(4, 2)
     gradient = cost.gradient_at(x, u, u_next)(x, u, u_next)
@@ -48,7 +49,7 @@ def check_gradient(cost: StageCost) -> None:
             moved[:, k, j] += np.array([1e-5, -1e-5]) * scale[j]
             values = [cost.value(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved]
             numeric = (values[0] - values[1]) / 2e-5
-            np.testing.assert_allclose(gradient[k, j] * scale[j], numeric, rtol=1e-5, atol=1e-5)
+            assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=tolerance)
 
 
 def lane_ocp(

@@ -93,7 +93,7 @@ def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianMod
 
 @pytest.mark.parametrize("updated", [False, True])
 def test_the_gradient_is_exact(model: BayesianModel, updated: bool) -> None:
-    check_gradient(cost(model, updated))
+    check_gradient(cost(model, updated), 1e-5)
 
 
 def test_a_models_further_states_carry_no_information(model: BayesianModel) -> None:

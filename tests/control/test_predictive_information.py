@@ -59,7 +59,7 @@ def test_of_itself_a_sample_tells_less_than_all_it_tells(model: BayesianModel) -
 
 
 def test_the_gradient_is_exact(cost: PredictiveInformationCost) -> None:
-    check_gradient(cost)
+    check_gradient(cost, 1e-6)
 
 
 def test_curvature_is_taken_with_the_points_weights_held(

@@ -21,13 +21,13 @@ from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
-from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.dataset import decimations
 from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
-from drift_drake.model.samples import Samples
+from drift_drake.model.samples import concatenate
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import straight_line
 from drift_drake.run_folder import make_run_folder
@@ -140,9 +140,14 @@ def information_cost(
     return PredictiveInformationCost(model.network, belief.covariance, model.sample_weight, model.drifts, alpha)
 
 
-def information_gained(model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array) -> float:
-    """Information [nat] that samples together bring: half the log of the covariance's determinant before over after."""
-    return information_cost(model, belief, "updated").information(x, u, u_next)
+def information_expected(model: BayesianModel, belief: Posterior, drive: Trajectory) -> float:
+    """Information [nat] that a planned drive's samples together would bring."""
+    return information_cost(model, belief, "updated").information(drive.x[:-1], drive.u[:-1], drive.u[1:])
+
+
+def information_gained(before: Posterior, after: Posterior) -> float:
+    """Information [nat] between two beliefs: half the log of their covariances' determinants, before over after."""
+    return float(0.5 * (np.linalg.slogdet(before.covariance)[1] - np.linalg.slogdet(after.covariance)[1]))
 
 
 def plan_again(
@@ -181,11 +186,21 @@ def execution(
 
 def gather(
     trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig, seed: int
-) -> tuple[Samples, pd.DataFrame, str]:
-    """Drives a trajectory: (samples at 10 Hz, log at 100 Hz, how it ended: "time" is as planned)."""
+) -> tuple[pd.DataFrame, str]:
+    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned)."""
     drive = execution(trajectory, effects, parameters, config)
-    table, ending = drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
-    return samples_from_log(table, None, 0, 0), table, ending
+    return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
+
+
+def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:
+    """The belief after a drive's log, decimated to 10 Hz.
+
+    All ten decimations are learnt from, together as much as the first would count by itself: they saw the same motion,
+    but each with noise of its own, and at other moments between two commands.
+    """
+    phases = decimations(table)
+    together = concatenate(phases)
+    return learn(model, belief, together, len(phases[0].x) / len(together.x))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,18 +237,13 @@ def main(options: Options) -> None:
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
         if trajectory is None:
             trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
-        samples, table, ending = gather(trajectory, effects, parameters, config, options.seed)
-        beliefs[name] = learn(model, beliefs[before], samples)
+        table, ending = gather(trajectory, effects, parameters, config, options.seed)
+        beliefs[name] = learn_drive(model, beliefs[before], table)
         _report(name, beliefs[name])
-        planned, driven = (
-            information_gained(model, beliefs[before], *drive)
-            for drive in (
-                (trajectory.x[:-1], trajectory.u[:-1], trajectory.u[1:]),
-                (samples.x, samples.u, samples.u_next),
-            )
-        )
+        planned = information_expected(model, beliefs[before], trajectory)
+        gained = information_gained(beliefs[before], beliefs[name])
         print(
-            f"{'':>12}  planned {planned:.1f} nat ({trajectory.status}), gained {driven:.1f}; driven: "
+            f"{'':>12}  planned {planned:.1f} nat ({trajectory.status}), gained {gained:.1f}; driven: "
             f"|e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, ended by {ending}"
         )
 

@@ -20,13 +20,22 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, information_gained, plan, plan_again
+from diagrams.information_gathering import (
+    GatheringConfig,
+    Trajectory,
+    gather,
+    information_expected,
+    information_gained,
+    learn_drive,
+    plan,
+    plan_again,
+)
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import learn, standardized_errors
+from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.demo_log import FOLDER, TRUTH
@@ -70,11 +79,11 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
     parameters, prior = VehicleParameters(), learnt.prior()
 
     def taught(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
-        samples, table, ending = gather(planned, effects, parameters, settings, seed)
-        expected = information_gained(learnt, before, planned.x[:-1], planned.u[:-1], planned.u[1:])
-        obtained = information_gained(learnt, before, samples.x, samples.u, samples.u_next)
+        table, ending = gather(planned, effects, parameters, settings, seed)
+        after = learn_drive(learnt, before, table)
         bar.update()
-        return Gathered(expected, obtained, table, ending, learn(learnt, before, samples))
+        expected = information_expected(learnt, before, planned)
+        return Gathered(expected, information_gained(before, after), table, ending, after)
 
     bar.set_description("gathering information")
     ocp = taught(plan(learnt, prior, settings, 0.0), prior, config.seed)

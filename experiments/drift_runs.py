@@ -20,7 +20,7 @@ import pandas as pd
 import tyro
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, plan, plan_again
+from diagrams.information_gathering import GatheringConfig, Trajectory, gather, learn_drive, plan, plan_again
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -28,7 +28,7 @@ from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn, step_model
+from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import plain, write_json
 from drift_drake.vehicle.effects import Effects
@@ -212,7 +212,7 @@ def gather_beliefs(job: GatherJob) -> dict[str, Posterior]:
     seed = job.attempt[1]
 
     def taught(belief: Posterior, trajectory: Trajectory, drive_seed: int) -> Posterior:
-        return learn(learnt, belief, gather(trajectory, job.effects, parameters, config, drive_seed)[0])
+        return learn_drive(learnt, belief, gather(trajectory, job.effects, parameters, config, drive_seed)[0])
 
     beliefs = {}
     if "once_ocp" in job.wanted:

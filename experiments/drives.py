@@ -4,9 +4,9 @@
 
 For each of `vehicles` simulated vehicles of a population: drives by the MPC with the nominal (wrong) model and with the
 true vehicle's parameters, LQR holds and manual scripts, all with dither, many of which end in a spin or off the road;
-until 325 samples at 10 Hz are there. Written: the logs (log format, 100 Hz), what was driven (JSON), and one table of
-samples for each population: every tenth row (`train.npz`), and all ten phases of that (`train_phases.npz`). Broken off,
-it goes on with the vehicle it was at.
+until 325 samples at 10 Hz have been driven. Written: the logs (log format, 100 Hz), what was driven (JSON), and one
+table of samples for each population: every tenth row (`train.npz`), and all ten phases of that (`train_phases.npz`),
+without the first sample of each drive. Broken off, it goes on with the vehicle it was at.
 """
 
 import dataclasses
@@ -49,6 +49,9 @@ SCHEDULE = (
 )
 HORIZON = 20
 PERIOD = 0.02  # [s] between plans
+# Samples of a drive's beginning that are left out: within the first, the driver's command jumps from where the
+# actuators stood. A model of the commands at both ends of a step cannot know of that, and no car is driven so.
+TAKEOVER = 1
 DRIVING_STREAM = 1  # of a vehicle's random numbers; its effects come from another
 STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive starts
 
@@ -62,7 +65,7 @@ class DrivesConfig:
     validation: int = 20  # for choices made while training
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution
-    samples: int = 325  # a vehicle, at 10 Hz
+    samples: int = 325  # a vehicle, at 10 Hz, the first of each drive among them
     workers: int = 2
     output: Path = Path("runs/drives")
 
@@ -125,7 +128,7 @@ def _drive_vehicle(job: tuple[Path, Population, int, int, int]) -> None:
 
 
 def drive_vehicle(output: Path, population: Population, index: int, seed: int, wanted: int) -> None:
-    """Drives one vehicle until `wanted` samples are there, unless its folder is complete already."""
+    """Drives one vehicle until `wanted` samples have been driven, unless its folder is complete already."""
     folder = output / population / f"vehicle_{index:02d}"
     if (folder / "samples.npz").exists():
         return
@@ -148,7 +151,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         found = [samples_from_log(needed, path, index, len(drives), phase) for phase in range(DECIMATION)]
         count += len(found[0].x)
         for phase, samples in enumerate(found):
-            phases[phase].append(samples)
+            phases[phase].append(samples.where(np.arange(len(samples.x)) >= TAKEOVER))
         name = f"run_{len(drives)}"
         write_run(Run(name, **{column: table[column].to_numpy() for column in COLUMNS}), folder / f"{name}.csv")
         rms_e = None if reference is None else float(np.sqrt(np.mean(table["e"] ** 2)))

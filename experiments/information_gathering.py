@@ -27,7 +27,9 @@ from diagrams.information_gathering import (
     GatheringConfig,
     Trajectory,
     gather,
+    information_expected,
     information_gained,
+    learn_drive,
     plan,
     plan_again,
 )
@@ -37,7 +39,6 @@ from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
-from drift_drake.model.quality import learn
 from drift_drake.model.samples import load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects
@@ -163,13 +164,12 @@ class _Vehicle:
     ) -> tuple[Posterior, dict[str, Any], pd.DataFrame]:
         """Drives and learns: (the belief after, its entry in the results, the log)."""
         config = self._config.gathering
-        samples, table, ending = gather(trajectory, self._effects, self._parameters, config, seed)
-        x, u = trajectory.x, trajectory.u
+        table, ending = gather(trajectory, self._effects, self._parameters, config, seed)
+        after = learn_drive(self._model, belief, table)
         gain = {
-            "predicted": information_gained(self._model, belief, x[:-1], u[:-1], u[1:]),
-            "obtained": information_gained(self._model, belief, samples.x, samples.u, samples.u_next),
+            "predicted": information_expected(self._model, belief, trajectory),
+            "obtained": information_gained(belief, after),
         }
-        after = learn(self._model, belief, samples)
         entry = self.judge(after) | gain | {
             "ending": ending,
             "max_e": float(table["e"].abs().max()),

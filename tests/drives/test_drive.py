@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.dataset import DECIMATION, samples_from_log
 from drift_drake.drives.drive import Drive, Limits
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither
 from drift_drake.drives.vehicles import draw_effects
@@ -54,12 +54,15 @@ def test_a_vehicle_is_driven_in_every_way_until_enough_samples_are_there(tmp_pat
     drive_vehicle(tmp_path, "train", 0, seed=5, wanted=250)
     folder = tmp_path / "train" / "vehicle_00"
     samples, phases = load_samples(folder / "samples.npz"), load_samples(folder / "phases.npz")
-    assert len(samples.x) == 250
-    np.testing.assert_array_equal(phases.x[:250], samples.x)
     about = json.loads((folder / "drives.json").read_text())
+    kept = 250 - len(about["drives"])  # the first sample of each is left out
+    assert len(samples.x) == kept
+    np.testing.assert_array_equal(phases.x[:kept], samples.x)
     assert {drive["kind"] for drive in about["drives"]} >= {"mpc_figure_8", "hold", "manual", "mpc_loops"}
     runs = read_case(folder)
     assert len(runs) == len(about["drives"])
     for run in runs:
         assert all(run.column(name) is not None for name in COLUMNS)
         np.testing.assert_allclose(np.diff(run.t), 0.01, atol=1e-8)
+    for run, drive in zip(runs, samples.drives(), strict=True):
+        np.testing.assert_allclose(drive.x[0, 1], run.column("v")[DECIMATION], rtol=1e-6)

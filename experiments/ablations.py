@@ -41,11 +41,11 @@ from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drift_report import summarise
 from experiments.drift_runs import (
+    REFUSALS,
     Attempt,
     DriftConfig,
     DriveJob,
     Learnt,
-    OtherExperimentError,
     drive,
     gather_all,
     open_folder,
@@ -53,7 +53,7 @@ from experiments.drift_runs import (
     run_drives,
 )
 from experiments.drifting_errors import ROLLOUT_STEPS, drifting_errors
-from experiments.executors import JobsFailedError, NoClusterError, run_jobs
+from experiments.executors import run_jobs
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
@@ -253,5 +253,5 @@ def belief_errors(
 if __name__ == "__main__":
     try:
         main(tyro.cli(AblationsConfig))
-    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
+    except REFUSALS as error:
         sys.exit(f"error: {error}")

@@ -26,14 +26,14 @@ from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import plain, write_json
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, run_jobs
+from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
@@ -269,6 +269,9 @@ def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
 
 class OtherExperimentError(ValueError):
     """A folder that holds runs of another experiment; the message names it and what differs."""
+
+
+REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError)  # told in their one sentence
 
 
 def open_folder(folder: Path, config: DriftConfig) -> None:

@@ -14,8 +14,7 @@ import tyro
 
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drift_report import completion_table, draw, paper_table, summarise
-from experiments.drift_runs import ModelsConfig, OtherExperimentError, open_folder, reference, run_models
-from experiments.executors import JobsFailedError, NoClusterError
+from experiments.drift_runs import REFUSALS, ModelsConfig, open_folder, reference, run_models
 
 
 def main(config: ModelsConfig) -> None:
@@ -41,5 +40,5 @@ def main(config: ModelsConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(ModelsConfig))
-    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
+    except REFUSALS as error:
         sys.exit(f"error: {error}")

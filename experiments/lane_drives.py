@@ -14,6 +14,7 @@ rounds after the first are planned by the checkpoint that the rounds before have
 import dataclasses
 import json
 import multiprocessing
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.model.training_config import LANE_ROUND
@@ -190,4 +191,7 @@ def main(config: LaneDrivesConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(LaneDrivesConfig))
+    try:
+        main(tyro.cli(LaneDrivesConfig))
+    except InvalidCheckpointError as error:
+        sys.exit(f"error: {error}")

@@ -22,15 +22,14 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drift_report import LABELS, completion_table, draw, summarise
 from experiments.drift_runs import (
+    REFUSALS,
     Model,
     ModelsConfig,
-    OtherExperimentError,
     open_folder,
     reference,
     run_models,
     run_name,
 )
-from experiments.executors import JobsFailedError, NoClusterError
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
 MAX_SIDESLIP_ERROR = 0.15  # [rad], a quarter of the drift's
@@ -132,5 +131,5 @@ def main(config: LoopsConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(LoopsConfig))
-    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
+    except REFUSALS as error:
         sys.exit(f"error: {error}")

@@ -10,6 +10,7 @@ figures (PNG).
 """
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import (
     GAUSSIAN_COVERAGE,
@@ -226,4 +227,7 @@ def main(config: QualityConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(QualityConfig))
+    try:
+        main(tyro.cli(QualityConfig))
+    except InvalidCheckpointError as error:
+        sys.exit(f"error: {error}")

@@ -38,8 +38,8 @@ from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drift_runs import DriftConfig, OtherExperimentError, open_folder, reference
-from experiments.executors import JobsFailedError, NoClusterError, run_jobs
+from experiments.drift_runs import REFUSALS, DriftConfig, open_folder, reference
+from experiments.executors import run_jobs
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
 GROUPS: dict[Group, Population] = {"calibration": "validation", "in distribution": "held_out", "wide": "wide",
@@ -231,5 +231,5 @@ def main(config: DetectionConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(DetectionConfig))
-    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
+    except REFUSALS as error:
         sys.exit(f"error: {error}")

@@ -28,8 +28,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibrium
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drift_runs import DriftConfig, OtherExperimentError, gather_all, open_folder
-from experiments.executors import JobsFailedError, NoClusterError
+from experiments.drift_runs import REFUSALS, DriftConfig, gather_all, open_folder
 
 Array = NDArray[np.float64]
 
@@ -152,5 +151,5 @@ def report(found: pd.DataFrame) -> str:
 if __name__ == "__main__":
     try:
         run(tyro.cli(SteadyDriftConfig))
-    except (OtherExperimentError, NoClusterError, JobsFailedError) as error:
+    except REFUSALS as error:
         sys.exit(f"error: {error}")

@@ -21,13 +21,12 @@ from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
-from drift_drake.drives.dataset import decimations
+from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
-from drift_drake.model.samples import concatenate
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import straight_line
 from drift_drake.run_folder import make_run_folder
@@ -193,14 +192,8 @@ def gather(
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:
-    """The belief after a drive's log, decimated to 10 Hz.
-
-    All ten decimations are learnt from, together as much as the first would count by itself: they saw the same motion,
-    but each with noise of its own, and at other moments between two commands.
-    """
-    phases = decimations(table)
-    together = concatenate(phases)
-    return learn(model, belief, together, len(phases[0].x) / len(together.x))
+    """The belief after a drive's log, decimated to 10 Hz."""
+    return learn(model, belief, samples_from_log(table, None, 0, 0))
 
 
 @dataclasses.dataclass(frozen=True)

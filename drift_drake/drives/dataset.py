@@ -48,11 +48,6 @@ def samples_from_log(
                    np.full(count, drive))  # fmt: skip
 
 
-def decimations(table: pd.DataFrame) -> list[Samples]:
-    """The ten ways to take every tenth row of a log of a straight path, of vehicle and drive 0."""
-    return [samples_from_log(table, None, 0, 0, phase) for phase in range(DECIMATION)]
-
-
 def all_phases(parts: list[list[Samples]]) -> Samples:
     """One table of all ten ways to take every tenth row, the phases one after the other, each a drive of its own.
 

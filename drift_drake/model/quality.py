@@ -53,15 +53,11 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
     return Split(adaptation.where(np.arange(points)), drives[used:])
 
 
-def learn(model: BayesianModel, belief: Posterior, samples: Samples, share: float = 1.0) -> Posterior:
-    """The belief after samples.
-
-    Args:
-        share: of the weight of a sample, at which each counts.
-    """
+def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
+    """The belief after samples."""
     phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
     y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
-    return update_all(belief, model.sigma, phi, y, share * model.sample_weight)
+    return update_all(belief, model.sigma, phi, y, model.sample_weight)
 
 
 def adapted(model: BayesianModel, samples: Samples) -> Posterior:

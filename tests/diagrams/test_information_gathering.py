@@ -109,24 +109,17 @@ def test_what_is_driven_is_learnt(model: BayesianModel, ocp: Trajectory, info: T
         assert table["e"].abs().max() < CONFIG.half_width
         np.testing.assert_allclose(table[list(STATES)].to_numpy()[0], trajectory.x[0, :6], atol=0.3)
         after = learn_drive(model, prior, table)
+        samples = samples_from_log(table, None, 0, 0)
+        assert len(samples.x) == CONFIG.steps
+        np.testing.assert_array_equal(samples.x[0, LAGGED], samples.u[0])
+        np.testing.assert_array_equal(after.mean, learn(model, prior, samples).mean)
         totals[name] = covariance_norms(after)[1]
         # The car drives what was planned, so that it tells what was expected.
         expected = information_expected(model, prior, trajectory)
         assert information_gained(prior, after) == pytest.approx(expected, rel=0.3)
+        obtained = information_cost(model, prior, "updated").information(samples.x, samples.u, samples.u_next)
+        assert information_gained(prior, after) == pytest.approx(obtained, rel=1e-6)
     assert totals["info"] < totals["ocp"] < covariance_norms(prior)[1]
-
-
-def test_a_drives_ten_decimations_count_as_one(model: BayesianModel, info: Trajectory) -> None:
-    prior, table = model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0]
-    after = learn_drive(model, prior, table)
-    phases = [samples_from_log(table, None, 0, 0, phase) for phase in range(10)]
-    assert [len(samples.x) for samples in phases] == [12] + 9 * [11]
-    single = [learn(model, prior, samples) for samples in phases]
-    told = [np.linalg.inv(belief.covariance) - np.linalg.inv(prior.covariance) for belief in (after, *single)]
-    np.testing.assert_allclose(
-        told[0], 12 / 111 * np.sum(told[1:], axis=0), rtol=1e-5, atol=1e-8 * np.abs(told[0]).max()
-    )
-    np.testing.assert_allclose(after.q - prior.q, 12 / 111 * sum(one.q - prior.q for one in single), rtol=1e-9)
 
 
 def test_a_drive_replays_to_the_bit(info: Trajectory) -> None:

@@ -60,7 +60,7 @@ def train(config: TrainingConfig) -> BayesianModel:
     )
     begun_from = None if config.start is None else load(config.start)
     if begun_from is not None:
-        parameters |= _started(begun_from, parameters, objective.scale, config)
+        parameters |= _started(begun_from, parameters, objective.scale, config, vehicle)
     if config.lane is not None:
         share = torch.full((STATE_COUNT,), math.log(FIRST_SHARE), dtype=torch.float64, requires_grad=True)
         parameters["log_share"] = share
@@ -131,12 +131,20 @@ def drifts_of(samples: Samples, seed: int) -> Array | None:
     return network_inputs(samples.x[rows], samples.u[rows], samples.u_next[rows]).astype(np.float32).astype(float)
 
 
-def _started(model: BayesianModel, fresh: Parameters, scale: torch.Tensor, config: TrainingConfig) -> Parameters:
+def _started(
+    model: BayesianModel, fresh: Parameters, scale: torch.Tensor, config: TrainingConfig, vehicle: VehicleParameters
+) -> Parameters:
     """The numbers of the model that training starts from.
 
     Raises:
-        InvalidCheckpointError: its network's inputs are others; the message names the file and the mend.
+        InvalidCheckpointError: its network's inputs or its nominal car are others; the message names the file and the
+            mend.
     """
+    if model.vehicle != vehicle:
+        raise InvalidCheckpointError(
+            f"{config.start}: its nominal car is not the one that training is set up for; give that car's file as "
+            "--vehicle, or start from another checkpoint"
+        )
     numbers = parameters_of(model, scale)
     if numbers["w1"].shape != fresh["w1"].shape:
         raise InvalidCheckpointError(

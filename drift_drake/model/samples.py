@@ -14,6 +14,7 @@ PHASE_STRIDE = 1000  # between the vehicle numbers of two phases of the same dri
 DRIFTING = 0.2  # [rad] of sideslip from which on a sample counts as drifting
 MIRROR_INPUT = np.array([-1.0, 1.0])  # (delta, tau) seen in a mirror
 MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT])
+WIDTHS = {"x": MIRROR_STATE.shape, "x_next": MIRROR_STATE.shape, "u": MIRROR_INPUT.shape, "u_next": MIRROR_INPUT.shape}
 
 
 class InvalidSamplesError(ValueError):
@@ -103,11 +104,13 @@ def load_samples(path: str | Path) -> Samples:
         raise
     except (ValueError, OSError, EOFError) as error:
         raise InvalidSamplesError(f"{path}: not a table of samples ({error}); make it anew") from None
-    if samples.x.shape[1:] != MIRROR_STATE.shape:
-        raise InvalidSamplesError(
-            f"{path}: x has {samples.x.shape[-1]} columns, not {len(MIRROR_STATE)} (the six states and the lagged "
-            "commands); make it anew"
-        )
+    for name, column in zip(Samples._fields, samples, strict=True):
+        wanted = (*np.shape(samples.drive), *WIDTHS.get(name, ()))
+        if column.shape != wanted:
+            raise InvalidSamplesError(
+                f"{path}: {name} has the shape {column.shape}, not {wanted} (a row a sample; in x and x_next the six "
+                "states and the lagged commands); make it anew"
+            )
     if len(samples.x) == 0:
         raise InvalidSamplesError(f"{path}: holds no sample; make it anew from drives of 0.2 s or more")
     for name, column in zip(Samples._fields, samples, strict=True):

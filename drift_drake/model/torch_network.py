@@ -59,8 +59,8 @@ def parameters_of(model: BayesianModel, scale: torch.Tensor) -> Parameters:
         "precision_factor": torch.as_tensor(model.precision_factor),
         "log_sigma": torch.log(torch.as_tensor(model.sigma) / scale),
     }
-    if (model.sample_weight < 1.0).all():
-        parameters["logit_weight"] = torch.logit(torch.as_tensor(model.sample_weight))
+    if (model.sample_weight < 1.0).any():
+        parameters["logit_weight"] = torch.logit(torch.as_tensor(model.sample_weight), eps=1e-6)
     return {name: value.clone().requires_grad_() for name, value in parameters.items()}
 
 

@@ -8,7 +8,14 @@ import pytest
 
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import InvalidCheckpointError, load
-from drift_drake.model.features import FEATURE_COUNT, all_inputs, feature_jacobian, features, network_inputs
+from drift_drake.model.features import (
+    FEATURE_COUNT,
+    STATE_COUNT,
+    all_inputs,
+    feature_jacobian,
+    features,
+    network_inputs,
+)
 from drift_drake.model.physical_inputs import physical_inputs
 from drift_drake.model.posterior import block_diagonal, from_precision, predict, state_blocks, update, update_all
 from drift_drake.model.samples import DRIFTING, Samples, load_samples, save_samples
@@ -19,7 +26,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
 from drift_drake.model.meta_training import DRIFT_COUNT, drifts_of, train  # noqa: E402
-from drift_drake.model.torch_network import initial_parameters, torch_features  # noqa: E402
+from drift_drake.model.torch_network import initial_parameters, parameters_of, torch_features  # noqa: E402
 from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
 from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
 
@@ -155,6 +162,18 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     assert further.record["start"]["epochs"] == 4
     with pytest.raises(InvalidCheckpointError, match=r"model\.npz: its network has 18 inputs, .* for 8"):
         train(dataclasses.replace(again, physical_inputs=False))
+    other = config.output.with_name("other.npz")
+    dataclasses.replace(first, vehicle=first.vehicle.replace(mass=1.1 * first.vehicle.mass)).save(other)
+    with pytest.raises(InvalidCheckpointError, match=r"other\.npz: its nominal car is not the one .* as --vehicle"):
+        train(dataclasses.replace(again, start=other))
+
+
+def test_a_weight_of_one_is_gone_on_from(config: TrainingConfig) -> None:
+    model = train(dataclasses.replace(config, epochs=0))
+    weights = np.array([0.2, 1.0, 0.5, 0.1])
+    scale = torch.ones(STATE_COUNT, dtype=torch.float64)
+    logit = parameters_of(dataclasses.replace(model, sample_weight=weights), scale)["logit_weight"]
+    np.testing.assert_allclose(torch.sigmoid(logit).detach().numpy(), weights, atol=1e-5)
 
 
 def test_a_checkpoint_holds_drifting_samples_that_it_was_trained_on(config: TrainingConfig) -> None:

@@ -1,5 +1,6 @@
 """Tables of samples."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +70,16 @@ def test_bad_tables_are_named(samples: Samples, tmp_path: Path) -> None:
         load_samples(path)
 
 
-def test_a_table_without_lagged_commands_is_refused(samples: Samples, tmp_path: Path) -> None:
-    """As they were made before the model knew of lags."""
+@pytest.mark.parametrize(
+    ("column", "shape", "wanted"),
+    [("x", (7, 6), (7, 8)), ("x_next", (7, 6), (7, 8)), ("u_next", (7, 1), (7, 2)), ("curvature", (6,), (7,))],
+)
+def test_a_column_of_another_shape_is_refused(
+    samples: Samples, tmp_path: Path, column: str, shape: tuple[int, ...], wanted: tuple[int, ...]
+) -> None:
+    """As they were made before the model knew of lags, say."""
     path = tmp_path / "table.npz"
-    save_samples(samples._replace(x=samples.x[:, :6], x_next=samples.x_next[:, :6]), path)
-    message = r"table\.npz: x has 6 columns, not 8 \(the six states and the lagged commands\); make it anew"
+    save_samples(samples._replace(**{column: np.zeros(shape)}), path)
+    message = re.escape(f"table.npz: {column} has the shape {shape}, not {wanted} (a row a sample; in x and x_next")
     with pytest.raises(InvalidSamplesError, match=message):
         load_samples(path)

@@ -211,9 +211,10 @@ def run_plan_next(command: PlanNext) -> None:
     """`drift-drake plan-next`."""
     from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer  # Drake is slow to import
 
-    answer, vehicle = read_answer(command.answer), VehicleParameters.from_yaml(command.vehicle)
+    answer = read_answer(command.answer)
+    vehicle, own = read_vehicle(command.vehicle)
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
-    drive = plan_from_answer(answer, vehicle, lane)
+    drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}")
 

@@ -16,7 +16,7 @@ from drift_drake.diagnosis.isolability import isolability
 from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, log_prior
 from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, Problem
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.effects import CATALOGUE, Effects, make_effects
 
 MOST_FITTED, MOST_UNSEEN = 3, 4  # hypotheses that are kept
 LEAST_PROBABILITY = 1e-3
@@ -40,12 +40,13 @@ class Belief:
 
 @dataclasses.dataclass(frozen=True)
 class Sensing:
-    """What the logs' sensors are like."""
+    """What the logs' sensors are like, and what the simulator of their car knew already."""
 
     noise: np.ndarray  # [9] standard deviations, in the order of `filter.CHANNELS`
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
     row_weight: float = 1.0  # what one of their rows is worth
+    own: Effects = Effects()  # noqa: RUF009 (immutable); of the vehicle file: magnitudes add to them
 
 
 def beliefs_as_data(
@@ -72,6 +73,7 @@ def beliefs_as_data(
         "used": np.all([run.used for run in problem.runs], axis=0).tolist(),
         "process": problem.process.tolist(),
         "row_weight": problem.row_weight,
+        "own": {name: value for name, value in problem.own._asdict().items() if value},
         "hypotheses": {
             b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()}
             for b in kept + hidden[:MOST_UNSEEN]
@@ -127,6 +129,7 @@ def beliefs_from_data(data: Mapping[str, Any]) -> tuple[Sensing, list[Belief]]:
         np.array(data["used"], dtype=np.bool_),
         np.array(data["process"]),
         data.get("row_weight", 1.0),
+        make_effects(data.get("own", {})),
     )
     beliefs = [
         Belief(

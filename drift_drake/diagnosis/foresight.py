@@ -47,7 +47,7 @@ def problem_of(vehicle: VehicleParameters, sensing: Sensing, drive: Commands, y:
     run = RunData("planned", PERIOD, y, sensing.used, drive.delta, drive.tau, counted)
     return Problem(
         [run], vehicle, vehicle.constants(), tolerance_deviations(vehicle), sensing.noise, sensing.process,
-        row_weight=sensing.row_weight,
+        own=sensing.own, row_weight=sensing.row_weight,
     )  # fmt: skip
 
 

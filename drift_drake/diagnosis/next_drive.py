@@ -38,6 +38,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 ROWS = round(DT / PERIOD)
 RIVALS = 3  # of the leading hypothesis that plans are made against
+ROUNDING = 1e-5  # of an answer written to a file
 OUT_OF_LANE = 0.05  # [m] of a plan's largest slack
 HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)  # [rad] of the lane that are tried where a road's grade is in doubt
 SLALOMS = ((1.0, 2.4), (1.5, 1.5))  # [m], [s]
@@ -104,11 +105,17 @@ class NextDrive:
         )
 
 
-def plan_from_answer(answer: Answer, vehicle: VehicleParameters, config: NextDriveConfig | None = None) -> NextDrive:
+def plan_from_answer(
+    answer: Answer, vehicle: VehicleParameters, config: NextDriveConfig | None = None, own: Effects | None = None
+) -> NextDrive:
     """The drive that follows an answer.
 
+    Args:
+        own: effects of the vehicle file; without, those that the answer was found with.
+
     Raises:
-        UnplannableError: the answer does not hold two hypotheses to tell apart; also see `plan_next`.
+        UnplannableError: the answer does not hold two hypotheses to tell apart, or was found with other effects in the
+            vehicle file; also see `plan_next`.
     """
     data = answer.details.get("beliefs") or {}
     if not data:
@@ -117,11 +124,23 @@ def plan_from_answer(answer: Answer, vehicle: VehicleParameters, config: NextDri
             "commands); diagnose logs with the column tau_cmd anew"
         )
     sensing, beliefs = beliefs_from_data(data)
+    if own is not None:
+        if "own" in data and not np.allclose(own, sensing.own, rtol=ROUNDING, atol=0.0):
+            raise UnplannableError(
+                f"{answer.case}: the answer was found with effects of the vehicle file ({listed(sensing.own)}) that "
+                f"are not this file's ({listed(own)}); give the file that was diagnosed with"
+            )
+        sensing = dataclasses.replace(sensing, own=own)
     if len(beliefs) < 2:
         raise UnplannableError(
             f"{answer.case}: {beliefs[0].name} has no rival left that a drive could tell it from; nothing to plan"
         )
     return plan_next(vehicle, sensing, beliefs, config)
+
+
+def listed(effects: Effects) -> str:
+    """What there is, for a message."""
+    return ", ".join(f"{name} {value:g}" for name, value in effects._asdict().items() if value) or "none"
 
 
 def plan_next(
@@ -189,7 +208,7 @@ def solve(
     lateral: np.ndarray | None = None,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Plans (states [N+1, 6], inputs [N+1, 2]) of the OCP from each first guess that leads to one within the lane."""
-    first, rival = (as_rival(vehicle, belief) for belief in pair)
+    first, rival = (as_rival(vehicle, sensing.own, belief) for belief in pair)
     own, other = first.car(first.theta), rival.car(rival.theta)
     gain, bias = (np.array(q) for q in between(own, other))
     step_models = [EffectsStepModel(vehicle, c.effects).of_car(c.constants, c.effects) for c in (own, other)]
@@ -241,9 +260,10 @@ def stage_deviation(sensing: Sensing) -> np.ndarray:
     return np.asarray(np.sqrt(np.where(sensing.used[:4], variance, 1e6)))
 
 
-def as_rival(vehicle: VehicleParameters, belief: Belief) -> Rival:
-    """A belief as `control.discrimination` wants it."""
-    problem = Problem([], vehicle, vehicle.constants(), tolerance_deviations(vehicle), np.ones(9), np.ones(9))
+def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
+    """A belief as `control.discrimination` wants it; `own` are the vehicle file's effects."""
+    tolerance = tolerance_deviations(vehicle)
+    problem = Problem([], vehicle, vehicle.constants(), tolerance, np.ones(9), np.ones(9), own=own)
     whiten = np.linalg.inv(belief.root)
 
     def car_of(theta: np.ndarray) -> Car:

@@ -1,6 +1,7 @@
 """What to drive next: beliefs survive the answer's file, foresight knows likeness, plans keep their limits."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -17,11 +18,11 @@ from drift_drake.diagnosis.beliefs import (
 )
 from drift_drake.diagnosis.filter import CHANNELS
 from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.foresight import Commands, foresee, probability_of_truth
-from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer, plan_next, stand_ins
+from drift_drake.diagnosis.foresight import Commands, foresee, probability_of_truth, readings
+from drift_drake.diagnosis.next_drive import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins
 from drift_drake.diagnosis.posterior import Calibration
 from drift_drake.diagnosis.prior import scale
-from drift_drake.diagnosis.problem import NUISANCES, PROCESS_NOISE, make_problem
+from drift_drake.diagnosis.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
 from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import NOISE
@@ -52,8 +53,10 @@ def test_beliefs_survive_their_plain_data(problem):
     root = np.tril(np.random.default_rng(0).normal(size=(size, size)))
     names = ("aero_drag", "mass_error")
     fit = Fit(names, np.full(size, 0.1), 0.0, root @ root.T, 0.0, 1.0, 1)
-    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 0.8}, list(CATALOGUE), Calibration())
-    sensing, beliefs = beliefs_from_data(data)
+    known = problem.replace(own=Effects(road_grade=0.02))
+    data = beliefs_as_data(known, [(fit, 0.0)], {"aero_drag+mass_error": 0.8}, list(CATALOGUE), Calibration())
+    sensing, beliefs = beliefs_from_data(json.loads(json.dumps(data)))
+    assert sensing.own == known.own
     kept = [*range(len(NUISANCES)), size - 2, size - 1]
     assert (beliefs[0].names, beliefs[0].probability) == (names, 0.8)
     np.testing.assert_allclose(beliefs[0].theta, fit.theta[kept])
@@ -125,6 +128,30 @@ def test_an_answer_without_rivals_is_refused():
     answer = Answer("a", "none", [], {"none": 1.0}, ["none"], {}, {}, Interval(0, 0, 0), 1.0, {}, {}, [])
     with pytest.raises(UnplannableError, match="says nothing of rival"):
         plan_from_answer(answer, VEHICLE)
+
+
+def test_effects_of_the_vehicle_file_are_driven_with() -> None:
+    """As a hypothesis has them, in what is foreseen and in the plan's car."""
+    known, drag = dataclasses.replace(SENSING, own=Effects(aero_drag=1.2)), belief(0.5, aero_drag=1.2)
+    nothing = belief(0.5)
+    read = [readings(VEHICLE, s, b, WEAVING) for s, b in ((known, nothing), (SENSING, drag), (SENSING, nothing))]
+    np.testing.assert_allclose(read[0], read[1], rtol=1e-12)
+    assert np.abs(read[0] - read[2]).max() > 0.01
+    cars = [as_rival(VEHICLE, own, b) for own, b in ((known.own, nothing), (Effects(), drag))]
+    assert cars[0].car(cars[0].theta).effects.aero_drag == cars[1].car(cars[1].theta).effects.aero_drag == 1.2
+
+
+def test_a_vehicle_file_with_other_effects_than_the_answers_is_refused(problem: Problem) -> None:
+    size = problem.nuisances + 1
+    pair = [
+        (Fit((name,), np.full(size, 0.1), 0.0, np.eye(size), 0.0, 1.0, 1), 0.0) for name in ("aero_drag", "mass_error")
+    ]
+    known = problem.replace(own=Effects(road_grade=0.02))
+    data = beliefs_as_data(known, pair, {"aero_drag": 0.5, "mass_error": 0.5}, list(CATALOGUE), Calibration())
+    answer = Answer("a", "none", [], {}, ["none"], {}, {}, Interval(0, 0, 0), 1.0, {}, {"beliefs": data}, [])
+    message = r"a: the answer .* \(road_grade 0\.02\) that are not this file's \(none\); give the file"
+    with pytest.raises(UnplannableError, match=message):
+        plan_from_answer(answer, VEHICLE, SHORT, Effects())
 
 
 def test_stand_ins_are_what_a_step_can_have():

@@ -42,7 +42,7 @@ class Belief:
 class Sensing:
     """What the logs' sensors are like, and what the simulator of their car knew already."""
 
-    noise: np.ndarray  # [9] standard deviations, in the order of `filter.CHANNELS`
+    noise: np.ndarray  # [9] standard deviations, in the order of `filter_state.CHANNELS`
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
     row_weight: float = 1.0  # what one of their rows is worth

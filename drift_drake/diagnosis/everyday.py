@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from drift_drake.diagnosis.filter import CHANNELS
+from drift_drake.diagnosis.filter_state import CHANNELS
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
 from drift_drake.diagnosis.problem import Everyday, Problem, filter_case, flat, observe
 

@@ -1,13 +1,10 @@
-"""Extended Kalman filter over the car, its pose and the effects' own states, compiled.
+"""Extended Kalman filter over the car, its pose and the effects' own states (`filter_state`), compiled.
 
-Filter state z [13]: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats
-front and rear, filtered accelerations a_x and a_y. The first nine carry a covariance; heats and filtered accelerations
-follow from the estimated motion without a correction of their own.
-
-Measurements [9] in the order of `CHANNELS`. The filter returns whitened innovations (mean square one where the model
-and the noise levels are right) and, for each row, the gain and the whitening matrix. With those frozen, `observe`
-evaluates the innovations of slightly different parameters some ten times faster: a prediction-error criterion, whose
-derivatives by differences serve Gauss-Newton.
+The first nine of the state carry a covariance; heats and filtered accelerations follow from the estimated motion
+without a correction of their own. The filter returns whitened innovations (mean square one where the model and the
+noise levels are right) and, for each row, the gain and the whitening matrix. With those frozen, `observe_run` evaluates
+the innovations of slightly different parameters some ten times faster: a prediction-error criterion, whose derivatives
+by differences serve Gauss-Newton.
 """
 
 from typing import Any
@@ -16,197 +13,20 @@ import numpy as np
 
 from drift_drake.compilation import compiled
 from drift_drake.diagnosis.commands import STAGES, SUBSTEPS
-from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
-from drift_drake.vehicle.effects import Memory, changed_constants, measured, motion_with_effects, settled_memory
-from drift_drake.vehicle.scalar import cos, jitable, sin
-
-CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
-FILTER_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", "front_slip", "rear_slip")
-SIZE = 13  # of z
-CORRECTED = 9  # of z, with a covariance
-MEASURED = 9
+from drift_drake.diagnosis.filter_state import (
+    CORRECTED,
+    MEASURED,
+    MIN_FILTER_SPEED,
+    SIZE,
+    advance,
+    first_state,
+    linearise,
+    predict_measurement,
+    rates_of,
+    transition,
+)
 
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
-STABLE = 2.5  # rate times step up to which Runge-Kutta steps and the transition are stable
-MOST_SPLITS, MOST_SQUARINGS = 15, 8
-MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
-
-
-@jitable
-def state_rates(
-    z: Any, delta: Any, torque: Any, constants: Any, effects: Any, force_x: Any, force_y: Any, moment: Any
-) -> Any:
-    """Rates of z [13] and the body acceleration (a_x, a_y), on floats or complex numbers."""
-    zero = 0.0 * z[0]
-    memory = Memory(zero, zero, z[7], z[8], z[9], z[10], z[11], z[12])
-    motion, rates = motion_with_effects(
-        z[0], z[1], z[2], z[3], z[4], memory, delta + zero, torque + zero, constants, effects, force_x, force_y, moment
-    )
-    course = z[4] + z[2]
-    return (
-        motion.r_dot,
-        motion.v_dot,
-        motion.beta_dot,
-        motion.omega_r_dot,
-        z[0],
-        z[1] * cos(course),
-        z[1] * sin(course),
-        rates.front_slip,
-        rates.rear_slip,
-        rates.front_heat,
-        rates.rear_heat,
-        rates.a_x,
-        rates.a_y,
-        motion.a_x,
-        motion.a_y,
-    )
-
-
-@compiled
-def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
-    rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
-    out[0], out[1], out[2], out[3], out[4], out[5], out[6] = rates[:7]
-    out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = rates[7:]
-
-
-@compiled
-def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
-    """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
-    p = changed_constants(constants, effects)
-    stiffness = p.rear_stiffness + p.front_coupling * p.front_stiffness
-    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(z[3], MIN_SLIP_SPEED))
-
-
-@compiled
-def between(values: Any, place: Any) -> Any:
-    """Linear between the grid's points; `place` counts them."""
-    i = min(int(place), len(values) - 2)
-    return values[i] + (place - i) * (values[i + 1] - values[i])
-
-
-@compiled
-def advance(
-    z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
-) -> Any:
-    """One row of Runge-Kutta steps, in place, under a further force and moment; k [15], w [2, 13] are scratch.
-
-    The steps are split where the driven rim of a light axle settles faster than they could follow.
-    """
-    splits = min(int(step * wheel_rate(z, constants, effects) / STABLE), MOST_SPLITS) + 1
-    h = step / splits
-    for substep in range(SUBSTEPS * splits):
-        at = STAGES * row + 2.0 * substep / splits
-        end = at + 2.0 / splits
-        middle = 0.5 * (at + end)
-        rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] = k[i]
-            w[0, i] = z[i] + 0.5 * h * k[i]
-        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + 0.5 * h * k[i]
-        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + h * k[i]
-        rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
-        for i in range(SIZE):
-            z[i] += h / 6.0 * (w[1, i] + k[i])
-        z[1] = max(z[1], MIN_FILTER_SPEED)
-        z[3] = max(z[3], 0.0)
-
-
-@compiled
-def _start(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
-    """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
-    z[0] = y[first, 0] - effects.gyro_bias
-    z[1] = max(y[first, 1], MIN_FILTER_SPEED)
-    z[2] = y[first, 2] - effects.sideslip_bias if used[2] else y[first, 2]
-    z[3] = y[first, 3] / (1.0 + effects.wheel_radius_error) if used[3] else z[1]
-    for i in range(3):
-        z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
-    at = STAGES * first
-    memory = settled_memory(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
-    z[7], z[8], z[9], z[10], z[11], z[12] = memory[2:]
-
-
-@compiled
-def predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
-    out[0], out[2], out[3] = measured(z[0], z[2], z[3], effects)
-    out[1] = z[1]
-    out[4], out[5] = a_x, a_y
-    out[6], out[7], out[8] = z[4], z[5], z[6]
-
-
-@compiled
-def _linearise(
-    z: Any,
-    delta: Any,
-    torque: Any,
-    constants: Any,
-    effects: Any,
-    relaxed: Any,
-    graded: Any,
-    probe: Any,
-    out: Any,
-    jacobian: Any,
-) -> Any:
-    """Complex-step Jacobian [15, 9] of the rates and accelerations with respect to the corrected states."""
-    for j in range(CORRECTED):
-        for i in range(SIZE + 2):
-            jacobian[i, j] = 0.0
-    for j in range(CORRECTED):
-        if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
-            continue
-        for i in range(SIZE):
-            probe[i] = z[i]
-        probe[j] += 1e-20j
-        rates = state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)
-        out[0], out[1], out[2], out[3], out[4], out[5], out[6] = rates[:7]
-        out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = rates[7:]
-        for i in range(SIZE + 2):
-            jacobian[i, j] = out[i].imag * 1e20
-    course = z[4] + z[2]
-    if not graded:
-        jacobian[5, 4] = -z[1] * np.sin(course)
-        jacobian[6, 4] = z[1] * np.cos(course)
-
-
-@compiled
-def _transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) -> Any:
-    """exp(A period) to fourth order, A the first nine rows of the Jacobian.
-
-    Where the rim settles too fast for that, of a part of the period, and squared back to the whole.
-    """
-    n = CORRECTED
-    squarings = 0
-    while -jacobian[3, 3] * period > STABLE and squarings < MOST_SQUARINGS:
-        period *= 0.5
-        squarings += 1
-    for i in range(n):
-        for j in range(n):
-            f[i, j] = 1.0 if i == j else 0.0
-            power[i, j] = f[i, j]
-    for order in range(1, 5):
-        for i in range(n):
-            for j in range(n):
-                total = 0.0
-                for m in range(n):
-                    total += jacobian[i, m] * power[m, j]
-                scratch[i, j] = total * period / order
-        for i in range(n):
-            for j in range(n):
-                power[i, j] = scratch[i, j]
-                f[i, j] += power[i, j]
-    for _ in range(squarings):
-        for i in range(n):
-            for j in range(n):
-                total = 0.0
-                for m in range(n):
-                    total += f[i, m] * f[m, j]
-                power[i, j] = total
-        f[:] = power
 
 
 @compiled
@@ -252,7 +72,7 @@ def filter_run(
             h[i, i] = scale
         elif i >= 6:
             h[i, i - 2] = 1.0
-    _start(y, first, used, delta, torque, constants, effects, z)
+    first_state(y, first, used, delta, torque, constants, effects, z)
     for i in range(4):
         p[i, i] = noise[i] if used[i] else UNMEASURED
     for i in range(3):
@@ -262,11 +82,11 @@ def filter_run(
     innovations[: first + 1] = 0.0
     gain[: first + 1] = 0.0
     whitening[: first + 1] = 0.0
-    _linearise(
+    linearise(
         z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, out, jacobian
     )
     for row in range(first + 1, rows):
-        _transition(jacobian, period, f, t, scratch)
+        transition(jacobian, period, f, t, scratch)
         for i in range(n):
             for j in range(n):
                 total = 0.0
@@ -283,7 +103,7 @@ def filter_run(
             p[i, i] += process[i] * period
         advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
-        _linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, out, jacobian)
+        linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, out, jacobian)
         rates_of(z, delta[at], torque[at], constants, effects, push, k)
         predict_measurement(z, k[13], k[14], effects, predicted)
         for j in range(n):
@@ -393,7 +213,7 @@ def observe_run(
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     predicted, nu, push = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, pushed = states.shape[0] == rows, pushes.shape[0] == rows
-    _start(y, first, used, delta, torque, constants, effects, z)
+    first_state(y, first, used, delta, torque, constants, effects, z)
     innovations[: first + 1] = 0.0
     if keep:
         states[: first + 1] = z

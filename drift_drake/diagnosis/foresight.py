@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from drift_drake.diagnosis.beliefs import Belief, Sensing
 from drift_drake.diagnosis.commands import without_actuators
-from drift_drake.diagnosis.filter import CHANNELS, MEASURED, SIZE
+from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.diagnosis.fit import limits, sensitivity
 from drift_drake.diagnosis.horizons import roll_out
 from drift_drake.diagnosis.problem import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.compilation import compiled
 from drift_drake.diagnosis.commands import STAGES, SUBSTEPS, without_actuators
-from drift_drake.diagnosis.filter import MEASURED, SIZE, advance, predict_measurement, rates_of
+from drift_drake.diagnosis.filter_state import MEASURED, SIZE, advance, predict_measurement, rates_of
 from drift_drake.diagnosis.problem import Gains, Problem, RunData, car, filter_case, observe, run_commands
 
 STATES = ("r", "v", "beta", "omega_r")

@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.commands import STAGES, actuated, without_actuators
-from drift_drake.diagnosis.filter import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE, filter_run, observe_run
+from drift_drake.diagnosis.filter import filter_run, observe_run
+from drift_drake.diagnosis.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
 from drift_drake.diagnosis.noise import white_noise_level
 from drift_drake.diagnosis.prior import bounds, scale
 from drift_drake.logs.table import Run

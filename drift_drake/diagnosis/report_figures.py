@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from drift_drake.diagnosis.commands import without_actuators
 from drift_drake.diagnosis.diagnose import Diagnosis
-from drift_drake.diagnosis.filter import CHANNELS, MEASURED, SIZE
+from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, roll_out, start_rows
 from drift_drake.diagnosis.isolability import Isolability

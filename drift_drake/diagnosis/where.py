@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.filter import SIZE
+from drift_drake.diagnosis.filter_state import SIZE
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, Regression
 from drift_drake.diagnosis.horizons import JUDGED, STATES
 from drift_drake.diagnosis.problem import Problem, filter_case, observe

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.filter import CHANNELS
+from drift_drake.diagnosis.filter_state import CHANNELS
 from drift_drake.diagnosis.fit import prior_precision
 from drift_drake.diagnosis.freeform import FORCE_CHANNELS, SENSORS, Equations, Responses, equations, regress, responses
 from drift_drake.diagnosis.problem import Everyday

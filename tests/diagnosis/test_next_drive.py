@@ -16,7 +16,7 @@ from drift_drake.diagnosis.beliefs import (
     beliefs_from_data,
     unseen,
 )
-from drift_drake.diagnosis.filter import CHANNELS
+from drift_drake.diagnosis.filter_state import CHANNELS
 from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.foresight import Commands, foresee, probability_of_truth, readings
 from drift_drake.diagnosis.next_drive import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins

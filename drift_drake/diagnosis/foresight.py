@@ -11,17 +11,8 @@ from drift_drake.diagnosis.commands import without_actuators
 from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.diagnosis.fit import limits, sensitivity
 from drift_drake.diagnosis.horizons import roll_out
-from drift_drake.diagnosis.problem import (
-    NUISANCES,
-    SETTLING_TIME,
-    Problem,
-    RunData,
-    car,
-    filter_case,
-    flat,
-    run_commands,
-    tolerance_deviations,
-)
+from drift_drake.diagnosis.problem import NUISANCES, Problem, car, filter_case, flat, run_commands, tolerance_deviations
+from drift_drake.diagnosis.run_data import SETTLING_TIME, RunData
 from drift_drake.vehicle.effects import measured, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 

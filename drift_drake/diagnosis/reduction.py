@@ -7,7 +7,8 @@ import numpy as np
 
 from drift_drake.diagnosis.fit import Fit, fit
 from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
-from drift_drake.diagnosis.problem import Problem, RunData, filter_case
+from drift_drake.diagnosis.problem import Problem, filter_case
+from drift_drake.diagnosis.run_data import RunData
 from drift_drake.diagnosis.search import coarse
 
 FOLDS, HELD_OUT = 4, 1.5  # folds of cross-validation, and seconds of the blocks that take turns in being held out

@@ -196,6 +196,32 @@ def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) ->
     return learn(model, belief, samples_from_log(table, None, 0, 0))
 
 
+class Gathered(NamedTuple):
+    """One drive to learn from, and what is believed after it."""
+
+    expected: float  # [nat] of information in the planned samples together
+    obtained: float  # [nat] in the samples that the drive gave
+    table: pd.DataFrame  # log at 100 Hz
+    ending: str
+    belief: Posterior
+
+
+def taught(
+    model: BayesianModel,
+    before: Posterior,
+    trajectory: Trajectory,
+    effects: Effects,
+    parameters: VehicleParameters,
+    config: GatheringConfig,
+    seed: int,
+) -> Gathered:
+    """Drives a trajectory and learns from the drive, with what that was expected to tell and what it told."""
+    table, ending = gather(trajectory, effects, parameters, config, seed)
+    after = learn_drive(model, before, table)
+    expected = information_expected(model, before, trajectory)
+    return Gathered(expected, information_gained(before, after), table, ending, after)
+
+
 @dataclasses.dataclass(frozen=True)
 class Options:
     """One vehicle's information gathering."""
@@ -230,14 +256,13 @@ def main(options: Options) -> None:
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
         if trajectory is None:
             trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
-        table, ending = gather(trajectory, effects, parameters, config, options.seed)
-        beliefs[name] = learn_drive(model, beliefs[before], table)
-        _report(name, beliefs[name])
-        planned = information_expected(model, beliefs[before], trajectory)
-        gained = information_gained(beliefs[before], beliefs[name])
+        drive = taught(model, beliefs[before], trajectory, effects, parameters, config, options.seed)
+        beliefs[name] = drive.belief
+        _report(name, drive.belief)
+        e, beta = (drive.table[column].abs().max() for column in ("e", "beta"))
         print(
-            f"{'':>12}  planned {planned:.1f} nat ({trajectory.status}), gained {gained:.1f}; driven: "
-            f"|e| <= {table['e'].abs().max():.2f} m, |beta| <= {table['beta'].abs().max():.2f} rad, ended by {ending}"
+            f"{'':>12}  planned {drive.expected:.1f} nat ({trajectory.status}), gained {drive.obtained:.1f}; driven: "
+            f"|e| <= {e:.2f} m, |beta| <= {beta:.2f} rad, ended by {drive.ending}"
         )
 
 

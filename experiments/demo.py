@@ -12,7 +12,7 @@ import logging
 import multiprocessing
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,16 +20,7 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import (
-    GatheringConfig,
-    Trajectory,
-    gather,
-    information_expected,
-    information_gained,
-    learn_drive,
-    plan,
-    plan_again,
-)
+from diagrams.information_gathering import Gathered, GatheringConfig, Trajectory, plan, plan_again, taught
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
@@ -63,39 +54,27 @@ class DemoConfig:
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
 
 
-class Gathered(NamedTuple):
-    """One drive to learn from, and what is believed after it."""
-
-    expected: float  # [nat] of information in the planned samples together
-    obtained: float  # [nat] in the samples that the drive gave
-    table: pd.DataFrame
-    ending: str
-    belief: Posterior
-
-
 def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> dict[str, Gathered]:
     """The drives that teach: planned without information, with it, and with it again."""
     effects, settings = draw_effects("held_out", config.vehicle, 0), config.gathering
     parameters, prior = VehicleParameters(), learnt.prior()
 
-    def taught(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
-        table, ending = gather(planned, effects, parameters, settings, seed)
-        after = learn_drive(learnt, before, table)
+    def drive_on(planned: Trajectory, before: Posterior, seed: int) -> Gathered:
+        driven = taught(learnt, before, planned, effects, parameters, settings, seed)
         bar.update()
-        expected = information_expected(learnt, before, planned)
-        return Gathered(expected, information_gained(before, after), table, ending, after)
+        return driven
 
     bar.set_description("gathering information")
-    ocp = taught(plan(learnt, prior, settings, 0.0), prior, config.seed)
+    ocp = drive_on(plan(learnt, prior, settings, 0.0), prior, config.seed)
     informative = plan(learnt, prior, settings, settings.alpha)
-    first = taught(informative, prior, config.seed)
+    first = drive_on(informative, prior, config.seed)
     rounds = {"once_ocp": ocp, "once_info": first}
     try:
         planned = plan_again(learnt, first.belief, informative, settings)
     except RuntimeError:  # no feasible second plan: Twice-Info is what Once-Info is, and the page says so
         bar.update()
         return rounds
-    return rounds | {"twice_info": taught(planned, first.belief, SECOND_ROUND + config.seed)}
+    return rounds | {"twice_info": drive_on(planned, first.belief, SECOND_ROUND + config.seed)}
 
 
 def drift_job(config: DemoConfig, kind: Model, learnt: BayesianModel, belief: Posterior) -> DriveJob:

@@ -23,16 +23,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from diagrams.information_gathering import (
-    GatheringConfig,
-    Trajectory,
-    gather,
-    information_expected,
-    information_gained,
-    learn_drive,
-    plan,
-    plan_again,
-)
+from diagrams.information_gathering import GatheringConfig, Trajectory, plan, plan_again, taught
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -164,21 +155,19 @@ class _Vehicle:
     ) -> tuple[Posterior, dict[str, Any], pd.DataFrame]:
         """Drives and learns: (the belief after, its entry in the results, the log)."""
         config = self._config.gathering
-        table, ending = gather(trajectory, self._effects, self._parameters, config, seed)
-        after = learn_drive(self._model, belief, table)
-        gain = {
-            "predicted": information_expected(self._model, belief, trajectory),
-            "obtained": information_gained(belief, after),
-        }
-        entry = self.judge(after) | gain | {
-            "ending": ending,
+        drive = taught(self._model, belief, trajectory, self._effects, self._parameters, config, seed)
+        table = drive.table
+        entry = self.judge(drive.belief) | {
+            "predicted": drive.expected,
+            "obtained": drive.obtained,
+            "ending": drive.ending,
             "max_e": float(table["e"].abs().max()),
             "left_lane": bool(table["e"].abs().max() > config.half_width),
             "max_beta": float(table["beta"].abs().max()),
             "max_r": float(table["r"].abs().max()),
             "status": trajectory.status,
         }  # fmt: skip
-        return after, entry, table
+        return drive.belief, entry, table
 
     def run(self, shared: Shared, folder: Path) -> dict[str, Any]:
         """All drives of the vehicle."""

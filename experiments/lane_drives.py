@@ -21,13 +21,14 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from diagrams.information_gathering import GatheringConfig, Trajectory, execution, learn_drive, plan, plan_again
+from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan, plan_again
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -145,7 +146,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         endings[ending] = endings.get(ending, 0) + 1
         for phase in range(DECIMATION):
             phases[phase].append(samples_from_log(table, None, index, number, phase))
-        belief = learn_drive(model, belief, table)
+        belief = learn(model, belief, phases[0][-1])
     save_samples(all_phases(phases), folder / f"{name}_phases.npz")
     save_samples(concatenate(phases[0]), folder / f"{name}.npz")
     (folder / f"{name}.json").write_text(json.dumps(endings))

@@ -16,7 +16,7 @@ from drift_drake.diagnosis.isolability import isolability
 from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, log_prior
 from drift_drake.diagnosis.prior import bounds
 from drift_drake.diagnosis.problem import NUISANCES, Problem
-from drift_drake.vehicle.effects import CATALOGUE, Effects, make_effects
+from drift_drake.vehicle.effects import CATALOGUE, Effects, magnitudes_of, make_effects
 
 MOST_FITTED, MOST_UNSEEN = 3, 4  # hypotheses that are kept
 LEAST_PROBABILITY = 1e-3
@@ -46,7 +46,7 @@ class Sensing:
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
     row_weight: float = 1.0  # what one of their rows is worth
-    own: Effects = Effects()  # noqa: RUF009 (immutable); of the vehicle file: magnitudes add to them
+    own: Effects = dataclasses.field(default_factory=Effects)  # of the vehicle file; magnitudes add to them
 
 
 def beliefs_as_data(
@@ -73,7 +73,7 @@ def beliefs_as_data(
         "used": np.all([run.used for run in problem.runs], axis=0).tolist(),
         "process": problem.process.tolist(),
         "row_weight": problem.row_weight,
-        "own": {name: value for name, value in problem.own._asdict().items() if value},
+        "own": magnitudes_of(problem.own),
         "hypotheses": {
             b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()}
             for b in kept + hidden[:MOST_UNSEEN]

@@ -33,7 +33,7 @@ from drift_drake.diagnosis.fit import MAGNITUDE_STEP
 from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
 from drift_drake.diagnosis.prior import bounds, scale
 from drift_drake.diagnosis.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
-from drift_drake.vehicle.effects import Effects, settled_memory
+from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
 ROWS = round(DT / PERIOD)
@@ -140,7 +140,7 @@ def plan_from_answer(
 
 def listed(effects: Effects) -> str:
     """What there is, for a message."""
-    return ", ".join(f"{name} {value:g}" for name, value in effects._asdict().items() if value) or "none"
+    return ", ".join(f"{name} {value:g}" for name, value in magnitudes_of(effects).items()) or "none"
 
 
 def plan_next(

@@ -14,7 +14,7 @@ from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read
 from drift_drake.run_folder import to_json
 from drift_drake.sensors import NoiseLevels
 from drift_drake.standard_output import said_to, write_text
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, magnitudes_of
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -66,13 +66,12 @@ def run_simulate(command: Simulate) -> None:
     run, ending = simulate(command, parameters, effects)
     command.out.parent.mkdir(parents=True, exist_ok=True)
     write_run(run, command.out)
-    magnitudes = {name: value for name, value in effects._asdict().items() if value != 0.0}
     end = "as planned" if ending == "time" else f"early: {ending}"
     beta = np.zeros(1) if run.beta is None else run.beta
     print(f"{command.out}: {command.drive}, {run.t[-1]:.2f} s, ended {end}; {np.min(run.v):.1f} to {np.max(run.v):.1f} "
           f"m/s, sideslip up to {np.max(np.abs(beta)):.2f} rad", file=said_to(command.json))  # fmt: skip
     if command.json is not None:
-        driven = {"command": command, "effects": magnitudes, "ending": ending, "rows": len(run)}
+        driven = {"command": command, "effects": magnitudes_of(effects), "ending": ending, "rows": len(run)}
         write_text(command.json, to_json(driven))
 
 

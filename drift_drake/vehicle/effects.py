@@ -253,6 +253,11 @@ def combined(first: Effects, second: Effects) -> Effects:
     return Effects(*(a + b for a, b in zip(first, second, strict=True)))
 
 
+def magnitudes_of(effects: Effects) -> dict[str, float]:
+    """The effects that are there, by name: what `make_effects` makes them from."""
+    return {name: float(value) for name, value in effects._asdict().items() if value != 0.0}
+
+
 def make_effects(magnitudes: dict[str, float]) -> Effects:
     """Effects from a name-to-magnitude mapping.
 

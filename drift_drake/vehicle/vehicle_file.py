@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from drift_drake.vehicle.effects import CATALOGUE, Effects, make_effects
+from drift_drake.vehicle.effects import Effects, magnitudes_of, make_effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
 
@@ -37,7 +37,7 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
 def write_vehicle(path: str | Path, parameters: VehicleParameters, effects: Effects) -> None:
     """Writes a vehicle file that `read_vehicle` reads back; effects of zero magnitude are left out."""
     data = parameters.to_dict()
-    magnitudes = {name: float(getattr(effects, name)) for name in CATALOGUE if getattr(effects, name) != 0.0}
+    magnitudes = magnitudes_of(effects)
     if magnitudes:
         data["effects"] = magnitudes
     Path(path).write_text(yaml.safe_dump(data, sort_keys=False))

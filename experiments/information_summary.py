@@ -172,13 +172,14 @@ def markdown(summary: dict[str, Any]) -> str:
     lines += [
         "",
         "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | left the lane | "
-        "broken off |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "broken off | CPU time of the vehicle's own plan [s] |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for k, found in enumerate(summary["rounds"]):
         keys = ("predicted", "obtained", "total", "one_step_scaled", "max_e", "max_beta")
         cells = [_cell(found[key]) for key in keys]
         cells += [str(found[key]) for key in ("left the lane", "not driven to the end")]
+        cells += [_cell(found["plan_seconds"]) if k > 0 else ""]  # the first plan is all vehicles'
         lines.append(f"| {k + 1} | {' | '.join(cells)} |")
     lines += [
         "",

@@ -15,7 +15,7 @@ import tyro
 from numpy.typing import NDArray
 
 from drift_drake.control.information import InformationCost
-from drift_drake.control.lane_drive import DT, FEASIBLE, QP_RHO, LaneDrive, bound_slip, problem_data
+from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
@@ -38,6 +38,10 @@ Array = NDArray[np.float64]
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come.
 Objective = Literal["eq8", "updated", "drifts"]
 
+# OSQP's. The information's weight makes these costs larger than the controller's: on validation vehicles, of a later
+# plan's QPs a fifth were cut off at their limit of iterations with 10, one in forty with 100.
+QP_RHO = 100.0
+
 
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
@@ -46,7 +50,7 @@ class GatheringConfig(LaneDrive):
     # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
     max_sideslip: float = 0.35  # [rad] in plans
     alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
-    starts: int = 3  # first guesses of Info-OCP: the straight line, and random ones
+    starts: int = 5  # first guesses of Info-OCP: the straight line, and random ones
     objective: Objective = "eq8"  # of the first round
     # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
     # drifting. With updates they seek what is new, whether a drift asks for it or not.

@@ -61,7 +61,7 @@ class DrivesConfig:
     """What to drive."""
 
     seed: int = 0
-    train: int = 240  # vehicles
+    train: int = 360  # vehicles
     validation: int = 20  # for choices made while training
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution

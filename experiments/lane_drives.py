@@ -49,7 +49,7 @@ class LaneDrivesConfig:
     seed: int = 0
     round: int = 0  # of planning and training; the tables hold all rounds up to this one
     first: int = 0  # of the training vehicles: a round may leave some out
-    train: int = 240  # vehicles, up to this one
+    train: int = 360  # vehicles, up to this one
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     workers: int = 2

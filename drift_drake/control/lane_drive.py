@@ -11,7 +11,6 @@ from drift_drake.control.stacked import STATE_SCALE
 Array = NDArray[np.float64]
 
 DT = 0.1  # [s]
-QP_RHO = 10.0  # OSQP's, for the information's weight makes these costs larger than the controller's
 FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs
 SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
 SLIP_SOFTENING = 5.0  # [m/s], likewise

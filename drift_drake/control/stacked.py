@@ -61,18 +61,18 @@ class StageLayout:
         return x[:-1], u[:-1], u[1:]
 
     def shifted_stages(self, z: Array) -> tuple[Array, Array, Array]:
-        """All stages, each with each of its variables moved up, then down by `CURVATURE_STEP`: 2 (n+4) N points."""
+        """All stages as they are, then with each of their variables moved by `CURVATURE_STEP`: (n+5) N points."""
         n, count = self.state_size, self.state_size + 4
         point = np.concatenate(self.stages(z), axis=1)
-        shifts = np.concatenate([np.eye(count), -np.eye(count)]) * CURVATURE_STEP * self.block_scale
+        shifts = np.eye(count + 1, count, -1) * CURVATURE_STEP * self.block_scale
         points = (point[None] + shifts[:, None]).reshape(-1, count)
         return points[:, :n], points[:, n : n + 2], points[:, n + 2 :]
 
     def difference(self, gradients: Array) -> Array:
-        """Symmetric second derivatives [N, n+4, n+4] from scaled gradients [2 (n+4) N, n+4] at the shifted stages."""
+        """Symmetric second derivatives [N, n+4, n+4] from scaled gradients [(n+5) N, n+4] at the shifted stages."""
         count = self.state_size + 4
-        by_shift = gradients.reshape(2 * count, -1, count)
-        blocks = np.moveaxis((by_shift[:count] - by_shift[count:]) / (2.0 * CURVATURE_STEP), 0, 1)
+        by_shift = gradients.reshape(count + 1, -1, count)
+        blocks = np.moveaxis((by_shift[1:] - by_shift[0]) / CURVATURE_STEP, 0, 1)
         symmetric: Array = 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
         return symmetric
 
@@ -113,7 +113,7 @@ class StackedDynamics:
     def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
         """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
 
-        Central differences of the model's exact Jacobians, all stages and directions in one batch.
+        Differences of the model's exact Jacobians, all stages and directions in one batch.
         """
         n = self.layout.state_size
         points = self.layout.shifted_stages(z)
@@ -150,7 +150,7 @@ class StackedCost:
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
-        """Second derivatives within each stage [N, n+4, n+4]: central differences of the exact gradient."""
+        """Second derivatives within each stage [N, n+4, n+4]: differences of the exact gradient."""
         gradient = self._cost.gradient_at(*self._layout.stages(z))
         return self._layout.difference(gradient(*self._layout.shifted_stages(z)) * self._layout.block_scale)
 

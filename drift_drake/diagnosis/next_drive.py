@@ -23,7 +23,7 @@ from drift_drake.control.discrimination import (
     gains_and_biases,
 )
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.lane_drive import DT, FEASIBLE, QP_RHO, LaneDrive, bound_slip, problem_data
+from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answer import Answer, UnplannableError
@@ -41,6 +41,7 @@ RIVALS = 3  # of the leading hypothesis that plans are made against
 ROUNDING = 1e-5  # of an answer written to a file
 OUT_OF_LANE = 0.05  # [m] of a plan's largest slack
 HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)  # [rad] of the lane that are tried where a road's grade is in doubt
+QP_RHO = 10.0  # OSQP's: the weight of the nats makes these costs larger than the controller's
 SLALOMS = ((1.0, 2.4), (1.5, 1.5))  # [m], [s]
 
 

@@ -138,6 +138,7 @@ class StackedCost:
     def __init__(self, cost: StageCost, layout: StageLayout) -> None:
         self._cost = cost
         self._layout = layout
+        self._last: tuple[Array, Callable[[Array, Array, Array], Array]] | None = None  # scratch: see `_gradient_at`
 
     def value(self, z: Array) -> float:
         """The cost."""
@@ -145,14 +146,19 @@ class StackedCost:
 
     def gradient(self, z: Array) -> Array:
         """Its derivative by the decision vector (all of it: variables behind the stages' have none)."""
-        stages = self._layout.stages(z)
-        by_stage = self._cost.gradient_at(*stages)(*stages) * self._layout.block_scale
+        by_stage = self._gradient_at(z)(*self._layout.stages(z)) * self._layout.block_scale
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
         """Second derivatives within each stage [N, n+4, n+4]: differences of the exact gradient."""
-        gradient = self._cost.gradient_at(*self._layout.stages(z))
+        gradient = self._gradient_at(z)
         return self._layout.difference(gradient(*self._layout.shifted_stages(z)) * self._layout.block_scale)
+
+    def _gradient_at(self, z: Array) -> Callable[[Array, Array, Array], Array]:
+        """The stages' gradient, kept for the next call: an iterate's curvature is asked for after its gradient."""
+        if self._last is None or not np.array_equal(self._last[0], z):
+            self._last = z.copy(), self._cost.gradient_at(*self._layout.stages(z))
+        return self._last[1]
 
     def __call__(self, z: NDArray[Any]) -> Any:
         if z.dtype != object:

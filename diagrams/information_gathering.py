@@ -6,6 +6,7 @@ python -m diagrams.information_gathering --graph         # draws the diagram of 
 
 import dataclasses
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -28,7 +29,7 @@ from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, 
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
 from drift_drake.pictures.graph import draw_graph
-from drift_drake.reference.trajectory import straight_line
+from drift_drake.reference.trajectory import Reference, straight_line
 from drift_drake.run_folder import make_run_folder
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -193,6 +194,13 @@ def gather(
     """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned)."""
     drive = execution(trajectory, effects, parameters, config)
     return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
+
+
+def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
+    """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
+    farthest = max(float(table["x"].max()) for table in tables)
+    length = 0.5 * (config.v_start + config.v_end) * config.steps * DT
+    return straight_line(config.v_end, config.v_end, max(length, farthest) / config.v_end, config.half_width)
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:

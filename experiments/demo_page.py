@@ -13,7 +13,7 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from drift_drake.control.lane_drive import DT
+from diagrams.information_gathering import lane_for_pictures
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.report_figures import posterior_bars
@@ -25,7 +25,7 @@ from drift_drake.pictures.side_by_side import side_by_side
 from drift_drake.pictures.time_series import time_series
 from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
-from drift_drake.reference.trajectory import figure_8, straight_line
+from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -96,7 +96,6 @@ def write_page(
     """
     parameters, settings = VehicleParameters(), config.gathering
     eight = figure_8(parameters)
-    line = straight_line(settings.v_start, settings.v_end, settings.steps * DT, settings.half_width)
     effects = draw_effects("held_out", config.vehicle, 0)._asdict()
     gathered = {NAMES[name]: _driven(one.table) for name, one in rounds.items()}
     drifts = {kind: run.table for kind, run in runs.items()}
@@ -112,7 +111,9 @@ def write_page(
         catalogue=CATALOGUE,
         effects={name: value for name, value in effects.items() if value != 0.0},
         rounds=rounds,
-        gathered=picture(overhead(gathered, line, parameters, car_every=0.9)),
+        gathered=picture(
+            overhead(gathered, lane_for_pictures(settings, gathered.values()), parameters, car_every=0.9)
+        ),
         maps={kind: picture(overhead({kind: table}, eight, parameters, car_every=1.4))
               for kind, table in drifts.items()},
         over_path=picture(time_series(compared, eight, parameters)),

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from diagrams.information_gathering import GatheringConfig
+from diagrams.information_gathering import GatheringConfig, lane_for_pictures
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel
@@ -43,7 +43,7 @@ def draw_all(
         for label, name in FILES.items()
         if (path := folder / f"{name}-{vehicle:03d}.csv").exists()
     }
-    overhead(tables, reference, parameters).savefig(folder / "overhead.png")
+    overhead(tables, lane_for_pictures(config, tables.values()), parameters).savefig(folder / "overhead.png")
     time_series(tables, reference, parameters, against="t").savefig(folder / "time_series.png")
     beliefs = {"prior": model.prior()}
     for name in ("once", "twice"):

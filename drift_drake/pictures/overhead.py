@@ -68,7 +68,7 @@ def overhead(
     shape = CarShape.of(parameters or VehicleParameters())
     low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low
-    figure = new_figure(7.5, float(np.clip(1.0 + 5.8 * height / width, 2.6, 8.5)))
+    figure = new_figure(7.5, float(np.clip(1.0 + 5.8 * height / width, 1.9, 8.5)))
     axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal")
     if reference is not None:

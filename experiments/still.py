@@ -1,6 +1,6 @@
 """A moment of the figure-8 in three dimensions: runs of `experiments.figure_8` or `loops` on one vehicle, side by side.
 
-    python -m experiments.still runs/figure_8 --vehicle 9 --out still.png
+    python -m experiments.still FOLDER --vehicle 9 --out still.png
 
 Drake's renderer needs OpenGL (Mesa's does, without a screen).
 """
@@ -25,7 +25,7 @@ class StillConfig:
     """Which runs, and when."""
 
     folder: tyro.conf.Positional[Path]
-    """Of the experiment."""
+    """That the experiment wrote."""
     vehicle: int = 0
     models: tuple[str, ...] = ("twice_info", "nominal", "prior", "oracle")
     """The first is drawn solid."""

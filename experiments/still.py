@@ -65,5 +65,5 @@ def main(config: StillConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(StillConfig, description=__doc__))
-    except FileNotFoundError as error:
+    except (FileNotFoundError, ValueError) as error:
         sys.exit(f"error: {error}")

@@ -57,8 +57,11 @@ def still(
             camera; the replay's overview without. size: of the picture [in].
 
     Raises:
-        ValueError: a run lacks a column or has no row.
+        ValueError: a run lacks a column or has no row; the time is before the start.
+        RuntimeError: there is no OpenGL for the renderer.
     """
+    if not time >= 0.0:
+        raise ValueError(f"the time is {time:g} s; give seconds since the runs' start, 0 or more")
     scene = Scene.of(runs, reference, parameters)
     scene = dataclasses.replace(
         scene, runs={name: run[run["t"] - run["t"].iloc[0] <= time] for name, run in scene.runs.items()}

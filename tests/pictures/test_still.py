@@ -48,3 +48,8 @@ def test_the_solid_car_is_in_the_middle_of_a_close_picture_while_it_moves(eight,
 def test_a_run_without_a_column_is_named(perfect_run):
     with pytest.raises(ValueError, match=r"run 'a' lacks the column\(s\) psi"):
         still({"a": perfect_run.drop(columns="psi")}, 1.0)
+
+
+def test_a_time_before_the_start_is_refused(perfect_run):
+    with pytest.raises(ValueError, match="the time is -1 s; give seconds since the runs' start"):
+        still({"a": perfect_run}, -1.0)

@@ -63,6 +63,10 @@ class GatheringConfig(LaneDrive):
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
 
 
+class InfeasiblePlanError(RuntimeError):
+    """No drive was found that keeps to the lane and the limits; the message says what to change."""
+
+
 class Trajectory(NamedTuple):
     """A planned trajectory of 0.1 s steps."""
 
@@ -87,7 +91,7 @@ def plan(
         alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
 
     Raises:
-        RuntimeError: no first guess led to a feasible trajectory.
+        InfeasiblePlanError: no first guess led to a feasible trajectory.
     """
     # Euler's path would turn as the nominal car does: on validation vehicles the true car strayed up to twice as far.
     believed = step_model(model, belief, "trapezoid")
@@ -121,7 +125,9 @@ def plan(
         if not result.failed and result.primal_residual < FEASIBLE and (best is None or result.cost < best.cost):
             best = result
     if best is None:
-        raise RuntimeError("no first guess led to a feasible trajectory; widen the lane or lower alpha")
+        raise InfeasiblePlanError(
+            "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
+        )
     x, u, _ = problem.unstack(best.z)
     return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
 
@@ -160,7 +166,7 @@ def plan_again(
     """Info-OCP's plan of a later round, with what is believed after the rounds before.
 
     Raises:
-        RuntimeError: no first guess led to a feasible trajectory.
+        InfeasiblePlanError: no first guess led to a feasible trajectory.
         InvalidCheckpointError: see `information_cost`.
     """
     again = dataclasses.replace(config, objective=config.objective_later)
@@ -286,5 +292,5 @@ def _report(name: str, belief: Posterior) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(Options))
-    except InvalidCheckpointError as error:
+    except (InvalidCheckpointError, InfeasiblePlanError) as error:
         sys.exit(f"error: {error}")

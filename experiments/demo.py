@@ -20,7 +20,15 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import Gathered, GatheringConfig, Trajectory, plan, plan_again, taught
+from diagrams.information_gathering import (
+    Gathered,
+    GatheringConfig,
+    InfeasiblePlanError,
+    Trajectory,
+    plan,
+    plan_again,
+    taught,
+)
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
@@ -71,7 +79,7 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
     rounds = {"once_ocp": ocp, "once_info": first}
     try:
         planned = plan_again(learnt, first.belief, informative, settings)
-    except RuntimeError:  # no feasible second plan: Twice-Info is what Once-Info is, and the page says so
+    except InfeasiblePlanError:  # no feasible second plan: Twice-Info is what Once-Info is, and the page says so
         bar.update()
         return rounds
     return rounds | {"twice_info": drive_on(planned, first.belief, SECOND_ROUND + config.seed)}

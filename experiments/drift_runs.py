@@ -20,7 +20,15 @@ import pandas as pd
 import tyro
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.information_gathering import GatheringConfig, Trajectory, gather, learn_drive, plan, plan_again
+from diagrams.information_gathering import (
+    GatheringConfig,  # fmt: skip
+    InfeasiblePlanError,
+    Trajectory,
+    gather,
+    learn_drive,
+    plan,
+    plan_again,
+)
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -223,7 +231,7 @@ def gather_beliefs(job: GatherJob) -> dict[str, Posterior]:
         once = beliefs["once_info"]
         try:
             second = plan_again(learnt, once, job.info, config)
-        except RuntimeError:
+        except InfeasiblePlanError:
             return beliefs
         beliefs["twice_info"] = taught(once, second, SECOND_ROUND + seed)
     return beliefs
@@ -271,7 +279,8 @@ class OtherExperimentError(ValueError):
     """A folder that holds runs of another experiment; the message names it and what differs."""
 
 
-REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError)  # told in their one sentence
+# Told in their one sentence.
+REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError, InfeasiblePlanError)
 
 
 def open_folder(folder: Path, config: DriftConfig) -> None:

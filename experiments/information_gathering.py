@@ -23,7 +23,7 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from diagrams.information_gathering import GatheringConfig, Trajectory, plan, plan_again, taught
+from diagrams.information_gathering import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again, taught
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -189,7 +189,7 @@ class _Vehicle:
                 start = time.process_time()
                 try:
                     trajectory = plan_again(model, belief, shared.info, config.gathering, config.seed + k)
-                except RuntimeError as error:
+                except InfeasiblePlanError as error:
                     result["stopped"] = str(error)
                     break
                 seconds = time.process_time() - start
@@ -216,10 +216,7 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
 
 def main(config: InformationConfig) -> None:
     """Runs all vehicles, then writes numbers and pictures."""
-    try:
-        drives_file(config)
-    except MissingDrivesError as error:
-        raise SystemExit(str(error)) from None
+    drives_file(config)  # asked for before anything is driven
     folder = make_run_folder("information_gathering", config.out)
     write_json(folder / "config.json", config)
     write_versions(folder)
@@ -246,5 +243,5 @@ def main(config: InformationConfig) -> None:
 if __name__ == "__main__":
     try:
         main(tyro.cli(InformationConfig))
-    except InvalidCheckpointError as error:
+    except (InvalidCheckpointError, InfeasiblePlanError, MissingDrivesError) as error:
         sys.exit(f"error: {error}")

@@ -21,7 +21,14 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from diagrams.information_gathering import GatheringConfig, Trajectory, execution, plan, plan_again
+from diagrams.information_gathering import (
+    GatheringConfig,  # fmt: skip
+    InfeasiblePlanError,
+    Trajectory,
+    execution,
+    plan,
+    plan_again,
+)
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
@@ -97,7 +104,7 @@ def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
             lateral = size * np.sin(2.0 * np.pi * t / period + generator.uniform(0.0, 2.0 * np.pi))
             return plan(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
         return plan(model, model.prior(), config, config.alpha, seed=index)
-    except RuntimeError:
+    except InfeasiblePlanError:
         return None
 
 
@@ -107,7 +114,7 @@ def own_plan(
     """Info-OCP's plan with what is believed of a vehicle after its drives so far; None where none is feasible."""
     try:
         return plan_again(model, belief, first, config, seed)
-    except RuntimeError:
+    except InfeasiblePlanError:
         return None
 
 

@@ -11,6 +11,7 @@ import pytest
 from diagrams import information_gathering
 from diagrams.information_gathering import (
     GatheringConfig,
+    InfeasiblePlanError,
     Objective,
     Options,
     Trajectory,
@@ -18,6 +19,7 @@ from diagrams.information_gathering import (
     information_cost,
     information_expected,
     information_gained,
+    lane_for_pictures,
     learn_drive,
     main,
     plan,
@@ -168,6 +170,17 @@ def test_a_checkpoint_without_drifts_is_named(model: BayesianModel) -> None:
         InvalidCheckpointError, match="names no drifts to plan for; train it anew, or choose objective 'updated'"
     ):
         information_cost(dataclasses.replace(model, drifts=None), model.prior(), "drifts")
+
+
+def test_a_plan_that_is_not_feasible_is_refused(model: BayesianModel) -> None:
+    with pytest.raises(InfeasiblePlanError, match="widen the lane, lower alpha or allow more iterations"):
+        plan(model, model.prior(), dataclasses.replace(CONFIG, starts=1, max_iterations=1), CONFIG.alpha)
+
+
+def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:
+    near, far = (pd.DataFrame({"x": [0.0, x]}) for x in (5.0, 40.0))
+    assert lane_for_pictures(CONFIG, [near]).distance == pytest.approx(0.5 * (7.5 + 11.0) * 1.2)
+    assert lane_for_pictures(CONFIG, [near, far]).distance == pytest.approx(40.0)
 
 
 def test_the_command_prints_four_models(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,13 @@ from drift_drake.model.features import FEATURE_COUNT
 from drift_drake.model.posterior import covariance_norms, update_all
 from drift_drake.model.samples import Samples
 from experiments.drifting_errors import drifting_errors, judged_by_halves
-from experiments.information_gathering import InformationConfig, full_weight_total, main, random_steering
+from experiments.information_gathering import (
+    InformationConfig,
+    MissingDrivesError,
+    full_weight_total,
+    main,
+    random_steering,
+)
 from experiments.information_summary import markdown, stop_round, summarise, summarise_halves
 
 
@@ -57,7 +63,9 @@ def test_the_rounds_stop_when_little_is_promised() -> None:
 
 
 def test_missing_drives_are_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match=r"held_out\.npz: no such file; make the drives with `python -m experiments"):
+    with pytest.raises(
+        MissingDrivesError, match=r"held_out\.npz: no such file; make the drives with `python -m experiments"
+    ):
         main(InformationConfig(drives=tmp_path))
 
 

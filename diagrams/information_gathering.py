@@ -16,7 +16,7 @@ import tyro
 from numpy.typing import NDArray
 
 from drift_drake.control.information import InformationCost
-from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
+from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.predictive_information import PredictiveInformationCost
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
@@ -56,6 +56,7 @@ class GatheringConfig(LaneDrive):
     # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
     # drifting. With updates they seek what is new, whether a drift asks for it or not.
     objective_later: Objective = "drifts"
+    ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
     max_iterations: int = 80
     tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
@@ -100,6 +101,8 @@ def plan(
         believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
     bound_slip(problem, config)
+    if alpha > 0.0 and config.ends_straight:
+        bound_end(problem, config)
     data = problem_data(config, lateral)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)

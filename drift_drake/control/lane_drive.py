@@ -30,6 +30,12 @@ class LaneDrive:
     max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
 
 
+# How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and course
+# [rad], and the rear rim's slip over the ground [m/s].
+ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
+END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
+
+
 def problem_data(config: LaneDrive, lateral: Array | None = None) -> OcpData:
     """The straight line, or a line e(t) [N+1] [m] beside it, as an OCP's data."""
     n = config.steps
@@ -63,3 +69,18 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
             problem.program.AddLinearConstraint(
                 row, -unbounded, np.full(n, limit), np.concatenate([states.ravel(order="F"), slack])
             )
+
+
+def bound_end(problem: OptimalControlProblem, config: LaneDrive) -> None:
+    """Bounds how the drive ends, so that a car which drives on can be kept in the lane.
+
+    Softened as `bound_slip` is.
+    """
+    n, size = config.steps, problem.layout.state_size
+    variables = problem.program.decision_variables()
+    end, slack = variables[size * n : size * (n + 1)], variables[-1:]
+    for weights, limit in ENDS:
+        row = np.array([weight * STATE_SCALE[state] for state, weight in weights.items()])
+        rows = np.column_stack([np.stack([row, -row]), np.full(2, -END_SOFTENING * limit)])
+        states = np.append(end[list(weights)], slack)
+        problem.program.AddLinearConstraint(rows, np.full(2, -np.inf), np.full(2, limit), states)

@@ -30,8 +30,8 @@ class LaneDrive:
     max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
 
 
-# How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and course
-# [rad], and the rear rim's slip over the ground [m/s].
+# How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and
+# course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
 

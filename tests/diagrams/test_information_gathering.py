@@ -26,7 +26,7 @@ from diagrams.information_gathering import (
     plan_again,
     round_alpha,
 )
-from drift_drake.control.lane_drive import problem_data
+from drift_drake.control.lane_drive import ENDS, problem_data
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
@@ -170,6 +170,15 @@ def test_a_checkpoint_without_drifts_is_named(model: BayesianModel) -> None:
         InvalidCheckpointError, match="names no drifts to plan for; train it anew, or choose objective 'updated'"
     ):
         information_cost(dataclasses.replace(model, drifts=None), model.prior(), "drifts")
+
+
+def test_informative_plans_end_straight(model: BayesianModel, info: Trajectory) -> None:
+    def excess(end: np.ndarray) -> float:
+        sizes = [abs(sum(weight * end[state] for state, weight in weights.items())) for weights, _ in ENDS]
+        return max(size / limit for size, (_, limit) in zip(sizes, ENDS, strict=True))
+
+    free = plan(model, model.prior(), dataclasses.replace(CONFIG, ends_straight=False), CONFIG.alpha)
+    assert excess(info.x[-1]) < 1.01 < excess(free.x[-1])
 
 
 def test_a_plan_that_is_not_feasible_is_refused(model: BayesianModel) -> None:

@@ -102,7 +102,7 @@ def plan(
     )
     bound_slip(problem, config)
     if alpha > 0.0 and config.ends_straight:
-        bound_end(problem, config)
+        bound_end(problem)
     data = problem_data(config, lateral)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)
@@ -192,9 +192,8 @@ def execution(
     states = trajectory.x[:, :6]
     gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
     controller = TrackingController(states, trajectory.u, gains, DT)
-    reference = straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
-    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, reference)
+    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, lane(config))
 
 
 def gather(
@@ -205,11 +204,15 @@ def gather(
     return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
 
 
+def lane(config: GatheringConfig) -> Reference:
+    """The straight lane, and the speed along it."""
+    return straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
+
+
 def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
     """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
-    farthest = max(float(table["x"].max()) for table in tables)
-    length = 0.5 * (config.v_start + config.v_end) * config.steps * DT
-    return straight_line(config.v_end, config.v_end, max(length, farthest) / config.v_end, config.half_width)
+    farthest = max(lane(config).distance, *(float(table["x"].max()) for table in tables))
+    return straight_line(config.v_end, config.v_end, farthest / config.v_end, config.half_width)
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:

@@ -29,13 +29,12 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drift_report import LABELS
 
 TEMPLATE = Path(__file__).parent / "demo.html"
 RESOLUTION = 140  # [dots per inch]
 RESTART = 1.0  # [s] between restarts of the replayed log's cars
-NAMES = {
-    "nominal": "nominal car", "prior": "prior", "once_ocp": "Once-OCP", "once_info": "Once-Info",
-    "twice_info": "Twice-Info", "online": "online", "oracle": "oracle"}  # fmt: skip
+NAMES = LABELS | {"online": "online"}
 BELIEVES = {
     "nominal": "the vehicle file",
     "prior": "the learnt model, not adapted",

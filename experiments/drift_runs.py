@@ -21,7 +21,7 @@ import tyro
 
 from diagrams.closed_loop import ClosedLoop, ControlConfig
 from diagrams.information_gathering import (
-    GatheringConfig,  # fmt: skip
+    GatheringConfig,
     InfeasiblePlanError,
     Trajectory,
     gather,

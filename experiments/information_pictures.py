@@ -10,14 +10,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from diagrams.information_gathering import GatheringConfig, lane_for_pictures
-from drift_drake.control.lane_drive import DT
+from diagrams.information_gathering import GatheringConfig, lane, lane_for_pictures
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.time_series import time_series
-from drift_drake.reference.trajectory import straight_line
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.information_summary import MODELS, entry
 from experiments.uncertainties import draw_uncertainties
@@ -37,7 +35,7 @@ def draw_all(
     ranked = sorted(results, key=lambda result: result["rounds"][-1]["total"])
     vehicle = ranked[len(ranked) // 2]["vehicle"]
     parameters = VehicleParameters()
-    reference = straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
+    reference = lane(config)
     tables = {
         label: pd.read_csv(path)
         for label, name in FILES.items()

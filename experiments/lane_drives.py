@@ -22,7 +22,7 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.information_gathering import (
-    GatheringConfig,  # fmt: skip
+    GatheringConfig,
     InfeasiblePlanError,
     Trajectory,
     execution,

@@ -16,8 +16,8 @@ import tyro
 from drift_drake.pictures.still import still
 from drift_drake.pictures.style import save
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.demo_page import NAMES
-from experiments.drift_runs import reference
+from experiments.drift_report import LABELS
+from experiments.drift_runs import reference, run_name
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,10 +46,10 @@ def read_runs(config: StillConfig) -> dict[str, pd.DataFrame]:
     """
     runs = {}
     for model in config.models:
-        path = config.folder / f"{model}-{config.vehicle:03d}-{config.attempt}.csv"
+        path = config.folder / f"{run_name(model, config.vehicle, config.attempt)}.csv"
         if not path.exists():
             raise FileNotFoundError(f"{path}: no such run; give --models, --vehicle and --attempt of the experiment's")
-        runs[NAMES.get(model, model)] = pd.read_csv(path)
+        runs[LABELS.get(model, model)] = pd.read_csv(path)
     return runs
 
 

@@ -71,12 +71,12 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
             )
 
 
-def bound_end(problem: OptimalControlProblem, config: LaneDrive) -> None:
+def bound_end(problem: OptimalControlProblem) -> None:
     """Bounds how the drive ends, so that a car which drives on can be kept in the lane.
 
     Softened as `bound_slip` is.
     """
-    n, size = config.steps, problem.layout.state_size
+    n, size = problem.horizon, problem.layout.state_size
     variables = problem.program.decision_variables()
     end, slack = variables[size * n : size * (n + 1)], variables[-1:]
     for weights, limit in ENDS:

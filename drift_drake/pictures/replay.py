@@ -11,7 +11,18 @@ from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform
 
-from drift_drake.pictures.scene import BACKGROUND, FIELD_OF_VIEW, Faces, Scene, car_path, car_pose, colour, front_wheels
+from drift_drake.pictures.car_shape import CarShape
+from drift_drake.pictures.scene import (
+    BACKGROUND,
+    FIELD_OF_VIEW,
+    Faces,
+    Scene,
+    car_path,
+    car_pose,
+    colour,
+    front_wheels,
+    poses,
+)
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -61,7 +72,7 @@ def replay(
     meshcat.StartRecording(rate, set_visualizations_while_recording=False)
     scene.draw(_MeshcatCanvas(meshcat))
     for index, run in enumerate(scene.runs.values()):
-        _record(meshcat, car_path(index), run, scene, rate)
+        _record(meshcat, car_path(index), run, scene.shape, rate)
     meshcat.StopRecording()
     recording = meshcat.get_mutable_recording()
     recording.set_autoplay(True)
@@ -116,10 +127,10 @@ def _set_stage(meshcat: Meshcat, scene: Scene) -> list[list[float]]:
     return [[float(x), float(z), float(-y)] for x, y, z in views]
 
 
-def _record(meshcat: Meshcat, path: str, run: pd.DataFrame, scene: Scene, rate: float) -> None:
+def _record(meshcat: Meshcat, path: str, run: pd.DataFrame, shape: CarShape, rate: float) -> None:
     """Poses and steering at `rate` frames a second."""
     frames = np.arange(0.0, float(np.ptp(run["t"])) + 0.5 / rate, 1.0 / rate)
-    for time, x, y, psi, delta in zip(frames, *scene.poses(run, frames), strict=True):
+    for time, x, y, psi, delta in zip(frames, *poses(run, frames), strict=True):
         meshcat.SetTransform(path, car_pose(x, y, psi), time)
-        for wheel, pose in front_wheels(scene.shape, delta).items():
+        for wheel, pose in front_wheels(shape, delta).items():
             meshcat.SetTransform(f"{path}/{wheel}", pose, time)

@@ -112,13 +112,6 @@ class Scene:
             _draw_trace(canvas, f"/traces/{index}", run, TRACE + 0.02 * index, paint)
             _build_car(canvas, car_path(index), self.shape, paint, 1.0 if index == 0 else GHOST_OPACITY)
 
-    def poses(self, run: pd.DataFrame, times: Array) -> tuple[Array, Array, Array, Array]:
-        """(x, y [m], psi, delta [rad]) at times [s] since the run's first row; before a gap's end, those after it."""
-        run = run.ffill().bfill()
-        t = run["t"].to_numpy(dtype=float) - float(run["t"].iloc[0])
-        x, y, delta = (np.interp(times, t, run[name].to_numpy(dtype=float)) for name in ("x", "y", "delta"))
-        return x, y, np.interp(times, t, np.unwrap(run["psi"].to_numpy(dtype=float))), delta
-
 
 def colour(index: int) -> str:
     """Of the run of that number."""
@@ -133,6 +126,14 @@ def car_path(index: int) -> str:
 def car_pose(x: float, y: float, psi: float) -> RigidTransform:
     """Of a car on the ground."""
     return RigidTransform(RotationMatrix.MakeZRotation(psi), np.array([x, y, 0.0]))
+
+
+def poses(run: pd.DataFrame, times: Array) -> tuple[Array, Array, Array, Array]:
+    """(x, y [m], psi, delta [rad]) at times [s] since the run's first row; before a gap's end, those after it."""
+    run = run.ffill().bfill()
+    t = run["t"].to_numpy(dtype=float) - float(run["t"].iloc[0])
+    x, y, delta = (np.interp(times, t, run[name].to_numpy(dtype=float)) for name in ("x", "y", "delta"))
+    return x, y, np.interp(times, t, np.unwrap(run["psi"].to_numpy(dtype=float))), delta
 
 
 def front_wheels(shape: CarShape, delta: float) -> dict[str, RigidTransform]:

@@ -28,7 +28,17 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from drift_drake.pictures.scene import BACKGROUND, FIELD_OF_VIEW, Faces, Scene, car_path, car_pose, colour, front_wheels
+from drift_drake.pictures.scene import (
+    BACKGROUND,
+    FIELD_OF_VIEW,
+    Faces,
+    Scene,
+    car_path,
+    car_pose,
+    colour,
+    front_wheels,
+    poses,
+)
 from drift_drake.pictures.style import RESOLUTION, styled
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -68,7 +78,7 @@ def still(
     )
     canvas = _RenderedCanvas()
     scene.draw(canvas)
-    stands = [[float(value[0]) for value in scene.poses(run, np.array([time]))] for run in scene.runs.values()]
+    stands = [[float(value[0]) for value in poses(run, np.array([time]))] for run in scene.runs.values()]
     for index, (x, y, psi, delta) in enumerate(stands):
         canvas.place(car_path(index), car_pose(x, y, psi))
         for wheel, pose in front_wheels(scene.shape, delta).items():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.pictures.scene import Scene, car_path, front_wheels
+from drift_drake.pictures.scene import Scene, car_path, front_wheels, poses
 
 
 class Listed:
@@ -43,15 +43,14 @@ def test_a_scene_has_ground_lane_traces_and_cars_of_which_the_first_is_solid(eig
     assert (trace < high[:, None] + 1.0).all()
 
 
-def test_poses_are_those_of_the_rows_and_wait_through_gaps(eight, perfect_run):
+def test_poses_are_those_of_the_rows_and_wait_through_gaps(perfect_run):
     gap = perfect_run.copy()
     gap.loc[gap.index[:50], ["x", "y", "psi"]] = float("nan")
-    scene = Scene.of({"a": perfect_run}, eight, None)
     row = perfect_run.iloc[100]
-    x, y, psi, delta = (value[0] for value in scene.poses(perfect_run, np.array([row["t"]])))
+    x, y, psi, delta = (value[0] for value in poses(perfect_run, np.array([row["t"]])))
     np.testing.assert_allclose([x, y, delta], row[["x", "y", "delta"]].to_numpy(dtype=float))
     assert np.cos(psi - row["psi"]) == pytest.approx(1.0)
-    early = scene.poses(gap, np.array([0.0, 0.5]))
+    early = poses(gap, np.array([0.0, 0.5]))
     assert early[0][0] == early[0][1] == gap["x"].iloc[50]
 
 

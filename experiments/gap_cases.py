@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
 from drift_drake.compilation import compiled
-from drift_drake.diagnosis.prior import TOLERANCE_OF
+from drift_drake.estimation.prior import TOLERANCE_OF
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.effects import CATALOGUE, Effects, Memory, make_effects, motion_with_effects, settled_memory

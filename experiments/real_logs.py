@@ -18,11 +18,11 @@ import numpy as np
 import tyro
 
 from drift_drake.diagnosis.diagnose import diagnose
-from drift_drake.diagnosis.horizons import HORIZONS, STATES
-from drift_drake.diagnosis.problem import make_problem
-from drift_drake.diagnosis.reduction import errors_of
 from drift_drake.diagnosis.report import write_report as write_diagnosis
-from drift_drake.diagnosis.usable import usable
+from drift_drake.estimation.horizons import HORIZONS, STATES
+from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.reduction import errors_of
+from drift_drake.estimation.usable import usable
 from drift_drake.identification.calibration_file import trust_of
 from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify

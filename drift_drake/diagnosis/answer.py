@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.effects import CATALOGUE
 
 
@@ -15,15 +16,6 @@ class InvalidAnswerError(ValueError):
 
 class UnplannableError(ValueError):
     """An answer that no drive can follow; the message says why."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Interval:
-    """An estimate with its 95 % interval."""
-
-    estimate: float
-    low: float
-    high: float
 
 
 @dataclasses.dataclass(frozen=True)

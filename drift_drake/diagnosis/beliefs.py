@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.isolability import isolability
 from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, log_prior
-from drift_drake.diagnosis.prior import bounds
-from drift_drake.diagnosis.problem import NUISANCES, Problem
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.prior import bounds
+from drift_drake.estimation.problem import NUISANCES, Problem
 from drift_drake.vehicle.effects import CATALOGUE, Effects, magnitudes_of, make_effects
 
 MOST_FITTED, MOST_UNSEEN = 3, 4  # hypotheses that are kept

@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.answer import Answer, Interval
+from drift_drake.diagnosis.answer import Answer
 from drift_drake.diagnosis.beliefs import beliefs_as_data
-from drift_drake.diagnosis.everyday import applied, traced
-from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.freeform import Regression, misfit
-from drift_drake.diagnosis.horizons import HORIZONS, start_rows
 from drift_drake.diagnosis.learned import learned
 from drift_drake.diagnosis.nearest import nearest
-from drift_drake.diagnosis.noise import refined_levels
 from drift_drake.diagnosis.posterior import (
     UNKNOWN,
     Calibration,
@@ -28,26 +23,22 @@ from drift_drake.diagnosis.posterior import (
     make_posterior,
     read_calibration,
 )
-from drift_drake.diagnosis.prior import bounds
-from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
-from drift_drake.diagnosis.reduction import Reduction, errors_of, reduction, without_effects
 from drift_drake.diagnosis.search import Found, search
-from drift_drake.diagnosis.usable import usable
 from drift_drake.diagnosis.where import locate
-from drift_drake.logs.table import OPTIONAL, InvalidLogError, Run, read_case, run_paths, stated_noise
+from drift_drake.estimation.everyday import applied, traced
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.freeform import Regression, misfit
+from drift_drake.estimation.horizons import HORIZONS, start_rows
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.noise import refined_levels
+from drift_drake.estimation.prior import bounds
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
+from drift_drake.estimation.reduction import Reduction, errors_of, reduction, without_effects
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.usable import usable
+from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, stated_noise
 from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-
-BLIND = {  # effects that need a column to be seen
-    "gyro_bias": ("psi",),
-    "sideslip_bias": ("beta",),
-    "wheel_radius_error": ("omega_r",),
-    "road_grade": ("psi",),
-    "torque_lag": ("tau_cmd",),
-    "torque_gain_error": ("tau_cmd",),
-    "drivetrain_inertia_error": ("tau_cmd",),
-    "drivetrain_friction": ("tau_cmd",),
-}
 
 Progress = Callable[[str, float], None]
 
@@ -64,17 +55,6 @@ class Diagnosis:
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
     lacking: Regression  # pulses that the car without effects lacks
-
-
-def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Effects that the columns of the log can show, and warnings about the others and about missing columns."""
-    missing = [name for name in OPTIONAL if any(run.column(name) is None for run in runs)]
-    kept = [name for name in names if not set(BLIND.get(name, ())) & set(missing)]
-    warnings = [f"column {name} is missing: its channel is dropped" for name in missing]
-    lost = [name for name in names if name not in kept]
-    if lost:
-        warnings.append(f"without these columns nothing can be said of {', '.join(lost)}")
-    return kept, warnings
 
 
 def diagnose(

@@ -7,12 +7,20 @@ import numpy as np
 from scipy.stats import norm
 
 from drift_drake.diagnosis.beliefs import Belief, Sensing
-from drift_drake.diagnosis.commands import without_actuators
-from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED, SIZE
-from drift_drake.diagnosis.fit import limits, sensitivity
-from drift_drake.diagnosis.horizons import roll_out
-from drift_drake.diagnosis.problem import NUISANCES, Problem, car, filter_case, flat, run_commands, tolerance_deviations
-from drift_drake.diagnosis.run_data import SETTLING_TIME, RunData
+from drift_drake.estimation.commands import without_actuators
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
+from drift_drake.estimation.fit import limits, sensitivity
+from drift_drake.estimation.horizons import roll_out
+from drift_drake.estimation.problem import (
+    NUISANCES,
+    Problem,
+    car,
+    filter_case,
+    flat,
+    run_commands,
+    tolerance_deviations,
+)
+from drift_drake.estimation.run_data import SETTLING_TIME, RunData
 from drift_drake.vehicle.effects import measured, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
-from drift_drake.diagnosis.prior import scale, starts
-from drift_drake.diagnosis.problem import Problem, filter_case, observe_case
+from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
+from drift_drake.estimation.prior import scale, starts
+from drift_drake.estimation.problem import Problem, filter_case, observe_case
 from drift_drake.vehicle.effects import CATALOGUE
 
 

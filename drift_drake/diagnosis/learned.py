@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, start_rows
-from drift_drake.diagnosis.problem import Problem
-from drift_drake.diagnosis.reduction import FOLDS, WORST, fold_of, share_removed
-from drift_drake.diagnosis.run_data import RunData
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, start_rows
+from drift_drake.estimation.problem import Problem
+from drift_drake.estimation.reduction import FOLDS, WORST, fold_of, share_removed
+from drift_drake.estimation.run_data import RunData
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT, features, network_inputs

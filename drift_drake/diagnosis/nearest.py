@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.answer import Interval
-from drift_drake.diagnosis.fit import Fit, prior_precision
-from drift_drake.diagnosis.freeform import equations, regress, responses
-from drift_drake.diagnosis.problem import Problem, filter_case, flat
-from drift_drake.diagnosis.reduction import folds, held_out_fit
+from drift_drake.estimation.fit import Fit, prior_precision
+from drift_drake.estimation.freeform import equations, regress, responses
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.problem import Problem, filter_case, flat
+from drift_drake.estimation.reduction import folds, held_out_fit
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,11 +28,11 @@ from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_from_data
-from drift_drake.diagnosis.filter_state import CHANNELS
-from drift_drake.diagnosis.fit import MAGNITUDE_STEP
 from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
-from drift_drake.diagnosis.prior import bounds, scale
-from drift_drake.diagnosis.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.fit import MAGNITUDE_STEP
+from drift_drake.estimation.prior import bounds, scale
+from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 

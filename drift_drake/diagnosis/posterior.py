@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.problem import TOLERANCES
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.problem import TOLERANCES
 
 NONE, UNKNOWN = "none", "unknown"
 CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"

@@ -7,11 +7,11 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis import report_figures as figures
 from drift_drake.diagnosis.diagnose import Diagnosis
-from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.freeform import misfit
 from drift_drake.diagnosis.isolability import isolability
 from drift_drake.diagnosis.posterior import hypothesis_name
-from drift_drake.diagnosis.reduction import errors_of, share_removed
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.reduction import errors_of, share_removed
 from drift_drake.vehicle.effects import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from drift_drake.diagnosis.commands import without_actuators
 from drift_drake.diagnosis.diagnose import Diagnosis
-from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED, SIZE
-from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, roll_out, start_rows
 from drift_drake.diagnosis.isolability import Isolability
-from drift_drake.diagnosis.problem import Problem, car, filter_case, observe, run_commands
-from drift_drake.diagnosis.search import coarse
+from drift_drake.estimation.commands import without_actuators
+from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, roll_out, start_rows
+from drift_drake.estimation.problem import Problem, car, filter_case, observe, run_commands
 
 REAL, NOMINAL, CORRECTED = "#222222", "#d1495b", "#00798c"
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}

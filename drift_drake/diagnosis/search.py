@@ -14,8 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.diagnosis.everyday import traced
-from drift_drake.diagnosis.fit import (
+from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.fit import (
     MAGNITUDE_STEP,
     Fit,
     conclude,
@@ -26,10 +26,9 @@ from drift_drake.diagnosis.fit import (
     prior_precision,
     sensitivity,
 )
-from drift_drake.diagnosis.prior import TOLERANCE_OF, bounds, scale, starts
-from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
+from drift_drake.estimation.prior import TOLERANCE_OF, bounds, scale, starts
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
 
-COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and fits are started
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
 ADEQUATE = 1.02  # mean square of the innovations up to which a single may be the whole story
@@ -77,11 +76,6 @@ class Base:
     theta: np.ndarray
     gains: Gains
     jacobian: np.ndarray
-
-
-def coarse(problem: Problem) -> Problem:
-    """The same problem with more process noise."""
-    return traced(problem.replace(process=problem.process * COARSE**2))
 
 
 def believed(problem: Problem, exactness: float) -> Problem:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.problem import NUISANCES, Problem, car
+from drift_drake.estimation.problem import NUISANCES, Problem, car
 from drift_drake.identification.unknowns import PARAMETERS
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters

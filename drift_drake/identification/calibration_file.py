@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from drift_drake.diagnosis.problem import Everyday
+from drift_drake.estimation.problem import Everyday
 
 
 class InvalidCalibrationError(ValueError):

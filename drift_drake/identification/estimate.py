@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.fit import Linearised, minimise, prior_precision
-from drift_drake.diagnosis.problem import Problem, filter_case, flat
+from drift_drake.estimation.fit import Linearised, minimise, prior_precision
+from drift_drake.estimation.problem import Problem, filter_case, flat
 
 ROUNDS = 5  # of fits, each with the noise that the last one's innovations ask for
 SETTLED = 0.02  # of the noise's scale

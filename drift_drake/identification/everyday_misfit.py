@@ -14,11 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.filter_state import CHANNELS
-from drift_drake.diagnosis.fit import prior_precision
-from drift_drake.diagnosis.freeform import FORCE_CHANNELS, SENSORS, Equations, Responses, equations, regress, responses
-from drift_drake.diagnosis.problem import Everyday
-from drift_drake.diagnosis.reduction import folds
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.fit import prior_precision
+from drift_drake.estimation.freeform import FORCE_CHANNELS, SENSORS, Equations, Responses, equations, regress, responses
+from drift_drake.estimation.problem import Everyday
+from drift_drake.estimation.reduction import folds
 from drift_drake.identification.estimate import Estimate
 from drift_drake.identification.widening import widening
 

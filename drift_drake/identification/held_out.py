@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, start_rows
-from drift_drake.diagnosis.problem import Problem
-from drift_drake.diagnosis.reduction import BLOCK, RESAMPLES, errors_of, fold_of
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
+from drift_drake.estimation.problem import Problem
+from drift_drake.estimation.reduction import BLOCK, RESAMPLES, errors_of, fold_of
 
 FOLD = 0  # that is held out: every fourth block
 

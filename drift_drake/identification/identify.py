@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.answer import Interval
-from drift_drake.diagnosis.diagnose import seen_effects
-from drift_drake.diagnosis.fit import limits
-from drift_drake.diagnosis.problem import Everyday, Problem, flat, make_problem
-from drift_drake.diagnosis.usable import usable
+from drift_drake.estimation.fit import limits
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.problem import Everyday, Problem, flat, make_problem
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.usable import usable
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
 from drift_drake.identification.estimate import Estimate, Trust, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit

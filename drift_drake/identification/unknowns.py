@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.problem import NUISANCES, TOLERANCES
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, Tolerance, VehicleParameters

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.run_data import RunData
+from drift_drake.estimation.run_data import RunData
 
 SHORT_BLOCK = 1.0  # [s]
 BLOCKS = 24  # that the longer ones leave of all runs

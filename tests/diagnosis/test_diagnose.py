@@ -10,10 +10,11 @@ import pytest
 
 from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import case_folders, diagnose, seen_effects
-from drift_drake.diagnosis.problem import filter_case, make_problem
+from drift_drake.diagnosis.diagnose import case_folders, diagnose
 from drift_drake.diagnosis.report import write_report
-from drift_drake.diagnosis.usable import usable
+from drift_drake.estimation.problem import filter_case, make_problem
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.usable import usable
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.effects import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

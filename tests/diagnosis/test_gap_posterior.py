@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.posterior import (
     Calibration,
     implausibility,
@@ -11,6 +10,7 @@ from drift_drake.diagnosis.posterior import (
     probabilities_of,
     read_calibration,
 )
+from drift_drake.estimation.fit import Fit
 
 CATALOGUE = 28
 PAIR = ("aero_drag", "mass_error")

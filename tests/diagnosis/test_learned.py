@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.learned import CELLS, _Sampled, learned
-from drift_drake.diagnosis.problem import make_problem
-from drift_drake.diagnosis.reduction import FOLDS, without_effects
+from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.reduction import FOLDS, without_effects
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.vehicle.parameters import VehicleParameters
 

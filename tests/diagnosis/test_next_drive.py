@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.actuation import interpolate_plan
-from drift_drake.diagnosis.answer import Answer, Interval, UnplannableError
+from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.beliefs import (
     Belief,
     Sensing,
@@ -16,13 +16,14 @@ from drift_drake.diagnosis.beliefs import (
     beliefs_from_data,
     unseen,
 )
-from drift_drake.diagnosis.filter_state import CHANNELS
-from drift_drake.diagnosis.fit import Fit
 from drift_drake.diagnosis.foresight import Commands, foresee, probability_of_truth, readings
 from drift_drake.diagnosis.next_drive import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins
 from drift_drake.diagnosis.posterior import Calibration
-from drift_drake.diagnosis.prior import scale
-from drift_drake.diagnosis.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import scale
+from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
 from drift_drake.vehicle.effects import CATALOGUE, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import NOISE

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.fit import fit
-from drift_drake.diagnosis.freeform import misfit
-from drift_drake.diagnosis.problem import make_problem
+from drift_drake.estimation.fit import fit
+from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.problem import make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 
 NAMES = ("rear_stiffness_error",)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.fit import Fit
-from drift_drake.diagnosis.problem import NUISANCES, make_problem
 from drift_drake.diagnosis.search import Candidate, Found, best_of, canonical, handed_over
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.problem import NUISANCES, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 
 

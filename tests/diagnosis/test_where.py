@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.fit import fit
-from drift_drake.diagnosis.freeform import misfit
-from drift_drake.diagnosis.horizons import HORIZONS, STATES, start_rows
-from drift_drake.diagnosis.problem import make_problem
 from drift_drake.diagnosis.where import _correlation, locate, region_names, region_of
+from drift_drake.estimation.fit import fit
+from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.horizons import HORIZONS, STATES, start_rows
+from drift_drake.estimation.problem import make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drift_drake.diagnosis.fit import sensitivity
-from drift_drake.diagnosis.problem import NUISANCES, filter_case
+from drift_drake.estimation.fit import sensitivity
+from drift_drake.estimation.problem import NUISANCES, filter_case
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SCALED = ("mass", "yaw_inertia", "rear_axle_inertia", "torque", "front_stiffness", "rear_stiffness")

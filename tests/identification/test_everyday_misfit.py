@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.everyday import traced
-from drift_drake.diagnosis.freeform import FORCE_CHANNELS, Equations
-from drift_drake.diagnosis.problem import filter_case, flat, make_problem
+from drift_drake.estimation.everyday import traced
+from drift_drake.estimation.freeform import FORCE_CHANNELS, Equations
+from drift_drake.estimation.problem import filter_case, flat, make_problem
 from drift_drake.identification.estimate import estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit, scatter
 from drift_drake.vehicle.parameters import VehicleParameters

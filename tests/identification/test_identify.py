@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.problem import make_problem
+from drift_drake.estimation.problem import make_problem
 from drift_drake.identification.estimate import mean_square
 from drift_drake.identification.identify import identify, stretched
 from drift_drake.identification.report import write_report

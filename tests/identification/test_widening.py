@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from drift_drake.diagnosis.run_data import prepare_run
+from drift_drake.estimation.run_data import prepare_run
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.fit import fit
-from drift_drake.diagnosis.freeform import misfit
-from drift_drake.diagnosis.problem import make_problem
+from drift_drake.estimation.fit import fit
+from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.problem import make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, make_case
 

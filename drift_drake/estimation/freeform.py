@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from drift_drake.diagnosis.filter_state import SIZE
-from drift_drake.diagnosis.fit import prior_precision, sensitivity
-from drift_drake.diagnosis.problem import Gains, Problem, car, counted, filter_case, flat, observe
+from drift_drake.estimation.filter_state import SIZE
+from drift_drake.estimation.fit import prior_precision, sensitivity
+from drift_drake.estimation.problem import Gains, Problem, car, counted, filter_case, flat, observe
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.filter_state import CHANNELS, MEASURED
-from drift_drake.diagnosis.noise import white_noise_level
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED
+from drift_drake.estimation.noise import white_noise_level
 from drift_drake.logs.table import Run
 
 COURSE_TIME = 0.6  # [s] of positions that a first sideslip is taken from

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.fit import Fit, fit
-from drift_drake.diagnosis.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
-from drift_drake.diagnosis.problem import Problem, filter_case
-from drift_drake.diagnosis.run_data import RunData
-from drift_drake.diagnosis.search import coarse
+from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.fit import Fit, fit
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
+from drift_drake.estimation.problem import Problem, filter_case
+from drift_drake.estimation.run_data import RunData
 
 FOLDS, HELD_OUT = 4, 1.5  # folds of cross-validation, and seconds of the blocks that take turns in being held out
 BLOCK = 10  # restarts that are drawn together: a second

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.compilation import compiled
-from drift_drake.diagnosis.commands import STAGES, SUBSTEPS
+from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.effects import Memory, changed_constants, measured, motion_with_effects, settled_memory
 from drift_drake.vehicle.scalar import cos, jitable, sin

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.horizons import HORIZONS, predictions, start_rows
-from drift_drake.diagnosis.problem import make_problem
-from drift_drake.diagnosis.reduction import FOLDS, HELD_OUT, fold_of, share_removed
+from drift_drake.estimation.horizons import HORIZONS, predictions, start_rows
+from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.reduction import FOLDS, HELD_OUT, fold_of, share_removed
 from drift_drake.vehicle.parameters import VehicleParameters
 
 NAMES = ("rear_stiffness_error",)

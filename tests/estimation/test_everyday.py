@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.everyday import applied, traced
-from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT
-from drift_drake.diagnosis.problem import Everyday, filter_case, flat, make_problem
-from drift_drake.diagnosis.search import coarse
+from drift_drake.estimation.everyday import applied, coarse, traced
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT
+from drift_drake.estimation.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, make_case
 

@@ -1,4 +1,4 @@
-"""One short simulated case for the tests of the diagnosis, made once."""
+"""One short simulated case for the tests of estimation and diagnosis, made once."""
 
 import numpy as np
 import pytest

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.commands import STAGES, actuated, without_actuators
-from drift_drake.diagnosis.filter import filter_run, observe_run
-from drift_drake.diagnosis.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
-from drift_drake.diagnosis.prior import bounds, scale
-from drift_drake.diagnosis.run_data import RunData, first_sideslip, noise_levels, prepare_run
+from drift_drake.estimation.commands import STAGES, actuated, without_actuators
+from drift_drake.estimation.filter import filter_run, observe_run
+from drift_drake.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
+from drift_drake.estimation.prior import bounds, scale
+from drift_drake.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import Constants, VehicleParameters

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import log_ndtr
 
-from drift_drake.diagnosis.prior import bounds, is_gap, log_density, scale
-from drift_drake.diagnosis.problem import (
+from drift_drake.estimation.prior import bounds, is_gap, log_density, scale
+from drift_drake.estimation.problem import (
     NUISANCES,
     START_MATTERS,
     TOLERANCES,

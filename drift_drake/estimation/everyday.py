@@ -9,10 +9,11 @@ import dataclasses
 
 import numpy as np
 
-from drift_drake.diagnosis.filter_state import CHANNELS
-from drift_drake.diagnosis.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
-from drift_drake.diagnosis.problem import Everyday, Problem, filter_case, flat, observe
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
+from drift_drake.estimation.problem import Everyday, Problem, filter_case, flat, observe
 
+COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
 STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
 
 
@@ -72,3 +73,8 @@ def traced(problem: Problem) -> Problem:
         traces.append((e - gains.innovations[i]) / STEP)
     runs = [dataclasses.replace(run, trace=trace) for run, trace in zip(bare, traces, strict=True)]
     return problem.replace(runs=runs)
+
+
+def coarse(problem: Problem) -> Problem:
+    """The same problem with more process noise: innovations then depend less on the past."""
+    return traced(problem.replace(process=problem.process * COARSE**2))

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.compilation import compiled
-from drift_drake.diagnosis.commands import STAGES, SUBSTEPS
-from drift_drake.diagnosis.filter_state import (
+from drift_drake.estimation.commands import STAGES, SUBSTEPS
+from drift_drake.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     MIN_FILTER_SPEED,

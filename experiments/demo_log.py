@@ -13,7 +13,7 @@ import numpy as np
 
 from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.run_folder import write_json
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude

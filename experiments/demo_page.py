@@ -27,7 +27,7 @@ from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_report import LABELS
 

@@ -22,7 +22,7 @@ from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.identification.identify import Identification, identify
 from drift_drake.logs.table import Run
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude, make_case
 from experiments.gap_score import wilson

@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose_folder
 from drift_drake.logs.table import write_run
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_truth, make_case

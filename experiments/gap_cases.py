@@ -16,7 +16,8 @@ from drift_drake.compilation import compiled
 from drift_drake.estimation.prior import TOLERANCE_OF
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
-from drift_drake.vehicle.effects import CATALOGUE, Effects, Memory, make_effects, motion_with_effects, settled_memory
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects, Memory, make_effects, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, Tolerance, VehicleParameters
 from experiments.strange_effects import FAMILIES, Strange, ring_rates, rung_torque, strange_wrench
 

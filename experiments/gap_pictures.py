@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 
 from drift_drake.diagnosis.posterior import NONE, UNKNOWN
 from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from experiments.gap_score import TIERS, UNKNOWNS, Pair, reliability, said, true_name
 
 OUTCOMES = ("right", "one of two", "right and more", "other effect", NONE, UNKNOWN)

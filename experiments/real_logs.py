@@ -32,7 +32,8 @@ from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import Run, read_case, stated_noise
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.vehicle.effects import CATALOGUE, Effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 from experiments.steering_steps import steering_of_steps

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.estimation.interval import Interval
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 
 class InvalidAnswerError(ValueError):

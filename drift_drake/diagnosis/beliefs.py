@@ -16,7 +16,8 @@ from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, 
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, Problem
-from drift_drake.vehicle.effects import CATALOGUE, Effects, magnitudes_of, make_effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects, magnitudes_of, make_effects
 
 MOST_FITTED, MOST_UNSEEN = 3, 4  # hypotheses that are kept
 LEAST_PROBABILITY = 1e-3

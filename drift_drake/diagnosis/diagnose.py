@@ -37,7 +37,8 @@ from drift_drake.estimation.reduction import Reduction, errors_of, reduction, wi
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
 from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, stated_noise
-from drift_drake.vehicle.effects import CATALOGUE, Effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Progress = Callable[[str, float], None]

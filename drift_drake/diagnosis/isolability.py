@@ -8,7 +8,7 @@ import numpy as np
 from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
 from drift_drake.estimation.prior import scale, starts
 from drift_drake.estimation.problem import Problem, filter_case, observe_case
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 
 @dataclasses.dataclass(frozen=True)

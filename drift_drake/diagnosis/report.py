@@ -12,7 +12,7 @@ from drift_drake.diagnosis.posterior import hypothesis_name
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
 TEMPLATE = Path(__file__).parent / "report.html"

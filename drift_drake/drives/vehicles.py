@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drift_drake.vehicle.effects import CATALOGUE, Effects, make_effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects, make_effects
 
 Population = Literal["train", "validation", "held_out", "wide"]
 POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide")

@@ -2,31 +2,13 @@
 
 import numpy as np
 
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import Tolerance
 
 REACH = 1.5  # magnitudes are believed up to this many times the ends of the practical range
 LEAST = 0.5  # and unsigned ones down to this part of its low end
-TOLERANCE_OF = {  # effects that are a tolerance of the vehicle file, only larger: name of the tolerance
-    "friction_level": "friction",
-    "front_stiffness_error": "front_stiffness",
-    "rear_stiffness_error": "rear_stiffness",
-    "mass_error": "mass",
-    "yaw_inertia_error": "yaw_inertia",
-    "cg_shift": "front_axle_distance",
-    "steering_offset": "steering_offset",
-    "torque_gain_error": "torque",
-    "drivetrain_inertia_error": "rear_axle_inertia",
-}
+TOLERANCE_OF = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 NO_GAP = 1.5  # tolerances up to which such an effect is none: a deviation of a tolerance's size is no gap to report
-LOG_SCALED = (
-    "steering_lag",
-    "steering_delay",
-    "torque_lag",
-    "sensor_latency",
-    "tyre_relaxation",
-    "steering_rate_limit",
-)
 
 
 def bounds(name: str) -> tuple[float, float]:
@@ -54,7 +36,7 @@ def starts(name: str) -> list[float]:
     info = CATALOGUE[name]
     if info.signed:
         return [0.4 * info.low, 0.4 * info.high]
-    if name in LOG_SCALED:
+    if info.spread:
         return [float(q) for q in np.geomspace(1.2 * info.low, 0.85 * info.high, 3)]
     return [info.low + 0.3 * (info.high - info.low)]
 

@@ -17,6 +17,7 @@ from drift_drake.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STAT
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
@@ -39,9 +40,9 @@ NUISANCE_STEP = 0.05  # of a tolerance, for differences
 LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow, times or by e^0.7
 
 START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
-START_MATTERS = (  # effects under which the commands before the first row act on the car
-    frozenset({"steering_lag", "steering_delay", "steering_rate_limit", "sensor_latency"}),
-    frozenset({"torque_lag", "sensor_latency"}),
+START_MATTERS = tuple(  # effects under which the commands before the first row act on the car
+    frozenset(name for name, info in CATALOGUE.items() if command in info.remembers)
+    for command in ("delta_cmd", "tau_cmd")
 )
 FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] that are tried where nothing tells it
 TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards

@@ -30,7 +30,8 @@ from drift_drake.identification.unknowns import (
 from drift_drake.identification.untold import Direction, tied, untold
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run, read_case, stated_noise
-from drift_drake.vehicle.effects import CATALOGUE, Effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn

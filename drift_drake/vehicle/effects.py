@@ -6,7 +6,6 @@ at zero it is `bicycle.motion`. Effects with memory (lags, relaxation, heat, fil
 what is measured (`measured`); delays of either are systems of their own (`drift_drake.delay`).
 """
 
-import dataclasses
 from typing import Any, NamedTuple
 
 from drift_drake.vehicle.bicycle import (
@@ -32,7 +31,7 @@ RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a comman
 
 
 class Effects(NamedTuple):
-    """Magnitudes of all effects, in the units of `CATALOGUE`; zero switches an effect off."""
+    """Magnitudes of all effects, in the units of `catalogue.CATALOGUE`; zero switches an effect off."""
 
     friction_level: Any = 0.0
     front_rear_friction_split: Any = 0.0
@@ -62,53 +61,6 @@ class Effects(NamedTuple):
     sideslip_bias: Any = 0.0
     wheel_radius_error: Any = 0.0
     sensor_latency: Any = 0.0
-
-
-@dataclasses.dataclass(frozen=True)
-class EffectInfo:
-    """What the catalogue says of one effect."""
-
-    unit: str
-    low: float
-    high: float
-    change: str
-
-    @property
-    def signed(self) -> bool:
-        """Whether the magnitude may have either sign."""
-        return self.low < 0.0
-
-
-CATALOGUE: dict[str, EffectInfo] = {
-    "friction_level": EffectInfo("-", -0.35, 0.2, "friction of both axles times (1 + q)"),
-    "front_rear_friction_split": EffectInfo("-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear"),
-    "front_stiffness_error": EffectInfo("-", -0.4, 0.4, "front tyre stiffness times (1 + q)"),
-    "rear_stiffness_error": EffectInfo("-", -0.4, 0.4, "rear tyre stiffness times (1 + q)"),
-    "tyre_relaxation": EffectInfo("m", 0.15, 1.0, "lateral slip follows the kinematic one over a rolled length q"),
-    "sliding_friction_drop": EffectInfo("-", 0.05, 0.35, "friction falls by q as the contact slides"),
-    "tyre_thermal_fade": EffectInfo("1/unit heat", 0.05, 0.4, "friction falls by q per unit of heat"),
-    "longitudinal_load_transfer": EffectInfo("m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q"),
-    "lateral_load_transfer": EffectInfo("-", 0.05, 0.3, "friction falls by q (a_y/g)^2"),
-    "mass_error": EffectInfo("-", -0.12, 0.2, "mass times (1 + q)"),
-    "yaw_inertia_error": EffectInfo("-", -0.3, 0.4, "yaw inertia times (1 + q)"),
-    "cg_shift": EffectInfo("m", -0.12, 0.12, "centre of gravity moved back by q"),
-    "steering_lag": EffectInfo("s", 0.03, 0.2, "first-order lag from command to road wheel"),
-    "steering_delay": EffectInfo("s", 0.02, 0.15, "transport delay of the steering command"),
-    "steering_rate_limit": EffectInfo("rad/s", 0.3, 1.2, "the road wheel moves no faster than q"),
-    "steering_offset": EffectInfo("rad", -0.035, 0.035, "added to the road-wheel angle"),
-    "torque_lag": EffectInfo("s", 0.05, 0.4, "first-order lag of engine torque"),
-    "torque_gain_error": EffectInfo("-", -0.3, 0.2, "torque at the axle times (1 + q)"),
-    "drivetrain_inertia_error": EffectInfo("-", -0.4, 0.8, "rear axle inertia times (1 + q)"),
-    "drivetrain_friction": EffectInfo("N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle"),
-    "aero_drag": EffectInfo("N s^2/m^2", 0.4, 2.5, "force q v^2 against the course"),
-    "rolling_resistance": EffectInfo("-", 0.01, 0.05, "force q m g backwards along the body"),
-    "road_grade": EffectInfo("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q"),
-    "differential_yaw_moment": EffectInfo("N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle"),
-    "gyro_bias": EffectInfo("rad/s", -0.04, 0.04, "added to the measured yaw rate"),
-    "sideslip_bias": EffectInfo("rad", -0.04, 0.04, "added to the measured sideslip"),
-    "wheel_radius_error": EffectInfo("-", -0.05, 0.05, "measured rim speed times (1 + q)"),
-    "sensor_latency": EffectInfo("s", 0.02, 0.12, "every measured column is late by q"),
-}
 
 
 class Memory(NamedTuple):

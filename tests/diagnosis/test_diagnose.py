@@ -16,7 +16,7 @@ from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
 from drift_drake.logs.table import InvalidLogError, write_run
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 FEW = ("rear_stiffness_error", "aero_drag", "steering_lag")

@@ -24,7 +24,8 @@ from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.prior import scale
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
-from drift_drake.vehicle.effects import CATALOGUE, Effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import NOISE
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drift_drake.drives.vehicles import POPULATIONS, TRAINING, WIDE, draw_effects
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from drift_drake.estimation.fit import fit, laplace_terms, sensitivity
 from drift_drake.estimation.prior import NO_GAP, bounds, is_gap, log_density, starts
 from drift_drake.estimation.problem import NUISANCES, filter_case, make_problem, observe_case
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 NAMES = ("rear_stiffness_error", "steering_lag")

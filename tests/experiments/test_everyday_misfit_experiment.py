@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.everyday_misfit import MISFITS, drawn_days, numbers
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.logs.table import read_case
-from drift_drake.vehicle.effects import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_blind import Make, case_truth, make, opened
 

@@ -11,7 +11,8 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car import Car
 from drift_drake.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
-from drift_drake.vehicle.effects import CATALOGUE, RATE_LIMIT_TIME, Effects, make_effects
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plant import PLANT_STATES, VehiclePlant
 

@@ -1,0 +1,215 @@
+"""Predictions over short windows that start from measured states: errors some tenths of a second ahead.
+
+What a simulator is for is prediction. A window starts every fifth of a second from the smoothed measurement, is driven
+by the logged commands, and is compared with the measurement a tenth to half a second later. The effects' own states
+(slips that lag, heat, filtered accelerations) are carried along the measured motion up to each start.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from drift_drake.compilation import compiled
+from drift_drake.estimation.commands import STAGES, actuated, without_actuators
+from drift_drake.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, SIZE, between, rates_of, wheel_rate
+from drift_drake.estimation.run_data import RunData, prepare_run
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.effects import Effects, settled_memory
+from drift_drake.vehicle.parameters import Constants
+
+PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
+HORIZONS = 5  # of a tenth of a second
+STRIDE = 0.1  # [s] between horizons
+START_EVERY = 0.2  # [s]
+SMOOTHING = 0.15  # [s] of measurements behind a start, a parabola through them
+SETTLING = 0.35  # [s] at a run's start without windows: commands before it are unknown
+STEP = 0.005  # [s] of Runge-Kutta, at most
+STEPS_PER_RATE = 0.8  # of the fastest settling time that a step may take
+MOST_STEPS = 32  # a row
+LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
+
+
+@dataclasses.dataclass(frozen=True)
+class WindowedRun:
+    """One run, its windows' starts and what is measured there."""
+
+    name: str
+    period: float  # [s]
+    y: np.ndarray  # [rows, 5] r, v, beta, omega_r, psi as measured
+    start_y: np.ndarray  # [rows, 5] smoothed
+    delta: np.ndarray  # [rows] commands
+    tau: np.ndarray
+    starts: np.ndarray  # [windows] rows
+    fed: bool  # speeds are fed as measured: no torque is logged
+
+    @property
+    def stride(self) -> int:
+        """Rows between horizons."""
+        return max(round(STRIDE / self.period), 1)
+
+
+def smoothed(values: np.ndarray, period: float) -> np.ndarray:
+    """Local parabolas through a channel [rows]: noise falls to 0.4, motion below 3 Hz stays."""
+    from scipy.signal import savgol_filter
+
+    length = max(2 * round(0.5 * SMOOTHING / period) + 1, 5)
+    return np.asarray(savgol_filter(values, length, 2)) if len(values) > length else values
+
+
+def windowed(run: Run, left_out: np.ndarray | None = None) -> WindowedRun:
+    """A run as windows.
+
+    Args:
+        left_out: rows [rows] (bool) that no window may touch.
+    """
+    data: RunData = prepare_run(run)
+    y = data.y[:, [CHANNELS.index(name) for name in PREDICTED]].copy()
+    fed = run.tau_cmd is None
+    if run.omega_r is None:
+        y[:, 3] = y[:, 1]
+    if run.psi is None:
+        y[:, 4] = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:, 0] + y[:-1, 0]) * run.period)])
+    stride = max(round(STRIDE / run.period), 1)
+    first = round(SETTLING / run.period)
+    starts = np.arange(first, len(y) - HORIZONS * stride - stride, max(round(START_EVERY / run.period), 1))
+    if left_out is not None:
+        bad = np.concatenate([[0], np.cumsum(left_out)])
+        margin = round(SMOOTHING / run.period)
+        clean = bad[starts + HORIZONS * stride + 1] == bad[np.maximum(starts - margin, 0)]
+        starts = starts[clean]
+    start_y = np.stack([smoothed(y[:, i], run.period) for i in range(len(PREDICTED))], axis=1)
+    return WindowedRun(run.name, run.period, y, start_y, data.delta, data.tau, starts, fed)
+
+
+@compiled
+def _steps(z: Any, constants: Any, effects: Any, period: Any) -> Any:
+    """Runge-Kutta steps a row that follow the driven rim and the tyres' relaxation."""
+    by_time = int(np.ceil(period / STEP - 1e-9))
+    rate = wheel_rate(z, constants, effects)
+    if effects.tyre_relaxation > 0.0:
+        rate = max(rate, max(z[1], 1.0) / effects.tyre_relaxation)
+    return min(max(by_time, int(period * rate / STEPS_PER_RATE) + 1), MOST_STEPS)
+
+
+@compiled
+def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: Any, effects: Any, fed: Any,
+             fed_from: Any, fed_to: Any, push: Any, k: Any, w: Any) -> Any:  # fmt: skip
+    """One row of Runge-Kutta steps, in place; with `fed`, speeds follow the measurement instead."""
+    steps = _steps(z, constants, effects, period)
+    h = period / steps
+    for step in range(steps):
+        at = STAGES * (row + step / steps)
+        end = STAGES * (row + (step + 1) / steps)
+        middle = 0.5 * (at + end)
+        if fed:
+            share = step / steps
+            z[1] = fed_from[1] + share * (fed_to[1] - fed_from[1])
+            z[3] = fed_from[3] + share * (fed_to[3] - fed_from[3])
+        rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
+        for i in range(SIZE):
+            w[1, i] = k[i]
+            w[0, i] = z[i] + 0.5 * h * k[i]
+        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
+        for i in range(SIZE):
+            w[1, i] += 2.0 * k[i]
+            w[0, i] = z[i] + 0.5 * h * k[i]
+        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
+        for i in range(SIZE):
+            w[1, i] += 2.0 * k[i]
+            w[0, i] = z[i] + h * k[i]
+        rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
+        for i in range(SIZE):
+            z[i] += h / 6.0 * (w[1, i] + k[i])
+        z[1] = max(z[1], MIN_FILTER_SPEED)
+        z[3] = max(z[3], 0.0)
+
+
+@compiled
+def _measured_state(y: Any, effects: Any, z: Any) -> Any:
+    """The car's states from what sensors read, biases taken out."""
+    z[0] = y[0] - effects.gyro_bias
+    z[1] = max(y[1], MIN_FILTER_SPEED)
+    z[2] = y[2] - effects.sideslip_bias
+    z[3] = y[3] / (1.0 + effects.wheel_radius_error)
+    z[4] = y[4]
+
+
+@compiled
+def predict(
+    start_y: Any, y: Any, starts: Any, stride: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
+    fed: Any, out: Any,
+) -> Any:  # fmt: skip
+    """Prediction errors out [windows, HORIZONS, 5], measured less predicted, of the windows of one run.
+
+    Args:
+        start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride: rows between
+            horizons; delta, torque: on the stages' grid (`commands.actuated`); effects: without those of actuators.
+    """
+    z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
+    _measured_state(start_y[0], effects, memory)
+    memory[7], memory[8], memory[9], memory[10], memory[11], memory[12] = settled_memory(
+        memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects
+    )[2:]
+    carried, follow = 0, 4
+    for s in range(len(starts)):
+        start = starts[s]
+        # The effects' own states follow the measured motion up to this start.
+        while carried < start:
+            for step in range(follow):
+                share = (step + 0.5) / follow
+                at = STAGES * (carried + share)
+                _measured_state(
+                    start_y[carried] + share * (start_y[carried + 1] - start_y[carried]), effects, memory
+                )
+                rates_of(memory, between(delta, at), between(torque, at), constants, effects, push, k)
+                h = period / follow
+                # Slips that lag may settle within a step: an implicit one is stable.
+                lag = h * max(memory[1], 1.0) / effects.tyre_relaxation if effects.tyre_relaxation > 0.0 else 0.0
+                for i in range(7, SIZE):
+                    memory[i] += h * k[i] / (1.0 + (lag if i < 9 else 0.0))
+            carried += 1
+        z[:] = memory
+        _measured_state(start_y[start], effects, z)
+        for h in range(HORIZONS):
+            for row in range(start + h * stride, start + (h + 1) * stride):
+                _advance(z, delta, torque, row, period, constants, effects, fed, start_y[row], start_y[row + 1],
+                         push, k, w)  # fmt: skip
+            end = start + (h + 1) * stride
+            out[s, h, 0] = y[end, 0] - effects.gyro_bias - z[0]
+            out[s, h, 1] = y[end, 1] - z[1]
+            out[s, h, 2] = y[end, 2] - effects.sideslip_bias - z[2]
+            out[s, h, 3] = y[end, 3] / (1.0 + effects.wheel_radius_error) - z[3]
+            out[s, h, 4] = y[end, 4] - z[4]
+            for i in range(5):
+                if not abs(out[s, h, i]) < LARGEST_ERROR:
+                    out[s, h, i] = LARGEST_ERROR
+
+
+def run_errors(run: WindowedRun, constants: Constants, effects: Effects) -> np.ndarray:
+    """Prediction errors [windows, HORIZONS, 5] of one run under a car."""
+    before = (float(run.delta[0]), float(run.tau[0]))
+    delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
+    out = np.empty((len(run.starts), HORIZONS, len(PREDICTED)))
+    predict(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
+            without_actuators(effects), run.fed, out)  # fmt: skip
+    return out
+
+
+def errors(runs: Sequence[WindowedRun], constants: Constants, effects: Effects) -> np.ndarray:
+    """Prediction errors [windows of all runs, HORIZONS, 5] under a car."""
+    return np.concatenate([run_errors(run, constants, effects) for run in runs])
+
+
+def errors_of_all(
+    runs: Sequence[WindowedRun], constants: Constants, cars: Sequence[Effects], pool: ThreadPoolExecutor
+) -> list[np.ndarray]:
+    """The same for several cars at once, on the pool's threads."""
+    return list(pool.map(lambda effects: errors(runs, constants, effects), cars))
+
+
+def added(effects: Effects, more: Mapping[str, float]) -> Effects:
+    """Effects with further magnitudes added."""
+    return effects._replace(**{name: getattr(effects, name) + value for name, value in more.items()})

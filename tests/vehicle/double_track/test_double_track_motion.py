@@ -12,7 +12,9 @@ from drift_drake.vehicle.double_track.loads import roll_arm_moment, sprung_mass,
 from drift_drake.vehicle.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
+    WheelForces,
     double_track_motion,
+    ground_wrench,
     road_wheel_angles,
     wheel_forces,
 )
@@ -163,6 +165,20 @@ def test_the_differential_is_open():
     assert loads[3] > 1.5 * loads[2]
     assert forces.rear_left_x == pytest.approx(forces.rear_right_x, rel=1e-3)
     assert own.rim_difference > 0.0
+
+
+def test_the_wrench_is_that_of_four_forces_at_four_places():
+    p, left, right = CAR.constants(), 0.2, 0.17
+    forces = WheelForces(3000.0, 4000.0, 500.0, 2500.0, 1500.0, 3500.0)
+
+    def turned(angle, f_y):
+        return np.array([-f_y * np.sin(angle), f_y * np.cos(angle)])
+
+    a, b, front, rear = p.front_axle_distance, p.rear_axle_distance, p.front_track / 2.0, p.rear_track / 2.0
+    places = [(a, front), (a, -front), (-b, rear), (-b, -rear)]
+    acting = [turned(left, 3000.0), turned(right, 4000.0), np.array([500.0, 2500.0]), np.array([1500.0, 3500.0])]
+    moment = sum(x * f[1] - y * f[0] for (x, y), f in zip(places, acting, strict=True))
+    np.testing.assert_allclose(ground_wrench(forces, left, right, p), [*sum(acting), moment], rtol=1e-12)
 
 
 def test_the_inner_front_wheel_turns_more_and_the_side_force_turns_both_back():

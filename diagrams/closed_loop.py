@@ -39,9 +39,11 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder
 from drift_drake.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.vehicle.plant import POSE
+from drift_drake.vehicle.path_plant import POSE, PathPlant
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 Array = NDArray[np.float64]
@@ -106,13 +108,16 @@ class ClosedLoop:
         initial_command: tuple[float, float] | None = None,
         adapter: BayesianAdapter | None = None,
         detector: OutOfDistributionDetector | None = None,
+        plant: PathPlant | None = None,
     ) -> None:
         """Builds the diagram.
 
         Args:
+            parameters: what the controller and the reference's limits take the car for.
             model: what the controller believes.
             adapter: if given, `model` (a `BayesianStepModel`) follows it.
             detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
+            plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
 
         Raises:
             ValueError: a detector, or a tightened lane, without an adapter.
@@ -130,7 +135,7 @@ class ClosedLoop:
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
         builder = DiagramBuilder()
-        self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise))
+        self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
         self.controller = builder.AddNamedSystem(
             "controller",
             MpcController(
@@ -284,6 +289,9 @@ class ClosedLoopConfig:
 
     vehicle: Path | None = None
     """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
+    plant: Literal["single_track", "double_track"] = "single_track"
+    """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
+    model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
     model: Literal["nominal", "prior", "online"] = "nominal"
     """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
@@ -301,6 +309,8 @@ class ClosedLoopConfig:
 
     def parameters(self) -> VehicleParameters:
         """The vehicle that the config names."""
+        if self.vehicle is None and self.plant == "double_track":
+            return CARS["coupe"].single_track()
         return read_vehicle(self.vehicle)[0] if self.vehicle else VehicleParameters()
 
     def effects(self) -> Effects:
@@ -318,7 +328,9 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         learnt = load()
         model = step_model(learnt, learnt.prior(), "trapezoid")
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
-    return ClosedLoop(parameters, reference, model, config.effects(), control=config.control, adapter=adapter)
+    effects = config.effects()
+    plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
+    return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant)
 
 
 def simulate(config: ClosedLoopConfig) -> Run:

@@ -7,7 +7,8 @@ from drift_drake.delay import TransportDelay
 from drift_drake.sensors import NoiseLevels, Sensors
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plant import CurvedPath, VehiclePlant
+from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+from drift_drake.vehicle.plant import VehiclePlant
 
 
 class Car(Diagram):
@@ -29,6 +30,8 @@ class Car(Diagram):
         path: see `VehiclePlant`.
         noise: of the sensors.
         period: of the sensors' sampling, and of the rows of the transport delays [s].
+        plant: another plant of the same ports in place of `VehiclePlant(parameters, effects, path)`; of `effects`,
+            steering delay and sensors' effects still act here.
     """
 
     def __init__(
@@ -38,10 +41,12 @@ class Car(Diagram):
         path: CurvedPath | None = None,
         noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
         period: float = 0.01,
+        plant: PathPlant | None = None,
     ) -> None:
         Diagram.__init__(self)
         builder = DiagramBuilder()
-        self.plant = builder.AddNamedSystem("plant", VehiclePlant(parameters, effects, path))
+        made = VehiclePlant(parameters, effects, path) if plant is None else plant
+        self.plant = builder.AddNamedSystem("plant", made)
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
         actuation = self.plant.GetInputPort("actuation")
         if effects.steering_delay != 0.0:

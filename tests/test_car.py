@@ -7,6 +7,8 @@ from pydrake.systems.analysis import Simulator
 from drift_drake.car import Car
 from drift_drake.reference.path import Path
 from drift_drake.sensors import NoiseLevels
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plant import VehiclePlant
@@ -83,3 +85,16 @@ def test_measurements_do_not_feed_the_command_through_but_in_their_accelerations
 def test_a_delay_cannot_be_negative(effect):
     with pytest.raises(ValueError, match=r"delay is -0\.1; give it in seconds, zero or more"):
         Car(PARAMETERS, Effects(**{effect: -0.1}))
+
+
+def test_another_plant_has_the_same_sensors():
+    belief, path = CARS["roadster"].single_track(), Path([0.0, 10.0, 60.0], [0.0, 0.03, -0.02])
+    rows = []
+    for effects in (Effects(), Effects(gyro_bias=0.1)):
+        plant = DoubleTrackPlant(CARS["roadster"], effects, path)
+        car = Car(belief, effects, noise=NoiseLevels.none(), plant=plant)
+        context = driven(car, 0.15)
+        assert car.plant is plant
+        rows.append(car.GetOutputPort("log_row").Eval(context))
+    assert rows[1][4] - rows[0][4] == pytest.approx(0.1)
+    np.testing.assert_array_equal(rows[1][5:], rows[0][5:])

@@ -18,7 +18,7 @@ from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.sensors import LOG_ROW, NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plant import POSE_AT
+from drift_drake.vehicle.path_plant import POSE_AT
 
 Array = NDArray[np.float64]
 

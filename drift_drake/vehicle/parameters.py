@@ -31,7 +31,8 @@ class Constants(NamedTuple):
     front_coupling: Any
 
 
-def _entry(unit: str, symbol: str, default: float, positive: bool = True) -> Any:
+def entry(unit: str, symbol: str, default: float, positive: bool = True) -> Any:
+    """A field of a vehicle's dataclass with its unit and symbol."""
     return dataclasses.field(default=default, metadata={"unit": unit, "symbol": symbol, "positive": positive})
 
 
@@ -64,28 +65,28 @@ class VehicleParameters:
     torque are then those of the whole driveline. A file may leave it out.
     """
 
-    mass: float = _entry("kg", "m", 1650.0)
-    yaw_inertia: float = _entry("kg m^2", "I_z", 2350.0)
-    front_axle_distance: float = _entry("m", "a", 1.23)
-    rear_axle_distance: float = _entry("m", "b", 1.24)
-    wheel_radius: float = _entry("m", "R_w", 0.337)
-    rear_axle_inertia: float = _entry("kg m^2", "I_w", 20.0)
-    gear_ratio: float = _entry("-", "G", 10.6)
-    friction: float = _entry("-", "mu", 1.0)
-    front_stiffness: float = _entry("N per unit slip", "C_f", 1.4e5)
-    rear_stiffness: float = _entry("N per unit slip", "C_r", 2.2e5)
-    gravity: float = _entry("m/s^2", "g", 9.81)
-    front_coupling: float = _entry("-", "c_f", 0.0, positive=False)
-    steering_limit: float = _entry("rad", "delta_max", 0.66)
-    torque_min: float = _entry("N m", "tau_min", -50.0, positive=False)
-    torque_max: float = _entry("N m", "tau_max", 450.0, positive=False)
+    mass: float = entry("kg", "m", 1650.0)
+    yaw_inertia: float = entry("kg m^2", "I_z", 2350.0)
+    front_axle_distance: float = entry("m", "a", 1.23)
+    rear_axle_distance: float = entry("m", "b", 1.24)
+    wheel_radius: float = entry("m", "R_w", 0.337)
+    rear_axle_inertia: float = entry("kg m^2", "I_w", 20.0)
+    gear_ratio: float = entry("-", "G", 10.6)
+    friction: float = entry("-", "mu", 1.0)
+    front_stiffness: float = entry("N per unit slip", "C_f", 1.4e5)
+    rear_stiffness: float = entry("N per unit slip", "C_r", 2.2e5)
+    gravity: float = entry("m/s^2", "g", 9.81)
+    front_coupling: float = entry("-", "c_f", 0.0, positive=False)
+    steering_limit: float = entry("rad", "delta_max", 0.66)
+    torque_min: float = entry("N m", "tau_min", -50.0, positive=False)
+    torque_max: float = entry("N m", "tau_max", 450.0, positive=False)
     tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             if field.name == "tolerance":
                 continue
-            _check_number(field.name, getattr(self, field.name), field.metadata)
+            check_number(field.name, getattr(self, field.name), field.metadata)
         if self.torque_min >= self.torque_max:
             raise InvalidVehicleError(
                 f"torque_min ({self.torque_min:g} N m) must lie below torque_max ({self.torque_max:g} N m)"
@@ -178,7 +179,12 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _check_number(name: str, value: Any, metadata: Any) -> None:
+def check_number(name: str, value: Any, metadata: Any) -> None:
+    """Holds a value against what `entry` says of its field.
+
+    Raises:
+        InvalidVehicleError: not a finite number, or not positive where it must be.
+    """
     unit, symbol = metadata["unit"], metadata["symbol"]
     if not _is_number(value):
         raise InvalidVehicleError(f"{name} ({symbol}) is {value!r}; give a finite number in {unit}")

@@ -1,28 +1,25 @@
 """The car as a Drake system: the single-track car, with or without effects, on a path and in the world."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import BasicVector_, LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.compilation import compiled
-from drift_drake.vehicle.bicycle import INPUTS, STATES, motion, path_rates, world_rates
+from drift_drake.vehicle.bicycle import STATES, motion
 from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
 from drift_drake.vehicle.scalar import jitable
 
 Array = NDArray[np.float64]
 
-POSE = ("x", "y", "psi")
-PLANT_STATES = (*STATES, "s", *POSE)
 PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
-POSE_AT, MEMORY_AT = PLANT_STATES.index("x"), len(PLANT_STATES)
 
 StateView = namedview("StateView", STATES)
 PlantStateView = namedview("PlantStateView", PLANT_STATES)
@@ -31,35 +28,10 @@ PlantStateWithMemoryView = namedview("PlantStateWithMemoryView", PLANT_STATES_WI
 OFF_THE_MOTION = ("steering_delay", "gyro_bias", "sideslip_bias", "wheel_radius_error", "sensor_latency")
 """Effects that act before the plant (`steering_delay`) or after it (the sensors'), never on its motion."""
 
-CURVATURE_STEP = 1e-3  # [m] of the difference that gives a path's curvature its slope for AutoDiffXd
-
-_NO_WRENCH = np.zeros(3)
-
-
-class CurvedPath(Protocol):
-    """What the plant asks of a path; see `drift_drake.reference.path.Path`."""
-
-    def curvature(self, s: Any) -> Any:
-        """Curvature [1/m] at the path position s [m]."""
-
-    def pose(self, s: Any) -> tuple[Any, Any, Any]:
-        """(x [m], y [m], heading [rad]) of the path at s [m]."""
-
-    def to_world(self, s: Any, e: Any) -> tuple[Any, Any]:
-        """(x, y) [m] of the point at s [m], e [m] to the left of the path."""
-
 
 def acts_on_motion(effects: Effects) -> bool:
     """Whether any effect changes the equations of motion, so that the plant needs the states of `Memory`."""
     return any(value != 0.0 for name, value in effects._asdict().items() if name not in OFF_THE_MOTION)
-
-
-@jitable
-def _kinematic_rates(x: Any, beta_dot: Any, curvature: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Rates of (e, dphi, s, x, y, psi)."""
-    e_dot, dphi_dot, s_dot = path_rates(x[0], x[1], beta_dot, x[4], x[5], curvature)
-    x_dot, y_dot, psi_dot = world_rates(x[0], x[1], x[2], x[9])
-    return e_dot, dphi_dot, s_dot, x_dot, y_dot, psi_dot
 
 
 @jitable
@@ -79,14 +51,14 @@ def changed_motion(x: Any, u: Any, wrench: Any, p: Constants, q: Effects) -> Any
 def nominal_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants) -> tuple[Any, ...]:
     """Rates of `PLANT_STATES`."""
     m = nominal_motion(x, u, wrench, p)
-    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *_kinematic_rates(x, m.beta_dot, curvature))
+    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
 
 
 @jitable
 def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> tuple[Any, ...]:
     """Rates of `PLANT_STATES_WITH_MEMORY`."""
     m, memory = changed_motion(x, u, wrench, p, q)
-    rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *_kinematic_rates(x, m.beta_dot, curvature))
+    rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
     return (*rates, memory.steering, memory.torque, memory.front_slip, memory.rear_slip, memory.front_heat,
             memory.rear_heat, memory.a_x, memory.a_y)  # fmt: skip
 
@@ -108,7 +80,7 @@ def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array
 def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
     """See `VehiclePlant`."""
 
-    class Impl(LeafSystem_[T]):
+    class Impl(PathPlant, LeafSystem_[T]):
         """The car of `bicycle` and `effects` as a system on float, AutoDiffXd and Expression.
 
         Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
@@ -145,7 +117,7 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             converter: Any = None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter)
-            self.parameters, self.effects, self.path = parameters, effects, path
+            self.parameters, self.effects = parameters, effects
             self.has_memory = acts_on_motion(effects)
             self.state_names = PLANT_STATES_WITH_MEMORY if self.has_memory else PLANT_STATES
             self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
@@ -153,26 +125,7 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in parameters.constants()]))
             self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in effects]))
             self._state_index = self.DeclareContinuousState(len(self.state_names))
-            self._actuation = self.DeclareVectorInputPort("actuation", len(INPUTS))
-            self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
-            self._curvature = self.DeclareVectorInputPort("curvature", 1)
-
-            state = {self.xc_ticket()}
-            self.DeclareVectorOutputPort("state", len(STATES), self._calc_state, prerequisites_of_calc=state)
-            self.DeclareVectorOutputPort("path_position", 1, self._calc_path_position, prerequisites_of_calc=state)
-            self.DeclareVectorOutputPort("pose", len(POSE), self._calc_pose, prerequisites_of_calc=state)
-            self.DeclareVectorOutputPort(
-                "acceleration",
-                2,
-                self._calc_acceleration,
-                prerequisites_of_calc={
-                    *state,
-                    self.all_parameters_ticket(),
-                    self.input_port_ticket(self._actuation.get_index()),
-                    self.input_port_ticket(self._disturbance.get_index()),
-                },
-            )
-            self.DeclareStateOutputPort("full_state", self._state_index)
+            self.declare_ports(self._state_index, T, path)
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.parameters, other.effects, other.path, converter)
@@ -198,44 +151,20 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             Raises:
                 ValueError: a pose beside a path.
             """
-            r, v, beta, omega_r, e, dphi = (float(value) for value in state)
-            if self.path is not None:
-                if pose is not None:
-                    raise ValueError("the pose follows from the plant's path, s, e and dphi; leave it out")
-                x, y = self.path.to_world(s, e)
-                pose = (float(x), float(y), float(self.path.pose(s)[2]) + dphi - beta)
-            elif pose is None:
-                pose = (0.0, e, dphi - beta)
-            values = [r, v, beta, omega_r, e, dphi, s, *pose]
+            values = [*self.placed(state, s, pose)]
             if self.has_memory:
                 delta, tau = actuation
-                values += settled_memory(r, v, beta, omega_r, delta, tau, *self._car(context), psi=pose[2])
+                values += settled_memory(*values[:4], delta, tau, *self._car(context), psi=values[9])
             context.SetContinuousState([T(value) for value in values])
 
         def _car(self, context: Any) -> tuple[Constants, Effects]:
             constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
             return Constants(*constants), Effects(*magnitudes)
 
-        def _wrench(self, context: Any) -> Any:
-            return self._disturbance.Eval(context) if self._disturbance.HasValue(context) else _NO_WRENCH
-
-        def _path_curvature(self, context: Any, s: Any) -> Any:
-            if self._curvature.HasValue(context):
-                return self._curvature.Eval(context)[0]
-            if self.path is None:
-                return 0.0
-            if T is float:
-                return float(self.path.curvature(float(s)))
-            if T is AutoDiffXd:
-                at, step = s.value(), CURVATURE_STEP
-                slope = (self.path.curvature(at + step) - self.path.curvature(at - step)) / (2.0 * step)
-                return AutoDiffXd(float(self.path.curvature(at)), float(slope) * s.derivatives())
-            raise ValueError("a path's curvature has no Expression; connect the port 'curvature' of the plant")
-
         def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
             x = context.get_continuous_state_vector().CopyToVector()
-            u, wrench = self._actuation.Eval(context), self._wrench(context)
-            curvature = self._path_curvature(context, x[6])
+            u, wrench = self.inputs(context)
+            curvature = self.path_curvature(context, x[6])
             if T is float:
                 constants = context.get_numeric_parameter(0).CopyToVector()
                 if self.has_memory:
@@ -252,18 +181,9 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
                 )
             derivatives.get_mutable_vector().SetFromVector(rates)
 
-        def _calc_state(self, context: Any, output: Any) -> None:
-            output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[: len(STATES)])
-
-        def _calc_path_position(self, context: Any, output: Any) -> None:
-            output[0] = context.get_continuous_state_vector()[len(STATES)]
-
-        def _calc_pose(self, context: Any, output: Any) -> None:
-            output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[POSE_AT:MEMORY_AT])
-
-        def _calc_acceleration(self, context: Any, output: Any) -> None:
+        def calc_acceleration(self, context: Any, output: Any) -> None:
             x = context.get_continuous_state_vector().CopyToVector()
-            u, wrench = self._actuation.Eval(context), self._wrench(context)
+            u, wrench = self.inputs(context)
             p, q = self._car(context)
             m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
             output.SetFromVector([m.a_x, m.a_y])

@@ -42,6 +42,10 @@ def tanh(x: Any) -> Any:
     return math.tanh(x) if type(x) is float else _on_objects(x, np.tanh)
 
 
+def atan(x: Any) -> Any:
+    return math.atan(x) if type(x) is float else _on_objects(x, np.arctan)
+
+
 def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
     """`if_less` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
@@ -94,11 +98,16 @@ def _tanh_step(z: complex) -> complex:
     return complex(value, (1.0 - value * value) * z.imag)
 
 
+def _atan_step(z: complex) -> complex:
+    return complex(np.arctan(z.real), z.imag / (1.0 + z.real * z.real))
+
+
 _compile_as(sin, np.sin, _sin_step)
 _compile_as(cos, np.cos, _cos_step)
 _compile_as(sqrt, np.sqrt, _sqrt_step)
 _compile_as(exp, np.exp, _exp_step)
 _compile_as(tanh, np.tanh, _tanh_step)
+_compile_as(atan, np.arctan, _atan_step)
 
 
 @overload(select)

@@ -8,12 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import ClosedLoop, ClosedLoopConfig, ControlConfig, Limits, Run, main, simulate
+from diagrams.closed_loop import ClosedLoop, ClosedLoopConfig, ControlConfig, Limits, Run, build, main, simulate
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plant import VehiclePlant
 
 PARAMETERS = VehicleParameters()
 FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
@@ -142,3 +145,23 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_a_delay_after_which_no_plan_would_come_into_force_is_refused() -> None:
     with pytest.raises(ValueError, match="at most two periods"):
         ControlConfig(period=0.01, delay=0.03)
+
+
+def test_the_true_car_may_be_a_double_track_one(short: Reference) -> None:
+    """Believing in the nearest single-track car, the controller drives it, less well than that car."""
+    car = CARS["coupe"]
+    belief = car.single_track()
+    part = dataclasses.replace(figure_8(belief), distance=short.distance)
+    runs = []
+    for plant in (None, DoubleTrackPlant(car, path=part.path)):
+        loop = ClosedLoop(belief, part, NominalStepModel(belief), control=FAST, plant=plant)
+        runs.append(loop.run(loop.initial_context(0)))
+    assert [run.outcome for run in runs] == ["completed", "completed"]
+    assert runs[0].metrics().rms_sideslip_error < runs[1].metrics().rms_sideslip_error
+
+
+def test_the_config_names_the_plant() -> None:
+    loop = build(ClosedLoopConfig(plant="double_track"))
+    assert isinstance(loop.car.plant, DoubleTrackPlant)
+    assert loop.parameters == CARS["coupe"].single_track()
+    assert isinstance(build(ClosedLoopConfig()).car.plant, VehiclePlant)

@@ -14,7 +14,8 @@ from drift_drake.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plant import PLANT_STATES, VehiclePlant
+from drift_drake.vehicle.path_plant import PLANT_STATES
+from drift_drake.vehicle.plant import VehiclePlant
 
 P = VehicleParameters()
 WHEELBASE = P.front_axle_distance + P.rear_axle_distance

@@ -18,9 +18,9 @@ from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.effects import Effects, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.path_plant import PLANT_STATES
 from drift_drake.vehicle.plant import (
     OFF_THE_MOTION,
-    PLANT_STATES,
     PLANT_STATES_WITH_MEMORY,
     VehiclePlant,
     acts_on_motion,

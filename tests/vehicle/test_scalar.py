@@ -10,13 +10,14 @@ from pydrake.symbolic import Expression, Variable
 from drift_drake.compilation import compiled
 from drift_drake.vehicle import scalar
 
-UNARY = {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "exp": math.exp, "tanh": math.tanh}
+UNARY = {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "exp": math.exp, "tanh": math.tanh, "atan": math.atan}
 DERIVATIVE = {
     "sin": math.cos,
     "cos": lambda x: -math.sin(x),
     "sqrt": lambda x: 0.5 / math.sqrt(x),
     "exp": math.exp,
     "tanh": lambda x: 1.0 - math.tanh(x) ** 2,
+    "atan": lambda x: 1.0 / (1.0 + x * x),
 }
 
 

@@ -1,0 +1,141 @@
+"""A double-track car: parameters with units, validated, and four cars of different kinds."""
+
+import dataclasses
+from typing import Any
+
+from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
+from drift_drake.vehicle.double_track.tires import TireConstants, friction_at, stiffness_per_load
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters, check_number, entry
+
+
+@dataclasses.dataclass(frozen=True)
+class TireParameters:
+    """One tyre; see `tires`. Defaults: a plausible sports tyre, no measured one."""
+
+    lateral_stiffness: float = entry("N per unit slip", "K_y", 1.0e5)  # largest over the load
+    longitudinal_stiffness: float = entry("N per unit slip", "K_x", 1.3e5)
+    stiffest_load: float = entry("N", "F_zk", 9000.0)
+    lateral_friction: float = entry("-", "mu_y", 1.04)  # at the nominal load
+    longitudinal_friction: float = entry("-", "mu_x", 1.1)
+    nominal_load: float = entry("N", "F_z0", 4000.0)
+    load_sensitivity: float = entry("-", "s_mu", 0.12, positive=False)
+    shape: float = entry("-", "C", 1.35)
+    curvature: float = entry("-", "E", -0.4, positive=False)
+    lateral_relaxation: float = entry("m", "sigma_y", 0.35)
+    longitudinal_relaxation: float = entry("m", "sigma_x", 0.15)
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            check_number(field.name, getattr(self, field.name), field.metadata)
+        if not 1.0 <= self.shape < 2.0:
+            raise InvalidVehicleError(f"shape (C) is {self.shape:g}; give 1 to below 2 (a sliding tyre still brakes)")
+        if self.curvature > 1.0:
+            raise InvalidVehicleError(f"curvature (E) is {self.curvature:g}; the Magic Formula takes 1 at most")
+        if not 0.0 <= self.load_sensitivity < 1.0:
+            raise InvalidVehicleError(f"load_sensitivity (s_mu) is {self.load_sensitivity:g}; give 0 to below 1")
+
+    def constants(self) -> TireConstants:
+        """The form that the equations read."""
+        return TireConstants(*(float(getattr(self, name)) for name in TireConstants._fields))
+
+
+@dataclasses.dataclass(frozen=True)
+class DoubleTrackParameters:
+    """A rear-wheel-drive car on four tyres. Defaults: the class of car of `VehicleParameters`, no measured vehicle.
+
+    Inertias are about the whole car's centre of gravity, the roll inertia for roll about the roll axis. The unsprung
+    masses have their centres at wheel height. `rear_axle_inertia` is that of both rear wheels with engine and gearbox.
+    """
+
+    mass: float = entry("kg", "m", 1650.0)
+    yaw_inertia: float = entry("kg m^2", "I_z", 2350.0)
+    roll_inertia: float = entry("kg m^2", "I_x", 560.0)
+    front_axle_distance: float = entry("m", "a", 1.23)
+    rear_axle_distance: float = entry("m", "b", 1.24)
+    front_track: float = entry("m", "t_f", 1.54)
+    rear_track: float = entry("m", "t_r", 1.55)
+    cg_height: float = entry("m", "h", 0.50, positive=False)
+    front_roll_center: float = entry("m", "h_rf", 0.05, positive=False)  # above the road
+    rear_roll_center: float = entry("m", "h_rr", 0.10, positive=False)
+    front_unsprung_mass: float = entry("kg", "m_uf", 85.0, positive=False)  # of the axle
+    rear_unsprung_mass: float = entry("kg", "m_ur", 95.0, positive=False)
+    front_roll_stiffness: float = entry("N m/rad", "k_f", 55e3)  # springs and stabiliser
+    rear_roll_stiffness: float = entry("N m/rad", "k_r", 35e3)
+    roll_damping: float = entry("N m s/rad", "c_roll", 4500.0)
+    load_time: float = entry("s", "T_z", 0.03)  # in which ground forces reach the wheel loads past the springs
+    wheel_radius: float = entry("m", "R_w", 0.337)
+    wheel_inertia: float = entry("kg m^2", "I_wheel", 1.3)  # of one rear wheel
+    rear_axle_inertia: float = entry("kg m^2", "I_w", 20.0)
+    gear_ratio: float = entry("-", "G", 10.6)
+    ackermann: float = entry("-", "A", 0.5, positive=False)  # share of Ackermann's geometry
+    steering_compliance: float = entry("rad/N", "c_s", 1.0e-6, positive=False)  # by the front axle's lateral force
+    aero_drag: float = entry("N s^2/m^2", "c_v", 0.42, positive=False)
+    rolling_resistance: float = entry("-", "c_r", 0.012, positive=False)
+    gravity: float = entry("m/s^2", "g", 9.81)
+    steering_limit: float = entry("rad", "delta_max", 0.66)
+    torque_min: float = entry("N m", "tau_min", -50.0, positive=False)
+    torque_max: float = entry("N m", "tau_max", 450.0, positive=False)
+    front_tire: TireParameters = dataclasses.field(default_factory=TireParameters)
+    rear_tire: TireParameters = dataclasses.field(
+        default_factory=lambda: TireParameters(lateral_stiffness=1.35e5, longitudinal_stiffness=1.6e5)
+    )
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            if field.metadata:
+                check_number(field.name, getattr(self, field.name), field.metadata)
+        for name in ("cg_height", "front_roll_center", "rear_roll_center", "front_unsprung_mass", "rear_unsprung_mass",
+                     "ackermann", "steering_compliance", "aero_drag", "rolling_resistance"):  # fmt: skip
+            if getattr(self, name) < 0.0:
+                raise InvalidVehicleError(f"{name} is {getattr(self, name):g}; give zero or more")
+        if self.torque_min >= self.torque_max:
+            raise InvalidVehicleError(
+                f"torque_min ({self.torque_min:g} N m) must lie below torque_max ({self.torque_max:g} N m)"
+            )
+        if self.front_unsprung_mass + self.rear_unsprung_mass >= self.mass:
+            raise InvalidVehicleError("the unsprung masses must weigh less than the car (mass)")
+        if self.rear_axle_inertia < 2.0 * self.wheel_inertia:
+            raise InvalidVehicleError(
+                f"rear_axle_inertia ({self.rear_axle_inertia:g} kg m^2) holds both rear wheels; give at least twice "
+                f"wheel_inertia ({self.wheel_inertia:g} kg m^2)"
+            )
+        if self.front_roll_stiffness + self.rear_roll_stiffness <= self.mass * self.cg_height * self.gravity:
+            raise InvalidVehicleError(
+                "the car would fall over: front_roll_stiffness and rear_roll_stiffness must sum to more than "
+                f"mass cg_height gravity ({self.mass * self.cg_height * self.gravity:.0f} N m/rad)"
+            )
+
+    def constants(self) -> DoubleTrackConstants:
+        """The part of the parameters that the equations of motion read."""
+        tires = ("front_tire", "rear_tire")
+        values = {name: float(getattr(self, name)) for name in DoubleTrackConstants._fields if name not in tires}
+        return DoubleTrackConstants(
+            **values, front_tire=self.front_tire.constants(), rear_tire=self.rear_tire.constants()
+        )
+
+    def replace(self, **changes: Any) -> "DoubleTrackParameters":
+        """A copy with some parameters changed, validated again."""
+        return dataclasses.replace(self, **changes)
+
+    def single_track(self) -> VehicleParameters:
+        """The nearest single-track car: its tyres are this car's at the static loads, its friction the lateral one."""
+        wheelbase = self.front_axle_distance + self.rear_axle_distance
+        weight = self.mass * self.gravity
+        loads = (
+            0.5 * weight * self.rear_axle_distance / wheelbase,
+            0.5 * weight * self.front_axle_distance / wheelbase,
+        )
+        tires = (self.front_tire.constants(), self.rear_tire.constants())
+        stiffness = [
+            2.0 * load * stiffness_per_load(t.lateral_stiffness, load, t.stiffest_load)
+            for load, t in zip(loads, tires, strict=True)
+        ]
+        friction = [friction_at(t.lateral_friction, load, t) for load, t in zip(loads, tires, strict=True)]
+        shared = ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "wheel_radius", "gear_ratio",
+                  "rear_axle_inertia", "gravity", "steering_limit", "torque_min", "torque_max")  # fmt: skip
+        return VehicleParameters(
+            friction=0.5 * sum(friction),
+            front_stiffness=stiffness[0],
+            rear_stiffness=stiffness[1],
+            **{name: getattr(self, name) for name in shared},
+        )

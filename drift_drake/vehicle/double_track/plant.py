@@ -1,0 +1,173 @@
+"""The double-track car as a Drake system, with the ports of `vehicle.plant.VehiclePlant`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
+from numpy.typing import NDArray
+from pydrake.common.containers import namedview
+from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from drift_drake.compilation import compiled
+from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
+from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.settled import settled_states
+from drift_drake.vehicle.double_track.tires import TireConstants
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import InvalidVehicleError
+from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.vehicle.scalar import jitable
+
+Array = NDArray[np.float64]
+
+DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
+DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
+
+
+def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
+    """All numbers of a car in one row; `unflattened` is the inverse."""
+    return (*p[:25], *p.front_tire, *p.rear_tire)
+
+
+def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
+    """The car of a row of numbers."""
+    return DoubleTrackConstants._make((*values[:25], TireConstants(*values[25:36]), TireConstants(*values[36:47])))
+
+
+@jitable
+def motion_of(x: Any, u: Any, wrench: Any, p: DoubleTrackConstants, q: Effects) -> Any:
+    """`double_track_motion` at the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment)."""
+    own = OwnStates(x[10], x[11], x[12], x[13], x[14], x[15], x[16], x[17], x[18], x[19], x[20], x[21], x[22])
+    return double_track_motion(x[0], x[1], x[2], x[3], x[9], own, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2])
+
+
+@jitable
+def rates_of(
+    x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects
+) -> tuple[tuple[Any, ...], OwnStates]:
+    """Rates of `PLANT_STATES` and of the car's own states."""
+    m, own = motion_of(x, u, wrench, p, q)
+    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature)), own
+
+
+# Compiled for floats, which comes with constants and magnitudes as arrays.
+@compiled
+def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+    front, rear = TireConstants(*to_fixed_tuple(p[25:36], 11)), TireConstants(*to_fixed_tuple(p[36:47], 11))
+    constants = DoubleTrackConstants(*(to_fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
+    first, own = rates_of(x, u, wrench, curvature, constants, Effects(*to_fixed_tuple(q, 28)))
+    rates = np.empty(23)
+    for i, value in enumerate(first):
+        rates[i] = value
+    for i, value in enumerate(own):
+        rates[10 + i] = value
+    return rates
+
+
+@TemplateSystem.define("DoubleTrackPlant_")
+def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
+    """See `DoubleTrackPlant`."""
+
+    class Impl(PathPlant, LeafSystem_[T]):
+        """The car of `double_track.motion` as a system on float, AutoDiffXd and Expression.
+
+        Continuous state: those of `VehiclePlant` (r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad],
+        s, x, y [m], psi [rad]), at the centre of gravity, omega_r the mean rim speed of the rear wheels; behind them
+        the car's own, `motion.OwnStates`. `state_view` names them.
+
+        Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
+        plant acts on neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+
+        Input and output ports: those of `VehiclePlant`, of the same meaning.
+
+        Args:
+            parameters: the car.
+            effects: magnitudes, zero for none.
+            path: see `VehiclePlant`.
+
+        Raises:
+            InvalidVehicleError: an effect that this car cannot have (`motion.NOT_OF_THIS_CAR`).
+        """
+
+        has_memory = True  # effects may change during a run: see `VehiclePlant`
+
+        def _construct(
+            self,
+            parameters: DoubleTrackParameters,
+            effects: Effects = Effects(),  # noqa: B008 (immutable)
+            path: CurvedPath | None = None,
+            converter: Any = None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter)
+            check_effects(effects)
+            self.parameters, self.effects = parameters, effects
+            self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
+            constants = flattened(parameters.constants())
+            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in constants]))
+            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in effects]))
+            self.declare_ports(self.DeclareContinuousState(len(DOUBLE_TRACK_STATES)), T, path)
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(self, other.parameters, other.effects, other.path, converter)
+
+        def set_initial(
+            self,
+            context: Any,
+            state: Sequence[float],
+            s: float = 0.0,
+            pose: Sequence[float] | None = None,
+            actuation: Sequence[float] = (0.0, 0.0),
+        ) -> None:
+            """Puts the car into a state, at its place in the world, with its own states settled.
+
+            Args:
+                context: the plant's own Context.
+                state, s, pose: see `PathPlant.placed`.
+                actuation: (delta [rad], tau [N m]) that the car has had for long.
+            """
+            values = self.placed(state, s, pose)
+            own = settled_states(*values[:4], *(float(value) for value in actuation), *self._car(context))
+            context.SetContinuousState([T(value) for value in (*values, *own)])
+
+        def _car(self, context: Any) -> tuple[DoubleTrackConstants, Effects]:
+            constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+            return unflattened(constants), Effects(*magnitudes)
+
+        def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
+            x = context.get_continuous_state_vector().CopyToVector()
+            u, wrench = self.inputs(context)
+            curvature = self.path_curvature(context, x[6])
+            if T is float:
+                constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+                derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
+                return
+            rates, own = rates_of(x, u, wrench, curvature, *self._car(context))
+            derivatives.get_mutable_vector().SetFromVector([*rates, *own])
+
+        def calc_acceleration(self, context: Any, output: Any) -> None:
+            x = context.get_continuous_state_vector().CopyToVector()
+            m, _ = motion_of(x, *self.inputs(context), *self._car(context))
+            output.SetFromVector([m.a_x, m.a_y])
+
+    return Impl
+
+
+def check_effects(effects: Effects) -> None:
+    """Refuses effects that this car cannot have.
+
+    Raises:
+        InvalidVehicleError: names them.
+    """
+    alien = [name for name in NOT_OF_THIS_CAR if getattr(effects, name) != 0.0]
+    if alien:
+        raise InvalidVehicleError(
+            f"{', '.join(alien)} cannot be put on a double-track car, which has load transfer, tyres that slide and a "
+            "differential of its own; leave it out, or change the car's parameters"
+        )
+
+
+DoubleTrackPlant = DoubleTrackPlant_[None]
+"""The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""

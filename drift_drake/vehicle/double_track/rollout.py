@@ -1,0 +1,88 @@
+"""The double-track car run along the rows of a log, compiled."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.compilation import compiled
+from drift_drake.vehicle.bicycle import world_rates
+from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
+from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion
+from drift_drake.vehicle.double_track.settled import settled_states
+from drift_drake.vehicle.effects import Effects
+
+Array = NDArray[np.float64]
+
+LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
+PERIOD = 0.01  # [s] of the rows
+SUBSTEPS = 10  # RK4 steps a row; the rear wheels ring in their tyres at some 300 rad/s
+
+
+@compiled
+def _rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
+    """Writes d(LOG_STATES)/dt; returns (a_x, a_y)."""
+    own = OwnStates(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14], z[15], z[16], z[17], z[18], z[19])
+    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, delta, tau, p, q)
+    out[0], out[1], out[2], out[3] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot
+    out[5], out[6], out[4] = world_rates(z[0], z[1], z[2], z[4])
+    (out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14], out[15], out[16], out[17], out[18],
+     out[19]) = rates  # fmt: skip
+    return m.a_x, m.a_y
+
+
+@compiled
+def _at(commands: Any, place: Any, last: Any) -> Any:
+    """The command at a place [rows], linear between rows; the first one before them."""
+    if place <= 0.0:
+        return commands[0]
+    row = min(int(place), last)
+    return commands[row] + (place - row) * (commands[min(row + 1, last)] - commands[row])
+
+
+@compiled
+def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
+    h, n = PERIOD / SUBSTEPS, len(z)
+    k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    late = q.steering_delay / PERIOD
+    last = row + 1
+    for i in range(SUBSTEPS):
+        a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
+        middle, end = _at(delta, b - late, last), _at(delta, c - late, last)
+        _rates(z, _at(delta, a - late, last), _at(tau, a, last), p, q, k1)
+        _rates(z + 0.5 * h * k1, middle, _at(tau, b, last), p, q, k2)
+        _rates(z + 0.5 * h * k2, middle, _at(tau, b, last), p, q, k3)
+        _rates(z + h * k3, end, _at(tau, c, last), p, q, k4)
+        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return _rates(z, _at(delta, last - late, last), tau[last], p, q, k1)
+
+
+@compiled
+def _start(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Any, q: Any, z: Any) -> Any:
+    z[0], z[1], z[2], z[3] = r, v, beta, omega_r
+    z[4], z[5], z[6] = 0.0, 0.0, 0.0
+    own = settled_states(r, v, beta, omega_r, delta, tau, p, q)
+    for i, value in enumerate(own):
+        z[7 + i] = value
+    return _rates(z, delta, tau, p, q, np.empty(len(z)))
+
+
+def start(state: Array, command: tuple[float, float], p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
+    """States [20] (`LOG_STATES`) settled in (r, v, beta, omega_r) at the origin, and (a_x, a_y) [m/s^2] there."""
+    z = np.empty(len(LOG_STATES))
+    r, v, beta, omega_r = (float(value) for value in state)
+    acceleration = _start(r, v, beta, omega_r, command[0], command[1], p, q, z)
+    return z, np.array(acceleration)
+
+
+def advance(z: Array, row: int, delta: Array, tau: Array, p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
+    """States a row later, and (a_x, a_y) [m/s^2] there.
+
+    Args:
+        z: states [20] at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1, linear
+            between rows; the steering takes the transport delay `steering_delay`.
+        p: the car; q: magnitudes, the sensors' unused.
+    """
+    later = z.copy()
+    acceleration = _advance(later, row, delta, tau, p, q)
+    return later, np.array(acceleration)

@@ -1,0 +1,122 @@
+"""What every plant of a car shares: its first ten states, its ports, and its place on a path and in the world."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+
+from drift_drake.vehicle.bicycle import INPUTS, STATES, path_rates, world_rates
+from drift_drake.vehicle.scalar import jitable
+
+POSE = ("x", "y", "psi")
+PLANT_STATES = (*STATES, "s", *POSE)
+POSE_AT, OWN_AT = PLANT_STATES.index("x"), len(PLANT_STATES)
+
+CURVATURE_STEP = 1e-3  # [m] of the difference that gives a path's curvature its slope for AutoDiffXd
+
+_NO_WRENCH = np.zeros(3)
+
+
+class CurvedPath(Protocol):
+    """What a plant asks of a path; see `drift_drake.reference.path.Path`."""
+
+    def curvature(self, s: Any) -> Any:
+        """Curvature [1/m] at the path position s [m]."""
+
+    def pose(self, s: Any) -> tuple[Any, Any, Any]:
+        """(x [m], y [m], heading [rad]) of the path at s [m]."""
+
+    def to_world(self, s: Any, e: Any) -> tuple[Any, Any]:
+        """(x, y) [m] of the point at s [m], e [m] to the left of the path."""
+
+
+@jitable
+def kinematic_rates(x: Any, beta_dot: Any, curvature: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """Rates of (e, dphi, s, x, y, psi) at a plant's state x, which begins with `PLANT_STATES`."""
+    e_dot, dphi_dot, s_dot = path_rates(x[0], x[1], beta_dot, x[4], x[5], curvature)
+    x_dot, y_dot, psi_dot = world_rates(x[0], x[1], x[2], x[9])
+    return e_dot, dphi_dot, s_dot, x_dot, y_dot, psi_dot
+
+
+class PathPlant:
+    """Ports of a plant and its place on the path; a base beside `LeafSystem_[T]` that declares no numbers of the car.
+
+    A plant declares its parameters and continuous state (of which the first ten are `PLANT_STATES`), then calls
+    `declare_ports`, and has `calc_acceleration`.
+    """
+
+    path: CurvedPath | None
+    scalar: Any
+
+    def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:
+        """Input ports actuation, disturbance, curvature; output ports state, path_position, pose, acceleration,
+        full_state."""
+        self.scalar, self.path = scalar, path
+        self._actuation = self.DeclareVectorInputPort("actuation", len(INPUTS))
+        self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
+        self._curvature = self.DeclareVectorInputPort("curvature", 1)
+        state = {self.xc_ticket()}
+        self.DeclareVectorOutputPort("state", len(STATES), self._calc_state, prerequisites_of_calc=state)
+        self.DeclareVectorOutputPort("path_position", 1, self._calc_path_position, prerequisites_of_calc=state)
+        self.DeclareVectorOutputPort("pose", len(POSE), self._calc_pose, prerequisites_of_calc=state)
+        self.DeclareVectorOutputPort(
+            "acceleration",
+            2,
+            self.calc_acceleration,
+            prerequisites_of_calc={
+                *state,
+                self.all_parameters_ticket(),
+                self.input_port_ticket(self._actuation.get_index()),
+                self.input_port_ticket(self._disturbance.get_index()),
+            },
+        )
+        self.DeclareStateOutputPort("full_state", state_index)
+
+    def placed(self, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None) -> tuple[float, ...]:
+        """Values of `PLANT_STATES` at one of the paper's six states, `s` [m] along the path.
+
+        Args:
+            pose: (x, y [m], psi [rad]); only where the plant has no path, whose geometry gives it otherwise. By
+                default the path is then the x axis and the car passes its origin.
+
+        Raises:
+            ValueError: a pose beside a path.
+        """
+        r, v, beta, omega_r, e, dphi = (float(value) for value in state)
+        if self.path is not None:
+            if pose is not None:
+                raise ValueError("the pose follows from the plant's path, s, e and dphi; leave it out")
+            x, y = self.path.to_world(s, e)
+            pose = (float(x), float(y), float(self.path.pose(s)[2]) + dphi - beta)
+        elif pose is None:
+            pose = (0.0, e, dphi - beta)
+        return (r, v, beta, omega_r, e, dphi, s, *pose)
+
+    def inputs(self: Any, context: Any) -> tuple[Any, Any]:
+        """(actuation, disturbance) at a Context; no disturbance where its port is left open."""
+        wrench = self._disturbance.Eval(context) if self._disturbance.HasValue(context) else _NO_WRENCH
+        return self._actuation.Eval(context), wrench
+
+    def path_curvature(self: Any, context: Any, s: Any) -> Any:
+        """Curvature [1/m] of the path at s: the port's, else the path's, else zero."""
+        if self._curvature.HasValue(context):
+            return self._curvature.Eval(context)[0]
+        if self.path is None:
+            return 0.0
+        if self.scalar is float:
+            return float(self.path.curvature(float(s)))
+        if self.scalar is AutoDiffXd:
+            at, step = s.value(), CURVATURE_STEP
+            slope = (self.path.curvature(at + step) - self.path.curvature(at - step)) / (2.0 * step)
+            return AutoDiffXd(float(self.path.curvature(at)), float(slope) * s.derivatives())
+        raise ValueError("a path's curvature has no Expression; connect the port 'curvature' of the plant")
+
+    def _calc_state(self, context: Any, output: Any) -> None:
+        output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[: len(STATES)])
+
+    def _calc_path_position(self, context: Any, output: Any) -> None:
+        output[0] = context.get_continuous_state_vector()[len(STATES)]
+
+    def _calc_pose(self, context: Any, output: Any) -> None:
+        output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[POSE_AT:OWN_AT])

@@ -1,0 +1,110 @@
+"""Days of a double-track car: what is written, and that it is what was asked for."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from drift_drake.logs.table import read_case
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.vehicle_file import read_vehicle
+from experiments.other_worlds.double_track import (
+    RANGE,
+    Days,
+    drawn_effects,
+    first_guess,
+    main,
+    make_day,
+    simulate,
+    smoothed,
+)
+from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
+
+
+def short(tmp_path, **changes):
+    return dataclasses.replace(Days(tmp_path, duration=1.0), **changes)
+
+
+def test_writes_day_one_the_other_days_a_first_guess_and_labels(tmp_path):
+    main(short(tmp_path, car="roadster", none=1, count=1, other_drives=True))
+    labels = json.loads((tmp_path / "labels.json").read_text())
+    assert [label["drives"] for label in labels.values()] == ["other", "other"]
+    assert [list(label["effects"]) for label in labels.values()] == [[], ["friction_level"]]
+    for name in ("day_one", *labels):
+        runs = read_case(tmp_path / name)
+        assert len(runs) == 4
+        assert all(len(run) == 101 for run in runs)
+        assert all(run.psi is not None and run.ax is not None and run.tau_cmd is not None for run in runs)
+    parameters, effects = read_vehicle(tmp_path / "start.yaml")
+    assert effects == Effects()
+    assert parameters.mass == CARS["roadster"].mass
+    assert json.loads((tmp_path / "truth.json").read_text())["gear_ratio"] == CARS["roadster"].gear_ratio
+
+
+def test_days_have_one_effect_of_the_range_each(tmp_path):
+    days = drawn_effects(Days(tmp_path, none=3, count=2 * len(RANGE)))
+    assert days[:3] == [{}, {}, {}]
+    names = [next(iter(day)) for day in days[3:]]
+    assert names == list(RANGE) * 2
+    for day in days[3:]:
+        ((name, value),) = day.items()
+        low, high = RANGE[name]
+        assert min(abs(low), abs(high)) <= abs(value) <= max(abs(low), abs(high))
+    assert days[3] != days[3 + len(RANGE)]
+
+
+def test_a_day_is_made_again_from_its_seed_and_smoothing_alone_sets_a_smoothed_one_apart(tmp_path):
+    plain = short(tmp_path, seed=2)
+    first, again, other = (make_day(c, {}, ("slalom",), 0)[0] for c in (plain, plain, short(tmp_path, seed=3)))
+    np.testing.assert_array_equal(first.r, again.r)
+    assert not np.any(first.r == other.r)
+    (low_passed,) = make_day(short(tmp_path, seed=2, smooth=8.0), {}, ("slalom",), 0)
+    np.testing.assert_array_equal(low_passed.delta_cmd, first.delta_cmd)
+    np.testing.assert_array_equal(low_passed.r, smoothed(first, 8.0).r)
+    assert np.std(np.diff(low_passed.r, 3)) < 0.5 * np.std(np.diff(first.r, 3))  # of noise nearly all
+
+
+@pytest.mark.parametrize("car", CARS)
+@pytest.mark.parametrize("kind", DAY_ONE + OTHER)
+def test_every_driver_keeps_every_car_on_its_wheels(car, kind):
+    rng = np.random.default_rng(0)
+    run = simulate(CARS[car], Effects(), DayDriver(kind, rng, CARS[car]), rng, "run_0", 12.0)
+    assert run.t[-1] == pytest.approx(12.0)
+
+
+def test_sensors_effects_change_the_log_and_not_the_motion(tmp_path):
+    config = short(tmp_path)
+    plain, biased = (make_day(config, e, ("power",), 0)[0] for e in ({}, {"gyro_bias": 0.03}))
+    np.testing.assert_allclose(biased.r - plain.r, 0.03)
+    np.testing.assert_array_equal(biased.v, plain.v)
+
+
+def test_the_first_guess_knows_all_but_the_tyres():
+    guess, car = first_guess(CARS["saloon"]), CARS["saloon"].single_track()
+    assert guess.replace(
+        friction=car.friction,
+        front_stiffness=car.front_stiffness,
+        rear_stiffness=car.rear_stiffness,
+        tolerance=car.tolerance,
+    ) == car  # fmt: skip
+    assert abs(guess.rear_stiffness / car.rear_stiffness - 1.0) > 0.05
+
+
+def test_a_driver_catches_a_car_that_slides():
+    driver = DayDriver("slalom", np.random.default_rng(0), CARS["coupe"])
+    delta, tau = driver.command(1.0, np.array([0.5, 12.0, -0.4, 12.0]), (-0.3, 60.0))
+    assert delta < -0.3
+    assert tau < 60.0
+
+
+@pytest.mark.parametrize("smooth", [-1.0, 50.0])
+def test_a_smoothing_beyond_the_log_is_refused(tmp_path, smooth):
+    with pytest.raises(ValueError, match=r"smooth is .* Hz; give 0 for none, or less than 50 Hz"):
+        Days(tmp_path, smooth=smooth)
+
+
+def test_an_unknown_manoeuvre_is_refused():
+    with pytest.raises(ValueError, match="unknown manoeuvre figure_8; there are slalom, "):
+        DayDriver("figure_8", np.random.default_rng(0), CARS["coupe"])

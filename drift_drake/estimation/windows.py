@@ -6,7 +6,7 @@ by the logged commands, and is compared with the measurement a tenth to half a s
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -161,9 +161,7 @@ def predict(
             for step in range(follow):
                 share = (step + 0.5) / follow
                 at = STAGES * (carried + share)
-                _measured_state(
-                    start_y[carried] + share * (start_y[carried + 1] - start_y[carried]), effects, memory
-                )
+                _measured_state(start_y[carried] + share * (start_y[carried + 1] - start_y[carried]), effects, memory)
                 rates_of(memory, between(delta, at), between(torque, at), constants, effects, push, k)
                 h = period / follow
                 # Slips that lag may settle within a step: an implicit one is stable.
@@ -208,8 +206,3 @@ def errors_of_all(
 ) -> list[np.ndarray]:
     """The same for several cars at once, on the pool's threads."""
     return list(pool.map(lambda effects: errors(runs, constants, effects), cars))
-
-
-def added(effects: Effects, more: Mapping[str, float]) -> Effects:
-    """Effects with further magnitudes added."""
-    return effects._replace(**{name: getattr(effects, name) + value for name, value in more.items()})

@@ -1,0 +1,200 @@
+"""What is normal for a car: scores of its prediction errors, direction by direction, and how they scatter.
+
+A score is a window's error projected on what an effect would do to it. On the day of calibration the scores of blocks
+of time show what the calibrated car lacks every day, in each direction, and how that scatters; what calibration left
+unknown (a friction limit that no drive came near) widens the scatter wherever another day's drives depend on it. A
+generalised method of moments with an empirical weight (Hansen 1982).
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from drift_drake.estimation.robust_fit import THREADS, robust_scales
+from drift_drake.estimation.unknowns import added
+from drift_drake.estimation.windows import WindowedRun, errors
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+
+BLOCK = 2.0  # [s]
+CLIPPED = 2.0  # robust scales at which a window's error in a channel is clipped (Huber)
+LARGEST = 20.0  # robust scales of a derivative
+SHARE = 0.25  # of the practical range, that derivatives are taken over
+RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
+REGULAR = 1e-2  # of the errors' covariance
+SHRUNK, SHRUNK_AT = 0.3, 24  # towards a diagonal covariance, with so many blocks
+BETWEEN_DAYS = 5.0  # by how much scores scatter more between days than between blocks of one day (validation days)
+CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
+
+
+def units(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
+    """Magnitudes [n] that derivatives are taken over."""
+    sizes = [max(abs(q) for q in CATALOGUE[name].range_for(vehicle)) for name in names]
+    shares = [RATE_LIMIT_SHARE if name == "steering_rate_limit" else SHARE for name in names]
+    return np.array(sizes) * np.array(shares)
+
+
+def block_of(runs: Sequence[WindowedRun]) -> np.ndarray:
+    """Block [windows of all runs] that each window's start lies in."""
+    out: list[np.ndarray] = []
+    for run in runs:
+        first = int(out[-1].max()) + 1 if out and len(out[-1]) else 0
+        out.append(first + (run.starts * run.period / BLOCK).astype(int))
+    return np.asarray(np.unique(np.concatenate(out), return_inverse=True)[1])
+
+
+def huber_weights(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Weights [windows, 1, channels] that clip a window's error in a channel."""
+    size = np.sqrt(np.mean((e / scales) ** 2, axis=1, keepdims=True))
+    return np.asarray(np.minimum(1.0, CLIPPED / np.maximum(size, 1e-9)))
+
+
+def flat(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Clipped errors in robust scales [windows, HORIZONS * channels]."""
+    return np.asarray((e / scales * huber_weights(e, scales)).reshape(len(e), -1))
+
+
+@dataclasses.dataclass(frozen=True)
+class Normal:
+    """What is normal for a calibrated car. Scores are in `units` of the effects `names`."""
+
+    names: tuple[str, ...]
+    units: np.ndarray  # [n]
+    scales: np.ndarray  # [HORIZONS, channels]
+    precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
+    blocks: int
+    mean: np.ndarray  # score of a block [n]
+    covariance: np.ndarray  # from block to block [n, n]
+    modes: np.ndarray  # score of a block, run by run [runs, n]: another day mixes manoeuvres in other shares
+    information: np.ndarray  # diagonal of a block's information [n]
+    unknown: np.ndarray  # covariance of what calibration left unknown, in units [n, n]
+
+    def as_data(self) -> dict[str, object]:
+        """Plain lists, the inverse of `normal_from_data`."""
+        return {key: value.tolist() if isinstance(value, np.ndarray) else value
+                for key, value in dataclasses.asdict(self).items()}  # fmt: skip
+
+
+def normal_from_data(data: Mapping[str, object]) -> Normal:
+    """What `Normal.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
+    arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
+    names = tuple(str(name) for name in arrays.pop("names"))  # type: ignore[attr-defined]
+    blocks = int(arrays.pop("blocks"))  # type: ignore[call-overload]
+    out = Normal(names, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()})
+    n, m = len(names), out.scales.size
+    if out.modes.ndim != 2 or out.modes.shape[1] != n:
+        raise ValueError(f"'modes' must hold {n} numbers a run")
+    shapes = {"units": (n,), "mean": (n,), "information": (n,), "covariance": (n, n), "unknown": (n, n),
+              "precision": (m, m)}  # fmt: skip
+    for key, shape in shapes.items():
+        if getattr(out, key).shape != shape or not np.all(np.isfinite(getattr(out, key))):
+            raise ValueError(f"'{key}' must hold {shape} finite numbers")
+    return out
+
+
+@dataclasses.dataclass(frozen=True)
+class Day:
+    """Runs of one day beside the calibrated car: errors, their derivatives, and the blocks."""
+
+    runs: Sequence[WindowedRun]
+    constants: Constants
+    own: Effects
+    errors: np.ndarray  # of the calibrated car [windows, HORIZONS, channels]
+    jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, n]
+    block: np.ndarray  # [windows]
+    run: np.ndarray  # [windows] index of the run
+
+    @property
+    def blocks(self) -> int:
+        return int(self.block.max()) + 1
+
+    def errors_with(self, effects: Mapping[str, float]) -> np.ndarray:
+        """Errors once effects are added to the calibrated car."""
+        return errors(self.runs, self.constants, added(self.own, effects))
+
+
+def make_day(
+    runs: Sequence[WindowedRun], constants: Constants, own: Effects, names: Sequence[str], steps: np.ndarray,
+    scales: np.ndarray | None = None, threads: int = THREADS,
+) -> Day:  # fmt: skip
+    """A day's errors under the calibrated car and their derivatives by the effects; `scales` of its own if None."""
+    at = errors(runs, constants, own)
+    scales = robust_scales(at) if scales is None else scales
+    cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
+    with ThreadPoolExecutor(threads) as pool:
+        moved = list(pool.map(lambda effects: errors(runs, constants, effects), cars))
+    columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
+    run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
+    return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run)
+
+
+def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """Scores [blocks, n] of errors e."""
+    score = np.einsum("wip,wi->wp", day.jacobian, flat(e, scales) @ precision, optimize=True)
+    out = np.zeros((day.blocks, score.shape[1]))
+    np.add.at(out, day.block, score)
+    return out
+
+
+def block_information(day: Day, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """Sum over the blocks of the information [n, n] that clipped errors hold."""
+    weights = np.broadcast_to(huber_weights(day.errors, scales), day.errors.shape).reshape(len(day.errors), -1)
+    half = np.sqrt(weights)[..., None] * day.jacobian
+    return np.asarray(np.einsum("wip,ij,wjq->pq", half, precision, half, optimize=True))
+
+
+def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray) -> Normal:
+    """What is normal, from the day of calibration.
+
+    Args:
+        day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
+        prior: standard deviations [n] of the effects, in their units, before those logs.
+    """
+    scales = robust_scales(day.errors)
+    f = flat(day.errors, scales)
+    precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
+    score = block_scores(day, day.errors, scales, precision)
+    information = block_information(day, scales, precision)
+    spread = np.maximum(np.cov(score.T), 0.0) * np.eye(len(names)) if len(score) < 3 else np.cov(score.T)
+    spread = spread + 1e-12 * np.trace(spread) * np.eye(len(names))
+    deviation = np.sqrt(np.diag(spread))
+    shrink = min(SHRUNK * SHRUNK_AT / len(score), 0.9)
+    correlation = (1.0 - shrink) * spread / np.outer(deviation, deviation) + shrink * np.eye(len(names))
+    covariance = correlation * np.outer(deviation, deviation)
+    seen = np.diag(information) > 0.0
+    ratio = float(np.mean(np.diag(covariance)[seen] * len(score) / np.diag(information)[seen]))
+    unknown = np.linalg.inv(np.diag(1.0 / prior**2) + information / (max(ratio, 1.0) * CALIBRATED))
+    run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
+    modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
+    return Normal(tuple(names), steps, scales, precision, len(score), score.mean(axis=0), covariance, modes,
+                  np.diag(information) / len(score), unknown)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Scatter:
+    """How a day's summed scores scatter if nothing has changed, and their mean."""
+
+    mean: np.ndarray  # [n]
+    inverse: np.ndarray  # of their covariance [n, n]
+
+
+def scatter_of(day: Day, normal: Normal) -> Scatter:
+    """The normal scatter of this day's scores: that of blocks, and what calibration left unknown."""
+    information = block_information(day, normal.scales, normal.precision)
+    per_block = np.diag(information) / day.blocks
+    grown = np.sqrt(per_block / np.maximum(normal.information, 1e-300 + 1e-6 * per_block))
+    covariance = BETWEEN_DAYS * day.blocks * normal.covariance * np.outer(grown, grown)
+    covariance = covariance + information @ normal.unknown @ information
+    mixed = day.blocks / len(normal.modes) * normal.modes
+    covariance = covariance + mixed.T @ mixed
+    covariance += 1e-9 * np.diag(np.diag(covariance)) + 1e-12 * np.eye(len(per_block))
+    return Scatter(normal.mean * day.blocks, np.linalg.inv(covariance))
+
+
+def summed(day: Day, normal: Normal, e: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
+    """Scores [n] of errors e summed over the day's blocks, or over those that are `kept` [blocks] (bool)."""
+    score = block_scores(day, e, normal.scales, normal.precision)
+    return np.asarray(score.sum(axis=0) if kept is None else score[kept].sum(axis=0))

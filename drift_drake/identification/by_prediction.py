@@ -1,0 +1,145 @@
+"""A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from drift_drake.estimation.robust_fit import RobustFit, robust_fit
+from drift_drake.estimation.scores import Normal, learn_normal, make_day, units
+from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
+from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors
+from drift_drake.identification.held_out import HeldOut
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
+MOST_WINDOWS = 900  # that a fit takes in, evenly chosen
+FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
+RESAMPLES = 400
+KEEPS = 0.5  # standard deviations from zero, below which an effect is left out
+EVERYDAY = 0.05  # of the practical range, that a sensor's bias or a road's grade may be on the day of calibration
+STATES = ("r", "v", "beta", "omega_r")
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class PredictionFit:
+    """The calibrated car, and what is normal for it."""
+
+    unknowns: tuple[Unknown, ...]  # that were fitted
+    fit: RobustFit
+    vehicle: VehicleParameters  # with the deviations folded in
+    effects: Effects
+    normal: Normal
+    deviations: np.ndarray  # [n] standard deviations of the unknowns
+    correlation: np.ndarray  # [n, n]
+    held_out: HeldOut
+    left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
+
+
+def thinned(runs: Sequence[WindowedRun], most: int = MOST_WINDOWS) -> list[WindowedRun]:
+    """The runs with at most so many windows, evenly chosen."""
+    every = max(int(np.ceil(sum(len(run.starts) for run in runs) / most)), 1)
+    return [dataclasses.replace(run, starts=run.starts[::every]) for run in runs]
+
+
+def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
+    """Whether rows lie in a block that is held out."""
+    return np.asarray((rows * run.period / HELD_OUT).astype(int) % FOLDS == FOLDS - 1)
+
+
+def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[WindowedRun]]:
+    """Windows that lie outside the held-out blocks, and windows that start in one."""
+    fitted, judged = [], []
+    for run in runs:
+        starts, end = is_held(run, run.starts), is_held(run, run.starts + HORIZONS * run.stride)
+        fitted.append(dataclasses.replace(run, starts=run.starts[~starts & ~end]))
+        judged.append(dataclasses.replace(run, starts=run.starts[starts]))
+    return fitted, judged
+
+
+def fit_by_prediction(
+    runs: Sequence[WindowedRun], vehicle: VehicleParameters, effects: Effects, own: Sequence[str],
+    candidates: Sequence[str], stated: frozenset[str], seen: Sequence[str], progress: Progress,
+) -> PredictionFit:  # fmt: skip
+    """Calibrates a car on windows.
+
+    Args:
+        vehicle, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
+        candidates: further effects, taken in together where held-out windows ask for them; stated: tolerances that
+            the vehicle file states; seen: effects that the columns can show.
+    """
+    constants = vehicle.constants()
+    base = [unknown(name, vehicle, stated, 0.0) for name in own]
+    more = [unknown(name, vehicle, stated, 0.0) for name in candidates]
+    fitted, judged = split(thinned(runs))
+
+    def fitted_to(
+        some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
+    ) -> RobustFit:
+        return robust_fit(some, constants, effects, unknowns, EVIDENCE, start)
+
+    def half_second(fit: RobustFit) -> float:
+        e = errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta)))
+        return float(np.mean(np.log(np.median(np.abs(e[:, -1, : len(STATES)]), axis=0) + 1e-12)))
+
+    progress("the car alone", 0.0)
+    alone = fitted_to(fitted, base)
+    progress("with further effects", 0.2)
+    start = np.concatenate([alone.theta, [u.start for u in more]])
+    full = fitted_to(fitted, [*base, *more], start)
+    asked_for = half_second(full) < half_second(alone)
+    chosen, best = ([*base, *more], full) if asked_for else (base, alone)
+    held_out = compared(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
+    progress("all windows", 0.5)
+    fit = fitted_to(thinned(runs), chosen, best.theta)
+    kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * EVERYDAY * u.unit]
+    if len(kept) < len(chosen):
+        at = [fit.names.index(u.name) for u in kept]
+        fit = fitted_to(thinned(runs), kept, fit.theta[at])
+    progress("what is normal", 0.85)
+    car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
+    steps = units(seen, vehicle)
+    prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
+    normal = learn_normal(make_day(runs, car.constants(), rest, seen, steps), seen, steps, prior)
+    at = [seen.index(u.name) for u in kept]
+    scale = steps[at]
+    covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
+    deviations = np.sqrt(np.diag(covariance))
+    return PredictionFit(
+        tuple(kept), fit, car, rest, normal, deviations, covariance / np.outer(deviations, deviations), held_out,
+        tuple(name for name in candidates if name not in fit.names),
+    )  # fmt: skip
+
+
+def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
+    """Standard deviation of what any effect may be on the day of calibration, before its logs."""
+    prior = unknown(name, vehicle, stated).prior
+    bias = CATALOGUE[name].stage == "sensor" or name in ("road_grade", "steering_delay")
+    return EVERYDAY * prior if bias else prior
+
+
+def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:
+    """Median absolute errors on held-out windows of the first guess and of the calibrated car, in the states' units.
+
+    The ratio is the states' geometric mean half a second ahead, its interval from resampled blocks of ten windows.
+    """
+    shown = [i for i, s in enumerate(STATES) if not (any(run.fed for run in judged) and s in ("v", "omega_r"))]
+    one, two = (np.abs(errors(judged, vehicle.constants(), car))[..., shown] for car in (before, after))
+
+    def ratio(rows: np.ndarray) -> float:
+        medians = [np.median(part[rows, -1], axis=0) + 1e-12 for part in (one, two)]
+        return float(np.exp(np.mean(np.log(medians[1] / medians[0]))))
+
+    blocks = np.array_split(np.arange(len(one)), max(len(one) // 10, 1))
+    rng = np.random.default_rng(0)
+    draws = [ratio(np.concatenate([blocks[k] for k in rng.integers(0, len(blocks), len(blocks))]))
+             for _ in range(RESAMPLES)]  # fmt: skip
+    low, high = np.quantile(draws, [0.025, 0.975])
+    first, then = ([[float(q) for q in row] for row in np.median(part, axis=0)] for part in (one, two))
+    horizons = tuple(round(STRIDE * (h + 1), 3) for h in range(HORIZONS))
+    return HeldOut(horizons, tuple(STATES[i] for i in shown), first, then, ratio(np.arange(len(one))), float(low),
+                   float(high))  # fmt: skip

@@ -13,20 +13,22 @@ from typing import Annotated, Any, TextIO
 import tyro
 from tqdm import tqdm
 
+from drift_drake.diagnosis.another_day import DayDiagnosis
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, UnplannableError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import case_folders, diagnose_all, diagnose_folder
+from drift_drake.diagnosis.diagnose import answer_folder, case_folders, diagnose_all
 from drift_drake.drives.command import Simulate, run_simulate
 from drift_drake.identification.calibration_file import CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.identification.command import Identify, run_identify
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.importing.mapping import InvalidMappingError
-from drift_drake.logs.table import InvalidLogError
+from drift_drake.logs.table import OPTIONAL, InvalidLogError
 from drift_drake.model.checkpoint import InvalidCheckpointError
 from drift_drake.model.samples import InvalidSamplesError
 from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
 from drift_drake.playback.command import Replay, run_replay
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
@@ -68,6 +70,14 @@ class Diagnose:
     calibration: Path | None = None
     """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its everyday misfit
     are taken out too, so that a row is worth more."""
+    effects: tuple[str, ...] = tuple(CATALOGUE)
+    """Effects to consider."""
+    exclude: tuple[str, ...] = ()
+    """Effects to leave out of them."""
+    without: tuple[str, ...] = ()
+    """Columns of the logs to leave out."""
+    every: int = 1
+    """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
     workers: int = 2
     """Threads for one case; a folder of cases is spread over processes."""
     quiet: bool = False
@@ -157,10 +167,51 @@ def trust_in(command: Diagnose) -> CarTrust:
     return factors
 
 
+def chosen_effects(command: Diagnose) -> tuple[str, ...]:
+    """Effects to consider.
+
+    Raises:
+        InvalidVehicleError: a name that the catalogue does not have, or none is left.
+    """
+    for name in (*command.effects, *command.exclude):
+        if name not in CATALOGUE:
+            raise InvalidVehicleError(f"unknown effect {name}; the catalogue has {', '.join(CATALOGUE)}")
+    chosen = tuple(name for name in command.effects if name not in command.exclude)
+    if not chosen:
+        raise InvalidVehicleError("--exclude leaves no effect to consider; name fewer")
+    return chosen
+
+
+def checked_columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Columns that may be left out; InvalidLogError where one may not."""
+    for name in names:
+        if name not in OPTIONAL:
+            raise InvalidLogError(
+                f"--without {name}: no column that can be left out; choose from {', '.join(OPTIONAL)}"
+            )
+    return tuple(names)
+
+
+def checked_every(every: int) -> int:
+    """Rows that make one; InvalidLogError below one."""
+    if every < 1:
+        raise InvalidLogError(f"--every {every}: give 1 or more")
+    return every
+
+
 def run_diagnose(command: Diagnose) -> None:
     """`drift-drake diagnose`."""
     vehicle, own = read_vehicle(command.vehicle)
-    options = {"own": own, **trust_in(command).options()}
+    trust = trust_in(command)
+    options: dict[str, Any] = {
+        "own": own,
+        "catalogue": chosen_effects(command),
+        "without": checked_columns(command.without),
+        "every": checked_every(command.every),
+        "normal": trust.normal,
+    }
+    if trust.normal is None:
+        options |= trust.options()
     folders = case_folders(command.case)
     if folders != [command.case]:
         _diagnose_many(command, vehicle, len(folders), options)
@@ -171,14 +222,19 @@ def run_diagnose(command: Diagnose) -> None:
             bar.set_description(stage)
             bar.update(round(100 * share) - bar.n)
 
-        diagnosis = diagnose_folder(command.case, vehicle, command.workers, progress=show, **options)
+        diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
     _say(diagnosis.answer, to=said_to(command.json))
     if command.json is not None:
         write_text(command.json, diagnosis.answer.to_json())
     if command.report is not None:
-        from drift_drake.diagnosis.report import write_report  # matplotlib is slow to import
+        if isinstance(diagnosis, DayDiagnosis):
+            from drift_drake.diagnosis.day_report import write_day_report  # matplotlib is slow to import
 
-        write_report(diagnosis, command.report)
+            write_day_report(diagnosis, command.report)
+        else:
+            from drift_drake.diagnosis.report import write_report
+
+            write_report(diagnosis, command.report)
 
 
 def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int, options: Mapping[str, Any]) -> None:

@@ -19,7 +19,8 @@ import tyro
 from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose
-from drift_drake.identification.identify import Identification, identify
+from drift_drake.identification.calibration import Identification
+from drift_drake.identification.identify import identify
 from drift_drake.logs.table import Run
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -9,6 +9,9 @@ from typing import Any
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
+ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
+"""Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
+
 
 class InvalidAnswerError(ValueError):
     """An answer file that cannot be used; the message names the file and the mend."""
@@ -45,6 +48,11 @@ class Answer:
 
     def sentence(self) -> str:
         """The verdict in one sentence."""
+        if self.verdict == "none" and "detection" in self.details:
+            return (
+                f"{self.case}: nothing that is not normal for this car (probability {self.posterior['none']:.2f})."
+                + (self._could_show())
+            )
         if self.verdict == "none":
             worth = self.details.get("row_weight", 1.0)
             if worth < 1.0:
@@ -58,7 +66,8 @@ class Answer:
                 f"{self.case}: there is a gap that no catalogued effect explains "
                 f"(probability {self.posterior['unknown']:.2f})." + self._nearest()
             )
-        parts = [_stated(name, self.magnitudes[name]) for name in self.causes]
+        least = self.details.get("at_least", [])
+        parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
         probability = self.posterior["+".join(sorted(self.causes))]
         remove = "it removes" if len(parts) == 1 else "they remove"
         return (
@@ -66,12 +75,24 @@ class Answer:
             f"{100 * self.reduction.estimate:.0f} % of the gap on parts of runs that were not fitted."
         )
 
+    def _could_show(self) -> str:
+        """What the logs of a `none` would have shown, by effects that people ask for first."""
+        limits = self.details["detection"]
+        shown = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is not None]
+        blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
+        parts = [f"{name} {limits[name]['least']:.2g}{_unit(name)}" for name in shown]
+        told = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
+        return told + (f"{', but no' if told else ' These logs cannot show'} {', '.join(blind)}." if blind else ".")
+
     def _nearest(self) -> str:
         """What `unknown` leaves an engineer with (`diagnosis.nearest`); nothing in answers of before."""
         found = self.details.get("nearest")
         if not found:
             return ""
         causes = [_stated(name, Interval(**m)) for name, m in found["magnitudes"].items()]
+        if found["free_forces_remove"] is None:
+            near = " and ".join(causes) or "the calibrated car as it is"
+            return f" The nearest known, {near}, removes {100 * found['removes']:.0f} % of it on held-out blocks."
         free = f"{100 * found['free_forces_remove']:.0f} %"
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
         if not causes:
@@ -80,12 +101,18 @@ class Answer:
         return f" The nearest known, {' and '.join(causes)}, {removes} {where}, free forces {free}."
 
 
-def _stated(name: str, m: Interval) -> str:
-    """A cause with its magnitude and interval, in words."""
-    unit = CATALOGUE[name].unit
-    unit = "" if unit == "-" else f" {unit}"
+def _stated(name: str, m: Interval, at_least: bool = False) -> str:
+    """A cause with its magnitude and interval, in words; one at the end of what is believed possible is a bound."""
+    unit = _unit(name)
     numbers = [f"{q:.{significant_digits(m)}g}" for q in (m.estimate, m.low, m.high)]
+    if at_least:
+        return f"{name} of {numbers[0]}{unit} at least"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
+
+
+def _unit(name: str) -> str:
+    unit = CATALOGUE[name].unit
+    return "" if unit == "-" else f" {unit}"
 
 
 def significant_digits(m: Interval) -> int:

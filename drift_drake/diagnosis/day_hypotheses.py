@@ -85,12 +85,15 @@ class Search:
         self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
         self.threads = threads
-        self.kept: np.ndarray | None = None  # blocks that count; all if None
 
     def scores(self, effects: Mapping[str, float]) -> np.ndarray:
         """Scores less their normal mean [n] once effects are added."""
         e = self.day.errors_with(effects) if effects else self.day.errors
         return summed(self.day, self.normal, e) - self.scatter.mean
+
+    def kept_scores(self, e: np.ndarray, kept: np.ndarray) -> np.ndarray:
+        """Scores [n] of errors over the blocks that are kept [blocks] (bool)."""
+        return summed(self.day, self.normal, e, kept)
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
         """Half the squared distance from normal of scores [..., n]."""

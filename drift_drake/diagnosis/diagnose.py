@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.diagnosis.another_day import DayDiagnosis, diagnose_day
 from drift_drake.diagnosis.answer import Answer
 from drift_drake.diagnosis.beliefs import beliefs_as_data
 from drift_drake.diagnosis.learned import learned
@@ -34,6 +35,7 @@ from drift_drake.estimation.noise import refined_levels
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, reduction, without_effects
+from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
 from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, stated_noise
@@ -200,6 +202,31 @@ def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int
     return diagnose(read_case(folder), vehicle, case=folder.resolve().name, workers=workers, **options)
 
 
+def answer_folder(
+    folder: str | Path,
+    vehicle: VehicleParameters,
+    workers: int = 2,
+    normal: Normal | None = None,
+    without: Sequence[str] = (),
+    every: int = 1,
+    **options: Any,
+) -> Diagnosis | DayDiagnosis:
+    """Diagnoses one case folder by the criterion that its car was calibrated by.
+
+    Args:
+        normal: of a car that was calibrated by prediction (`another_day`); without: columns to leave out;
+        every: rows of the logs that make one here; options: of `diagnose`.
+    """
+    folder = Path(folder)
+    runs = [run.without(*without).thinned(every) for run in read_case(folder)]
+    case = folder.resolve().name
+    if normal is not None:
+        kept = {key: options[key] for key in ("own", "progress", "catalogue") if key in options}
+        return diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
+    options.setdefault("stated", stated_noise(folder))
+    return diagnose(runs, vehicle, case=case, workers=workers, **options)
+
+
 def case_folders(folder: str | Path) -> list[Path]:
     """The folder itself if it holds runs, else its subfolders that do.
 
@@ -218,7 +245,7 @@ def case_folders(folder: str | Path) -> list[Path]:
 
 
 def _answer_folder(folder: Path, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
-    return diagnose_folder(folder, vehicle, workers=1, **options).answer
+    return answer_folder(folder, vehicle, workers=1, **options).answer
 
 
 def diagnose_all(

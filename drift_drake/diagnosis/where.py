@@ -42,8 +42,8 @@ def locate(
         rows: their first rows; pushes: what forces the nominal car lacks, by channel.
     """
     judged = [np.nan_to_num(e[:, JUDGED]) for e in excess]
-    by_state = _shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
-    by_run = _shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
+    by_state = shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
+    by_run = shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
     onset = {}
     for run, e, first in zip(problem.runs, judged, rows, strict=True):
         total = np.cumsum(np.maximum(e.sum(axis=1), 0.0))
@@ -52,20 +52,26 @@ def locate(
     channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
     if pushes is not None and len(pushes.weights):
         power = [float(np.sum(pushes.weights[pushes.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
-        channels = _shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
-    return Where(by_state, by_run, channels, regions(problem, judged, rows), onset, lags(problem))
+        channels = shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
+    grip = problem.nominal.friction * problem.nominal.gravity
+    region = np.concatenate(
+        [
+            region_of(run.y[first, 1], run.y[first, 0], run.y[first, 2], grip)
+            for run, first in zip(problem.runs, rows, strict=True)
+        ]
+    )
+    excess_of_all = np.concatenate([e.sum(axis=1) for e in judged])
+    return Where(by_state, by_run, channels, regions(excess_of_all, region), onset, lags(problem))
 
 
-def _shares(parts: dict[str, float]) -> dict[str, float]:
+def shares(parts: dict[str, float]) -> dict[str, float]:
     total = sum(max(p, 0.0) for p in parts.values())
     return {name: (max(p, 0.0) / total if total > 0.0 else 0.0) for name, p in parts.items()}
 
 
-def region_of(problem: Problem, index: int) -> np.ndarray:
-    """Index [rows] of each row's operating region among `region_names`."""
-    run = problem.runs[index]
-    v, r, beta = run.y[:, 1], run.y[:, 0], run.y[:, 2]
-    lateral = np.abs(v * r) / (problem.nominal.friction * problem.nominal.gravity)
+def region_of(v: np.ndarray, r: np.ndarray, beta: np.ndarray, grip: float) -> np.ndarray:
+    """Index [rows] of each row's operating region among `region_names`; `grip` is the friction limit [m/s^2]."""
+    lateral = np.abs(v * r) / grip
     speed = np.digitize(v, SPEEDS[1:-1])
     use = np.digitize(lateral, FRICTION_USES[1:-1])
     slides = (np.abs(beta) > SLIDING).astype(int)
@@ -84,14 +90,16 @@ def region_names() -> list[str]:
     return out
 
 
-def regions(problem: Problem, judged: Sequence[np.ndarray], rows: Sequence[np.ndarray]) -> list[str]:
-    """Regions that hold a material share of the gap, the worst (by mean excess) first."""
+def regions(excess: np.ndarray, region: np.ndarray) -> list[str]:
+    """Regions that hold a material share of the gap, the worst (by mean excess) first.
+
+    Args:
+        excess: squared errors beyond the floor [starts]; region: of each start (`region_of`).
+    """
     names = region_names()
     total, count = np.zeros(len(names)), np.zeros(len(names))
-    for i, (e, first) in enumerate(zip(judged, rows, strict=True)):
-        where = region_of(problem, i)[first]
-        np.add.at(total, where, e.sum(axis=1))
-        np.add.at(count, where, 1.0)
+    np.add.at(total, region, excess)
+    np.add.at(count, region, 1.0)
     gap = float(np.sum(np.maximum(total, 0.0)))
     mean = total / np.maximum(count, 1.0)
     if gap <= 0.0:

@@ -14,7 +14,7 @@ import numpy as np
 
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
-from drift_drake.estimation.windows import WindowedRun, errors
+from drift_drake.estimation.windows import WindowedRun, errors, regimes
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -26,7 +26,10 @@ SHARE = 0.25  # of the practical range, that derivatives are taken over
 RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
 REGULAR = 1e-2  # of the errors' covariance
 SHRUNK, SHRUNK_AT = 0.3, 24  # towards a diagonal covariance, with so many blocks
-BETWEEN_DAYS = 5.0  # by how much scores scatter more between days than between blocks of one day (validation days)
+BETWEEN_DAYS = 8.0  # by how much scores scatter more between days than between blocks of one day (validation days)
+COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is known
+GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
+BEYOND = 0.15  # share beyond, at which a window counts half
 CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
 
 
@@ -70,6 +73,7 @@ class Normal:
     covariance: np.ndarray  # from block to block [n, n]
     modes: np.ndarray  # score of a block, run by run [runs, n]: another day mixes manoeuvres in other shares
     information: np.ndarray  # diagonal of a block's information [n]
+    covered: np.ndarray  # how hard the car was driven [4] (`windows.regimes`)
     unknown: np.ndarray  # covariance of what calibration left unknown, in units [n, n]
 
     def as_data(self) -> dict[str, object]:
@@ -87,8 +91,8 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     n, m = len(names), out.scales.size
     if out.modes.ndim != 2 or out.modes.shape[1] != n:
         raise ValueError(f"'modes' must hold {n} numbers a run")
-    shapes = {"units": (n,), "mean": (n,), "information": (n,), "covariance": (n, n), "unknown": (n, n),
-              "precision": (m, m)}  # fmt: skip
+    shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m)}
+    shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
     for key, shape in shapes.items():
         if getattr(out, key).shape != shape or not np.all(np.isfinite(getattr(out, key))):
             raise ValueError(f"'{key}' must hold {shape} finite numbers")
@@ -106,6 +110,7 @@ class Day:
     jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, n]
     block: np.ndarray  # [windows]
     run: np.ndarray  # [windows] index of the run
+    weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
 
     @property
     def blocks(self) -> int:
@@ -118,9 +123,13 @@ class Day:
 
 def make_day(
     runs: Sequence[WindowedRun], constants: Constants, own: Effects, names: Sequence[str], steps: np.ndarray,
-    scales: np.ndarray | None = None, threads: int = THREADS,
+    scales: np.ndarray | None = None, covered: np.ndarray | None = None, threads: int = THREADS,
 ) -> Day:  # fmt: skip
-    """A day's errors under the calibrated car and their derivatives by the effects; `scales` of its own if None."""
+    """A day's errors under the calibrated car and their derivatives by the effects.
+
+    Args:
+        scales, covered: of the day of calibration (`Normal`); its own if None.
+    """
     at = errors(runs, constants, own)
     scales = robust_scales(at) if scales is None else scales
     cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
@@ -128,12 +137,25 @@ def make_day(
         moved = list(pool.map(lambda effects: errors(runs, constants, effects), cars))
     columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
-    return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run)
+    weights = np.ones(len(at)) if covered is None else familiarity(runs, covered)
+    return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run, weights)
+
+
+def coverage(runs: Sequence[WindowedRun]) -> np.ndarray:
+    """How hard the car was driven [4] (`windows.regimes`)."""
+    return np.asarray(np.quantile(np.concatenate([regimes(run) for run in runs]), COVERED, axis=0) * np.array(GRACE))
+
+
+def familiarity(runs: Sequence[WindowedRun], covered: np.ndarray) -> np.ndarray:
+    """Weights [windows] that fall where a window is driven harder than `covered`: there the car is not known."""
+    beyond = np.concatenate([regimes(run) for run in runs]) / np.maximum(covered, 1e-9) - 1.0
+    return np.asarray(1.0 / (1.0 + (np.maximum(beyond.max(axis=1), 0.0) / BEYOND) ** 2))
 
 
 def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """Scores [blocks, n] of errors e."""
-    score = np.einsum("wip,wi->wp", day.jacobian, flat(e, scales) @ precision, optimize=True)
+    weighted = day.weights[:, None] * flat(e, scales)
+    score = np.einsum("wip,wi->wp", day.jacobian, weighted @ precision, optimize=True)
     out = np.zeros((day.blocks, score.shape[1]))
     np.add.at(out, day.block, score)
     return out
@@ -142,7 +164,7 @@ def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndar
 def block_information(day: Day, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """Sum over the blocks of the information [n, n] that clipped errors hold."""
     weights = np.broadcast_to(huber_weights(day.errors, scales), day.errors.shape).reshape(len(day.errors), -1)
-    half = np.sqrt(weights)[..., None] * day.jacobian
+    half = np.sqrt(weights * day.weights[:, None])[..., None] * day.jacobian
     return np.asarray(np.einsum("wip,ij,wjq->pq", half, precision, half, optimize=True))
 
 
@@ -170,7 +192,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     return Normal(tuple(names), steps, scales, precision, len(score), score.mean(axis=0), covariance, modes,
-                  np.diag(information) / len(score), unknown)  # fmt: skip
+                  np.diag(information) / len(score), coverage(day.runs), unknown)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)

@@ -206,3 +206,11 @@ def errors_of_all(
 ) -> list[np.ndarray]:
     """The same for several cars at once, on the pool's threads."""
     return list(pool.map(lambda effects: errors(runs, constants, effects), cars))
+
+
+def regimes(run: WindowedRun) -> np.ndarray:
+    """How hard each window is driven [windows, 4]: most speed [m/s], r v [m/s^2], sideslip [rad], rim slip [-]."""
+    rows = run.starts[:, None] + np.arange(0, HORIZONS * run.stride + 1, max(run.stride // 4, 1))
+    r, v, beta, omega_r = (run.start_y[rows, i] for i in range(4))
+    parts = (v, np.abs(r * v), np.abs(beta), np.abs(omega_r - v * np.cos(beta)) / np.maximum(v, 1.0))
+    return np.stack([part.max(axis=1) for part in parts], axis=-1)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.estimation.problem import Everyday
+from drift_drake.estimation.scores import Normal, normal_from_data
 
 
 class InvalidCalibrationError(ValueError):
@@ -14,16 +15,17 @@ class InvalidCalibrationError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class CarTrust:
-    """Factors of the noise and the process, the row weight, and the misfit of every day."""
+    """Factors of the noise and the process, the row weight, and the misfit of every day; or what is normal."""
 
     noise_scale: float
     process_scale: float
     row_weight: float
     everyday: Everyday | None
+    normal: Normal | None = None  # of a car calibrated by prediction, in place of the others
 
     def options(self) -> dict[str, Any]:
         """As `diagnose` takes them."""
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "normal"}
 
 
 def read_trust(path: str | Path) -> CarTrust:
@@ -41,12 +43,14 @@ def read_trust(path: str | Path) -> CarTrust:
         raise InvalidCalibrationError(f"{path}: not JSON; {mend}") from None
     try:
         return trust_of(data)
-    except (KeyError, TypeError):
+    except (KeyError, TypeError, ValueError, AttributeError):
         raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {mend}") from None
 
 
 def trust_of(data: Any) -> CarTrust:
     """The same from the JSON's content; KeyError or TypeError where something is missing."""
+    if data.get("normal"):
+        return CarTrust(1.0, 1.0, 1.0, None, normal_from_data(data["normal"]))
     everyday = data["everyday"]
     return CarTrust(
         float(data["trust"]["noise"]),

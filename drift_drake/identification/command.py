@@ -7,25 +7,27 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
-from drift_drake.identification.identify import Identification, Parameter, identify_folder
+from drift_drake.identification.calibration import Identification, Parameter
+from drift_drake.identification.identify import Criterion, identify_folders
 from drift_drake.identification.unknowns import EFFECTS, KNOWN
 from drift_drake.run_folder import to_json
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
-from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 
 
 @dataclasses.dataclass(frozen=True)
 class Identify:
     """Calibrate a vehicle file on logs: parameters, tolerances, lags, and what the logs cannot tell.
 
-    drift-drake identify logs/monday --vehicle start.yaml --out car.yaml --json car.json --report car.html
+    drift-drake identify logs/monday logs/tuesday --vehicle start.yaml --out car.yaml --json car.json --report car.html
 
-    A simulator is made nominal with it before its gap is asked for (`drift-drake diagnose`). LOGS is a folder of runs
-    (run_0.csv, run_1.csv, ...) of one car.
+    A simulator is made nominal with it before its gap is asked for (`drift-drake diagnose`). LOGS are folders of runs
+    (run_0.csv, run_1.csv, ...) of one car, one for each day. Tolerances that the vehicle file states are believed,
+    times two; parameters without one get broad priors.
     """
 
-    logs: tyro.conf.Positional[Path]
-    """Folder of runs."""
+    logs: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of runs, one for each day."""
     vehicle: Path
     """First guess of the car (YAML)."""
     out: Path | None = None
@@ -38,6 +40,11 @@ class Identify:
     """Parameters whose tolerance in the vehicle file is believed; the others get broad priors."""
     effects: tuple[str, ...] = EFFECTS
     """Effects that may belong to the car, beside those in the vehicle file."""
+    criterion: Criterion = "auto"
+    """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
+    second ahead; auto lets the logs choose, and says so."""
+    force: bool = False
+    """Write the vehicle file also where the calibrated car predicts held-out parts worse than the first guess."""
     quiet: bool = False
     """No progress bar."""
 
@@ -55,10 +62,14 @@ def run_identify(command: Identify) -> None:
             bar.set_description(stage)
             bar.update(round(100 * share) - bar.n)
 
-        found = identify_folder(
-            command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show
-        )
+        found = identify_folders(
+            command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show,
+            criterion=command.criterion, tolerances=stated_tolerances(command.vehicle),
+        )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
+    if found.calibration.held_out.ratio > 1.0 and not command.force:
+        print("nothing is written; --force writes it all the same", file=sys.stderr)
+        return
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
     if command.json is not None:
@@ -79,6 +90,10 @@ def summary(found: Identification, json: Path | None = None) -> str:
         lines.append(f"Not told from zero, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not told: {direction.sentence()}." for direction in c.untold]
     lines += [f"Told only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+    if c.normal is not None:
+        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
+        lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
+        return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.everyday is not None:

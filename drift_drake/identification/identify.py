@@ -1,107 +1,46 @@
-"""From logs of a car and a first guess of it to the calibrated car, with intervals and what the logs cannot tell."""
+"""From logs of a car and a first guess of it to the calibrated car, with intervals and what the logs cannot tell.
+
+Two criteria: the filter's likelihood, exact where its innovations are white, and robust prediction errors where they
+are not (`by_prediction`). The logs choose.
+"""
 
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from drift_drake.estimation.fit import limits
-from drift_drake.estimation.interval import Interval
-from drift_drake.estimation.problem import Everyday, Problem, flat, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.unknowns import OWN, folded
 from drift_drake.estimation.usable import usable
-from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
-from drift_drake.identification.estimate import Estimate, Trust, estimate
-from drift_drake.identification.everyday_misfit import everyday_misfit
-from drift_drake.identification.held_out import HeldOut, compare, judged, squares_of, without_fold
-from drift_drake.identification.unknowns import (
-    EFFECTS,
-    KNOWN,
-    PARAMETERS,
-    check_names,
-    effect_ranges,
-    first_magnitude,
-    seen,
-    widened,
-)
-from drift_drake.identification.untold import Direction, tied, untold
-from drift_drake.identification.widening import widening
+from drift_drake.estimation.windows import windowed
+from drift_drake.identification.by_likelihood import identify_by_likelihood
+from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
+from drift_drake.identification.calibration import Calibration, Identification, Parameter
+from drift_drake.identification.estimate import Trust
+from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
+from drift_drake.identification.untold import tied, untold
+from drift_drake.identification.white import Whiteness, whiteness
 from drift_drake.logs.table import Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
-STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
-EASED = 0.1  # deafness of a filter that only finds the way
-ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
-TWO_SIDED = 1.96
-STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
-
+Criterion = Literal["auto", "likelihood", "prediction"]
 Progress = Callable[[str, float], None]
 
-
-@dataclasses.dataclass(frozen=True)
-class Parameter:
-    """One unknown: its estimate with a 95 % interval, its standard deviations after and before the logs."""
-
-    unit: str
-    start: float
-    estimate: float
-    low: float
-    high: float
-    deviation: float
-    prior: float
-    widened: float  # by how much the interval is wider than that of white innovations
-    kind: str  # free, known (held by its tolerance) or effect
-
-
-@dataclasses.dataclass(frozen=True)
-class Calibration:
-    """What an identification says, as plain data. `correlation` is in the order of `parameters`."""
-
-    case: str
-    parameters: dict[str, Parameter]
-    correlation: list[list[float]]
-    untold: list[Direction]
-    tied: list[tuple[str, str, float]]
-    left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
-    held_out: HeldOut
-    trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
-    row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
-    everyday: Everyday | None  # and what `--calibration` takes out before, where that makes rows worth more
-    seconds: float
-    warnings: list[str]
-
-    def interval(self, name: str) -> Interval:
-        """Estimate and 95 % interval of a parameter."""
-        p = self.parameters[name]
-        return Interval(p.estimate, p.low, p.high)
-
-    def sentence(self) -> str:
-        """What was reached, in one sentence."""
-        h = self.held_out
-        told = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
-        free = sum(1 for p in self.parameters.values() if p.kind != "known")
-        return (
-            f"{self.case}: {told} of {free} parameters told by the logs; half a second ahead on parts that were not "
-            f"fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first guess's."
-        )
-
-
-@dataclasses.dataclass(frozen=True)
-class Identification:
-    """The calibrated car, and what a report is drawn from."""
-
-    calibration: Calibration
-    vehicle: VehicleParameters
-    effects: Effects
-    problem: Problem  # with the noise as the logs have it
-    first: np.ndarray  # theta of the first guess
-    found: Estimate
+TWO_SIDED = 1.96
+FURTHER = (  # that a car may have beside those asked for, taken in where held-out prediction asks for them
+    "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
+    "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop",
+)  # fmt: skip
+FIELDS = {  # of the vehicle file, that an effect is a deviation of
+    "torque_gain_error": "gear_ratio", "cg_shift": "front_axle_distance", "drivetrain_inertia_error":
+    "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
+    "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
+}  # fmt: skip
 
 
 def identify(
@@ -113,14 +52,19 @@ def identify(
     names: Sequence[str] = EFFECTS,
     stated: Mapping[str, float] | None = None,
     progress: Progress | None = None,
+    criterion: Criterion = "auto",
+    tolerances: frozenset[str] = frozenset(),
 ) -> Identification:
     """Calibrates a car on runs.
 
     Args:
-        runs: of one car; vehicle, effects: the first guess;
-        known: parameters whose tolerance in the vehicle is believed, the others get broad priors;
+        runs: of one car, of one or several days; vehicle, effects: the first guess;
+        known: parameters whose tolerance in the vehicle is believed as it is;
         names: effects that may belong to the car, beside those of the first guess;
-        stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share.
+        stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
+        criterion: "auto" is the likelihood where innovations are white beside the car that predicts best, else
+            prediction;
+        tolerances: names of those that the vehicle file states: prediction believes them, times two.
 
     Raises:
         InvalidLogError: no run can be used.
@@ -130,160 +74,92 @@ def identify(
     tell = progress or (lambda _stage, _share: None)
     check_names(known, names)
     runs, warnings = usable(runs, vehicle)
-    given = [name for name in CATALOGUE if getattr(effects, name) != 0.0 and name != "steering_offset"]
-    asked = list(dict.fromkeys([*given, *names]))
-    chosen, more = seen_effects(runs, seen(asked, runs))
-    warnings += more
-    wide = widened(vehicle, known)
-    problem = make_problem(runs, wide, stated=stated)
-    problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
-    first = first_guess(problem, chosen, effects)
-    best = search(problem, chosen, first, tell)
-    tell("all rows", 0.8)
-    found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
-    held = compare(
-        problem, squares_of(problem, *guess_as_stated(problem, first, chosen, effects), held=True),
-        squares_of(problem, best.theta, best.names, held=True),
-    )  # fmt: skip
-    tell("intervals", 0.95)
-    parameters, correlation, covariance = summarise(found, vehicle, effects, known)
-    dropped = [n for n in chosen if parameters[n].low <= 0.0 <= parameters[n].high]
-    kept = refit_without(problem, found, dropped)
-    row_weight, everyday = everyday_misfit(kept)
-    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
-    free_names = [list(parameters)[i] for i in free]
-    prior = np.array([p.prior for p in parameters.values()])
-    new_vehicle, new_effects = calibrated_vehicle(
-        kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
-    )
-    calibration = Calibration(
-        case=case,
-        parameters=parameters,
-        correlation=correlation.tolist(),
-        untold=untold(free_names, prior[free], covariance[np.ix_(free, free)]),
-        tied=tied(list(parameters), correlation),
-        left_out=dropped,
-        held_out=held,
-        trust=found.trust,
-        row_weight=row_weight,
-        everyday=everyday,
-        seconds=time.perf_counter() - began,
-        warnings=warnings + end_warnings(found, parameters) + stretched(parameters),
-    )
+    if criterion == "auto" and any(run.beta is None for run in runs):
+        criterion, warnings = "likelihood", [*warnings, "column beta is missing: calibrated by likelihood"]
+    found = None
+    if criterion != "likelihood":
+        further = tuple(dict.fromkeys([*(n for n in names if n not in OWN), *FURTHER]))
+        predicted = by_prediction(runs, vehicle, effects, known, further, tolerances,
+                                  lambda stage, share: tell(stage, 0.5 * share))  # fmt: skip
+        white = whiteness(runs, predicted.vehicle, predicted.effects, stated)
+        if criterion == "prediction" or not white.is_white:
+            found = stated_in_full(predicted, white, case, vehicle, effects, sum(len(run) for run in runs))
+    if found is None:
+        found = identify_by_likelihood(runs, vehicle, effects, case, known, names, stated, tell)
+    c = found.calibration
+    c = dataclasses.replace(c, seconds=time.perf_counter() - began, warnings=[*warnings, *c.warnings])
     tell("done", 1.0)
-    return Identification(calibration, new_vehicle, new_effects, problem, first, found)
+    return dataclasses.replace(found, calibration=c)
 
 
-def first_guess(problem: Problem, names: Sequence[str], effects: Effects) -> np.ndarray:
-    """Theta of the vehicle file, its effects a little into their ranges where it has none."""
-    magnitudes = [first_magnitude(name, effects, *problem.range_of(name)) for name in names]
-    theta = np.concatenate([np.zeros(problem.nuisances), magnitudes])
-    offset = PARAMETERS.index("steering_offset")
-    theta[offset] = effects.steering_offset / problem.tolerance[offset]
-    return theta
+def by_prediction(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, known: Sequence[str], names: Sequence[str],
+    tolerances: frozenset[str], tell: Progress,
+) -> PredictionFit:  # fmt: skip
+    """The car that predicts best; parameters that are known stay as they are."""
+    held = {name for name, info in CATALOGUE.items() if info.tolerance in known}
+    seen, _ = seen_effects(runs, tuple(CATALOGUE))
+    own = [name for name in OWN if name not in held and name in seen]
+    candidates = [name for name in names if name in seen and name not in OWN]
+    stated = tolerances | frozenset(known)
+    return fit_by_prediction([windowed(run) for run in runs], vehicle, effects, own, candidates, stated, seen, tell)
 
 
-def guess_as_stated(
-    problem: Problem, first: np.ndarray, names: Sequence[str], effects: Effects
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Theta and effects of the vehicle file exactly as it is."""
-    own = tuple(name for name in names if getattr(effects, name) != 0.0)
-    magnitudes = [float(getattr(effects, name)) for name in own]
-    return np.concatenate([first[: problem.nuisances], magnitudes]), own
-
-
-def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
-    """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
-
-    A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
-    seconds. Where the model is right, both agree; where it is not, or the noise is not white, only the second is of
-    use. Of those that predict alike, the one that hears best is taken: a deaf filter believes in its model, and its
-    intervals hold the truth too seldom. The way there is tried twice: as it is, and by a filter that hears too well,
-    whose likelihood has fewer valleys.
-    """
-    kept = without_fold(problem)
-
-    def error(at: Estimate) -> float:
-        return float(np.sqrt(judged(squares_of(problem, at.theta, at.names, held=False))))
-
-    tell("fit 1", 0.0)
-    direct = estimate(kept, names, first, DEAFNESS[0])
-    tell("fit 2", 0.2)
-    eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
-    fits = [min((direct, eased), key=error)]
-    for number, deafness in enumerate(DEAFNESS[1:], 3):
-        tell(f"fit {number}", 0.15 * number)
-        fits.append(estimate(kept, names, fits[-1].theta, deafness))
-    errors = [error(at) for at in fits]
-    return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
-
-
-def summarise(
-    found: Estimate, vehicle: VehicleParameters, effects: Effects, known: Sequence[str]
-) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
-    """Parameters with intervals, their correlation and their covariance in their own units."""
-    units = {name: info.unit for name, info in CATALOGUE.items()}
-    table = scales(found.problem, vehicle, found.names, units)
-    at = places(found.problem, found.names)
-    white = found.covariance
-    wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.gains.innovations), white)
-    factor = np.array([s.factor for s in table])
-    deviation = np.sqrt(np.diag(white))[at] * wider[at] * np.abs(factor)
-    spread = np.sqrt(np.diag(white))[at]
-    correlation = white[np.ix_(at, at)] / np.maximum(np.outer(spread, spread), 1e-300)
-    parameters = {}
-    for i, s in enumerate(table):
-        own = i >= len(PARAMETERS)
-        low, high = found.problem.range_of(s.name) if own else (-np.inf, np.inf)
-        prior = float((high - low) / np.sqrt(12.0) if own else abs(s.factor))
-        value = s.origin + s.factor * float(found.theta[at[i]])
-        sigma = float(min(deviation[i], prior))
-        kind = "effect" if own else ("known" if PARAMETERS[i] in known or prior == 0.0 else "free")
-        start = float(getattr(effects, s.name)) if s.name in CATALOGUE else s.origin
-        parameters[s.name] = Parameter(
-            s.unit, start, value, max(value - TWO_SIDED * sigma, low), min(value + TWO_SIDED * sigma, high), sigma,
-            prior, float(wider[at[i]]), kind,
-        )  # fmt: skip
+def stated_in_full(
+    found: PredictionFit, white: Whiteness, case: str, vehicle: VehicleParameters, effects: Effects, rows: int,
+) -> Identification:  # fmt: skip
+    """Parameters, tolerances and the file, all of one fit by prediction."""
+    parameters: dict[str, Parameter] = {}
+    changes: dict[str, float] = {}
+    start, _ = folded(vehicle, effects)
+    for u, sigma in zip(found.unknowns, found.deviations, strict=True):
+        info = CATALOGUE[u.name]
+        field = FIELDS.get(u.name)
+        scale = 1.0 if field is None or u.name == "cg_shift" else float(getattr(start, field))
+        origin = float(getattr(start, field)) if field else 0.0
+        value = float(getattr(found.vehicle if field else found.effects, field or u.name))
+        sigma, prior = float(min(sigma, u.prior)) * scale, u.prior * scale
+        low, high = value - TWO_SIDED * sigma, value + TWO_SIDED * sigma
+        low = max(low, 0.0) if not info.signed or (field and u.name != "cg_shift") else low
+        unit = VehicleParameters.__dataclass_fields__[field].metadata["unit"] if field else info.unit
+        kind = "free" if u.name in OWN else "effect"
+        first = origin if field else float(getattr(effects, u.name))
+        parameters[field or u.name] = Parameter(unit, first, value, low, high, sigma, prior, 1.0, kind)
+        if info.tolerance:
+            relative = info.tolerance not in ("front_axle_distance", "steering_offset")
+            changes[info.tolerance] = sigma / (value if relative else 1.0)
+    shown, prior_of = list(parameters), np.array([p.prior for p in parameters.values()])
     sigmas = np.array([p.deviation for p in parameters.values()])
-    return parameters, correlation, correlation * np.outer(sigmas, sigmas)
+    covariance = found.correlation * np.outer(sigmas, sigmas)
+    calibration = Calibration(
+        case=case, parameters=parameters, correlation=found.correlation.tolist(),
+        untold=untold(shown, prior_of, covariance), tied=tied(shown, found.correlation),
+        left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
+        seconds=0.0, warnings=[white.sentence(), *worse_states(found)], criterion="prediction", normal=found.normal,
+    )  # fmt: skip
+    tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)
+    return Identification(calibration, found.vehicle.replace(tolerance=tolerance), found.effects, rows)
 
 
-def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:
-    """The fit with effects that cannot be told from zero taken out, so that the others make up for them."""
-    if not dropped:
-        return found
-    kept = [name for name in found.names if name not in dropped]
-    first = problem.nuisances
-    magnitudes = [found.theta[first + found.names.index(name)] for name in kept]
-    theta = np.concatenate([found.theta[:first], magnitudes])
-    return estimate(problem, kept, theta, found.trust.noise / found.trust.process)
+def worse_states(found: PredictionFit) -> list[str]:
+    """Warnings of states that the calibrated car predicts worse than the first guess."""
+    h = found.held_out
+    pairs = zip(h.states, h.before[-1], h.after[-1], strict=True)
+    return [f"{state} is predicted worse than by the first guess ({after:.3g}, {before:.3g} before)"
+            for state, before, after in pairs if after > 1.1 * before]  # fmt: skip
 
 
-def end_warnings(found: Estimate, parameters: Mapping[str, Parameter]) -> list[str]:
-    """Warnings of unknowns at the ends of what is believed possible, zero aside."""
-    low, high = limits(found.problem, found.names)
-    at = places(found.problem, found.names)
-    return [
-        f"{name} is at the end of what is believed possible ({parameters[name].estimate:.3g}): doubt it, or change its "
-        "first guess"
-        for name, i in zip(parameters, at, strict=True)
-        if (found.theta[i] <= low[i] and low[i] != 0.0) or found.theta[i] >= high[i]
-    ]
-
-
-def stretched(parameters: Mapping[str, Parameter]) -> list[str]:
-    """Warnings of parameters that came out far from what the vehicle file holds to be known."""
-    return [
-        f"{name}, known to {p.prior:.3g} {p.unit}, came out {abs(p.estimate - p.start) / p.prior:.0f} tolerances off: "
-        "it makes up for something that the model lacks, or its tolerance is too small"
-        for name, p in parameters.items()
-        if p.kind == "known" and abs(p.estimate - p.start) > STRETCHED * p.prior
-    ]
-
-
-def identify_folder(folder: str | Path, vehicle: VehicleParameters, effects: Effects, **options: Any) -> Identification:
-    """Calibrates on a case folder (`logs.table.read_case`), with the noise that its import stated."""
-    folder = Path(folder)
-    return identify(
-        read_case(folder), vehicle, effects, case=folder.resolve().name, stated=stated_noise(folder), **options
-    )
+def identify_folders(
+    folders: Sequence[str | Path], vehicle: VehicleParameters, effects: Effects, **options: Any
+) -> Identification:
+    """Calibrates on case folders (`logs.table.read_case`), one for each day, with the noise that imports stated."""
+    runs, noise = [], dict[str, list[float]]()
+    for folder in folders:
+        day = read_case(folder)
+        prefix = f"{Path(folder).resolve().name}/" if len(folders) > 1 else ""
+        runs += [dataclasses.replace(run, name=prefix + run.name) for run in day]
+        for name, level in stated_noise(folder).items():
+            noise.setdefault(name, []).append(level)
+    stated = {name: float(np.median(levels)) for name, levels in noise.items()}
+    case = "+".join(Path(folder).resolve().name for folder in folders)
+    return identify(runs, vehicle, effects, case=case, stated=stated, **options)

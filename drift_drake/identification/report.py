@@ -6,7 +6,7 @@ import jinja2
 from markupsafe import Markup
 
 from drift_drake.identification import report_figures as figures
-from drift_drake.identification.identify import Identification
+from drift_drake.identification.calibration import Identification
 
 TEMPLATE = Path(__file__).parent / "report.html"
 
@@ -19,7 +19,7 @@ def report_html(found: Identification) -> str:
         c=c,
         sentence=c.sentence(),
         untold=[direction.sentence() for direction in c.untold],
-        rows=sum(len(run.y) for run in found.problem.runs),
+        rows=found.rows,
         intervals=Markup(figures.intervals(c.parameters)),
         errors=Markup(figures.errors(c.held_out)),
         correlations=Markup(figures.correlations(list(c.parameters), c.correlation)),

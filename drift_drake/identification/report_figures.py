@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from drift_drake.diagnosis.report_figures import CORRECTED, NOMINAL, UNITS, svg
+from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.held_out import HeldOut
-from drift_drake.identification.identify import Parameter
 
 PRIOR = "#cccccc"
 

@@ -79,8 +79,15 @@ class Run:
 
     def rows(self, start: int, stop: int) -> "Run":
         """Rows start:stop of the run."""
+        return self._cut(slice(start, stop))
+
+    def thinned(self, every: int) -> "Run":
+        """One row in `every`."""
+        return self if every == 1 else self._cut(slice(None, None, every))
+
+    def _cut(self, part: slice) -> "Run":
         columns = {name: self.column(name) for name in COLUMNS}
-        cut: dict[str, Any] = {name: None if a is None else a[start:stop] for name, a in columns.items()}
+        cut: dict[str, Any] = {name: None if a is None else a[part] for name, a in columns.items()}
         return dataclasses.replace(self, **cut)
 
 

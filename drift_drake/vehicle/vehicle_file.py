@@ -41,3 +41,9 @@ def write_vehicle(path: str | Path, parameters: VehicleParameters, effects: Effe
     if magnitudes:
         data["effects"] = magnitudes
     Path(path).write_text(yaml.safe_dump(data, sort_keys=False))
+
+
+def stated_tolerances(path: str | Path) -> frozenset[str]:
+    """Names of the tolerances that a vehicle file states; the others have `Tolerance`'s defaults."""
+    data: Any = yaml.safe_load(Path(path).read_text())
+    return frozenset(str(name) for name in (data.get("tolerance") or {}))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drift_drake.estimation.problem import make_problem
+from drift_drake.identification.by_likelihood import stretched
 from drift_drake.identification.estimate import mean_square
-from drift_drake.identification.identify import identify, stretched
+from drift_drake.identification.identify import identify
 from drift_drake.identification.report import write_report
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

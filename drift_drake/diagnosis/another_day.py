@@ -1,0 +1,155 @@
+"""Another day of a car calibrated by prediction: what has changed since, if anything that is not normal for it.
+
+The car need not follow the equations: `estimation.scores` knows from the day of calibration how its errors scatter in
+each direction, and what that day's drives left unknown.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.answer import Answer
+from drift_drake.diagnosis.day_gap import reduction, where
+from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
+from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
+from drift_drake.diagnosis.detection_limits import detection_limits
+from drift_drake.diagnosis.posterior import Calibration, hypothesis_name
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.reduction import Reduction
+from drift_drake.estimation.scores import Normal, make_day
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.usable import usable
+from drift_drake.estimation.windows import HORIZONS, STRIDE, windowed
+from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
+WORTH_A_PAIR = 6.0  # [nats] that the best single leaves, below which no pair is looked for
+CHECKED = 4  # leading hypotheses whose reduction on held-out blocks is checked
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class DayDiagnosis:
+    """The answer, and what a report is drawn from."""
+
+    answer: Answer
+    search: Search
+    ranked: Ranked
+    reduction: Reduction
+
+
+def diagnose_day(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
+    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: Calibration | None = None,
+    catalogue: Sequence[str] = tuple(CATALOGUE),
+) -> DayDiagnosis:  # fmt: skip
+    """Diagnoses the runs of one day.
+
+    Args:
+        runs: of the same car on the same day; vehicle, own: the calibrated car; normal: what is normal for it
+            (`drift-drake identify --json`); workers: threads; progress: called with a stage's name and the share done;
+        constants: of the posterior; catalogue: effects to consider.
+
+    Raises:
+        InvalidLogError: no run can be used, a column is missing, or there is too little driving.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _stage, _share: None)
+    constants = constants or PRIORS
+    runs, warnings = usable(runs, vehicle)
+    if any(run.beta is None for run in runs):
+        raise InvalidLogError(
+            f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
+        )
+    names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
+    windows = [windowed(run) for run in runs]
+    covered = sum(len(run.starts) for run in windows) * (windows[0].starts[1] - windows[0].starts[0]) * runs[0].period
+    if covered < LEAST_TIME:
+        raise InvalidLogError(
+            f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
+        )
+    tell("errors and their derivatives", 0.0)
+    day = make_day(
+        windows, vehicle.constants(), own, normal.names, normal.units, normal.scales, normal.covered, workers
+    )
+    search = Search(day, normal, vehicle, names, workers)
+    none = search.none()
+    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
+    pairs: list[Hypothesis] = []
+    if singles and min(none.nats, singles[0].nats) > WORTH_A_PAIR:
+        pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))
+    tell("how far it shrinks", 0.8)
+    found, shrinks = believed(search, none, [*singles, *pairs], constants)
+    tell("what these logs can show", 0.9)
+    limits = detection_limits(search)
+    h = found.leading
+    named = found.verdict == "effect"
+    magnitudes = {name: interval(h, i) for i, name in enumerate(h.names)}
+    bounds = at_bound(h, search.ranges) if named else []
+    answer = Answer(
+        case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
+        ambiguity=found.ambiguity, magnitudes=magnitudes if named else {}, where=where(search, best_of(found)),
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
+        seconds=time.perf_counter() - began, tolerances={},
+        details={
+            "criterion": "prediction",
+            "reduction_by_state": shrinks.by_state if named else {},
+            "reduction_by_horizon": shrinks.by_horizon if named else {},
+            "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
+            "leading_known": hypothesis_name(h.names),
+            "at_least": bounds,
+            "with": {k: v for k, v in h.effects(day).items() if k not in h.names},
+            "errors": errors_by_state(search),
+            "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
+            "nearest": nearest(h, magnitudes, shrinks) if found.verdict == "unknown" else {},
+        },
+        warnings=[*warnings, *more],
+    )  # fmt: skip
+    tell("done", 1.0)
+    return DayDiagnosis(answer, search, found, shrinks)
+
+
+def believed(
+    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: Calibration
+) -> tuple[Ranked, Reduction]:
+    """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
+    kept = [none, *(h for h in others if tells_from_zero(h))]
+    refused: set[tuple[str, ...]] = set()
+    found = ranked(kept, len(search.ranges), constants)
+    shrinks = reduction(search, found.leading, found.leading)
+    for _ in range(CHECKED):
+        if not found.leading.names or shrinks.estimate > 0.0:
+            break
+        refused.add(found.leading.names)
+        found = ranked([h for h in kept if h.names not in refused], len(search.ranges), constants)
+        shrinks = reduction(search, found.leading, found.leading)
+    return found, shrinks
+
+
+def best_of(found: Ranked) -> Hypothesis:
+    """What the gap is measured against."""
+    return found.leading
+
+
+def nearest(h: Hypothesis, magnitudes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
+    """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
+    return {
+        "hypothesis": hypothesis_name(h.names),
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in magnitudes.items()},
+        "removes": shrinks.estimate,
+        "free_forces_remove": None,
+    }
+
+
+def errors_by_state(search: Search) -> dict[str, list[float]]:
+    """Median absolute errors of the calibrated car at each horizon, in the states' units."""
+    medians = np.median(np.abs(search.day.errors), axis=0)
+    out = {f"{STRIDE * (k + 1):g} s": [float(q) for q in medians[k, :4]] for k in range(HORIZONS)}
+    return out

@@ -1,0 +1,86 @@
+"""From hypotheses of another day to probabilities, a verdict, and magnitudes with intervals."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.day_hypotheses import Hypothesis, Range
+from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name, log_prior
+from drift_drake.estimation.interval import Interval
+from drift_drake.vehicle.catalogue import CATALOGUE
+
+PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
+WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
+EXPLAINED = 0.1  # share of the gap that a named cause may leave without being doubted
+STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.15}
+"""By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
+tyres are not the equations' (validation days)."""
+TWO_SIDED = 1.96
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranked:
+    """Hypotheses with probabilities, most probable first, and what they say."""
+
+    probabilities: dict[str, float]
+    ambiguity: list[str]
+    verdict: str  # effect, none or unknown
+    leading: Hypothesis  # of those that are known
+
+
+def ranked(hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration) -> Ranked:
+    """Probabilities of hypotheses and of `unknown`.
+
+    Args:
+        hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing.
+        catalogue: number of effects that were considered.
+    """
+    none = next(h for h in hypotheses if not h.names)
+    least = min(h.nats for h in hypotheses)
+    values = {hypothesis_name(h.names): h.log_evidence + log_prior(len(h.names), catalogue, constants)
+              for h in hypotheses}  # fmt: skip
+    price = 0.5 * catalogue * np.log(WIDE) + EXPLAINED * (none.nats - least)
+    values[UNKNOWN] = -least / WIDE - float(price) + float(np.log(constants.prior_unknown))
+    names, v = list(values), np.array(list(values.values()))
+    p = np.exp(v - np.max(v))
+    p /= np.sum(p)
+    probabilities = {names[i]: float(p[i]) for i in np.argsort(-p, kind="stable")}
+    ambiguity, held = [], 0.0
+    for name, q in probabilities.items():
+        ambiguity.append(name)
+        held += q
+        if held >= 0.95:
+            break
+    leader = next(iter(probabilities))
+    by_name = {hypothesis_name(h.names): h for h in hypotheses}
+    known = by_name[next(name for name in probabilities if name != UNKNOWN)]
+    return Ranked(probabilities, ambiguity, leader if leader in ("none", UNKNOWN) else "effect", known)
+
+
+def deviation(h: Hypothesis, index: int) -> float:
+    """Standard deviation of a magnitude: what the scores leave, and what the magnitude stands for."""
+    relative = STANDS_FOR[CATALOGUE[h.names[index]].stage] * abs(float(h.magnitudes[index]))
+    return float(np.hypot(np.sqrt(h.covariance[index, index]), relative))
+
+
+def interval(h: Hypothesis, index: int) -> Interval:
+    """95 % interval of a magnitude."""
+    q, half = float(h.magnitudes[index]), TWO_SIDED * deviation(h, index)
+    low, high = q - half, q + half
+    return Interval(q, max(low, 0.0) if not CATALOGUE[h.names[index]].signed else low, high)
+
+
+def tells_from_zero(h: Hypothesis) -> bool:
+    """Whether no magnitude's interval holds zero."""
+    return all(abs(float(q)) > TWO_SIDED * deviation(h, i) for i, q in enumerate(h.magnitudes))
+
+
+def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:
+    """Causes whose magnitude is at the end of what is believed possible: it is so much at least."""
+    out = []
+    for name, q in zip(h.names, h.magnitudes, strict=True):
+        r = ranges[name]
+        if min(abs(float(q) - r.high), abs(float(q) - r.low) if r.low < 0.0 else np.inf) < 0.02 * r.high:
+            out.append(name)
+    return out

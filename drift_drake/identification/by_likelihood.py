@@ -1,0 +1,186 @@
+"""A car calibrated by the likelihood of the diagnosis's filter: exact where innovations are white."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.estimation.fit import limits
+from drift_drake.estimation.problem import Problem, flat, make_problem
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
+from drift_drake.identification.calibration import Calibration, Identification, Parameter
+from drift_drake.identification.estimate import Estimate, estimate
+from drift_drake.identification.everyday_misfit import everyday_misfit
+from drift_drake.identification.held_out import compare, judged, squares_of, without_fold
+from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, seen, widened
+from drift_drake.identification.untold import tied, untold
+from drift_drake.identification.widening import widening
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
+STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
+EASED = 0.1  # deafness of a filter that only finds the way
+ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
+TWO_SIDED = 1.96
+STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
+
+Progress = Callable[[str, float], None]
+
+
+def identify_by_likelihood(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
+    names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress,
+) -> Identification:  # fmt: skip
+    """Calibrates a car on usable runs; see `identify.identify`."""
+    given = [name for name in CATALOGUE if getattr(effects, name) != 0.0 and name != "steering_offset"]
+    asked = list(dict.fromkeys([*given, *names]))
+    chosen, warnings = seen_effects(runs, seen(asked, runs))
+    wide = widened(vehicle, known)
+    problem = make_problem(runs, wide, stated=stated)
+    problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
+    first = first_guess(problem, chosen, effects)
+    best = search(problem, chosen, first, tell)
+    tell("all rows", 0.8)
+    found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
+    held = compare(
+        problem, squares_of(problem, *guess_as_stated(problem, first, chosen, effects), held=True),
+        squares_of(problem, best.theta, best.names, held=True),
+    )  # fmt: skip
+    tell("intervals", 0.95)
+    asked_for = summarise(found, vehicle, effects, known)[0]
+    dropped = [n for n in chosen if asked_for[n].low <= 0.0 <= asked_for[n].high]
+    kept = refit_without(problem, found, dropped)
+    # Stated values, intervals, tolerances and the file are of one fit: the last.
+    parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
+    row_weight, everyday = everyday_misfit(kept)
+    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
+    prior = np.array([p.prior for p in parameters.values()])
+    new_vehicle, new_effects = calibrated_vehicle(
+        kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
+    )
+    calibration = Calibration(
+        case=case,
+        parameters=parameters,
+        correlation=correlation.tolist(),
+        untold=untold([list(parameters)[i] for i in free], prior[free], covariance[np.ix_(free, free)]),
+        tied=tied(list(parameters), correlation),
+        left_out=dropped,
+        held_out=held,
+        trust=kept.trust,
+        row_weight=row_weight,
+        everyday=everyday,
+        seconds=0.0,
+        warnings=warnings + end_warnings(kept, parameters) + stretched(parameters),
+    )
+    tell("done", 1.0)
+    return Identification(calibration, new_vehicle, new_effects, sum(len(run) for run in runs))
+
+
+def first_guess(problem: Problem, names: Sequence[str], effects: Effects) -> np.ndarray:
+    """Theta of the vehicle file, its effects a little into their ranges where it has none."""
+    magnitudes = [first_magnitude(name, effects, *problem.range_of(name)) for name in names]
+    theta = np.concatenate([np.zeros(problem.nuisances), magnitudes])
+    offset = PARAMETERS.index("steering_offset")
+    theta[offset] = effects.steering_offset / problem.tolerance[offset]
+    return theta
+
+
+def guess_as_stated(
+    problem: Problem, first: np.ndarray, names: Sequence[str], effects: Effects
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Theta and effects of the vehicle file exactly as it is."""
+    own = tuple(name for name in names if getattr(effects, name) != 0.0)
+    magnitudes = [float(getattr(effects, name)) for name in own]
+    return np.concatenate([first[: problem.nuisances], magnitudes]), own
+
+
+def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
+    """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
+
+    A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
+    seconds. Where the model is right, both agree; where it is not, or the noise is not white, only the second is of
+    use. Of those that predict alike, the one that hears best is taken: a deaf filter believes in its model, and its
+    intervals hold the truth too seldom. The way there is tried twice: as it is, and by a filter that hears too well,
+    whose likelihood has fewer valleys.
+    """
+    kept = without_fold(problem)
+
+    def error(at: Estimate) -> float:
+        return float(np.sqrt(judged(squares_of(problem, at.theta, at.names, held=False))))
+
+    tell("fit 1", 0.0)
+    direct = estimate(kept, names, first, DEAFNESS[0])
+    tell("fit 2", 0.2)
+    eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
+    fits = [min((direct, eased), key=error)]
+    for number, deafness in enumerate(DEAFNESS[1:], 3):
+        tell(f"fit {number}", 0.15 * number)
+        fits.append(estimate(kept, names, fits[-1].theta, deafness))
+    errors = [error(at) for at in fits]
+    return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
+
+
+def summarise(
+    found: Estimate, vehicle: VehicleParameters, effects: Effects, known: Sequence[str]
+) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
+    """Parameters with intervals, their correlation and their covariance in their own units."""
+    units = {name: info.unit for name, info in CATALOGUE.items()}
+    table = scales(found.problem, vehicle, found.names, units)
+    at = places(found.problem, found.names)
+    white = found.covariance
+    wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.gains.innovations), white)
+    factor = np.array([s.factor for s in table])
+    deviation = np.sqrt(np.diag(white))[at] * wider[at] * np.abs(factor)
+    spread = np.sqrt(np.diag(white))[at]
+    correlation = white[np.ix_(at, at)] / np.maximum(np.outer(spread, spread), 1e-300)
+    parameters = {}
+    for i, s in enumerate(table):
+        own = i >= len(PARAMETERS)
+        low, high = found.problem.range_of(s.name) if own else (-np.inf, np.inf)
+        prior = float((high - low) / np.sqrt(12.0) if own else abs(s.factor))
+        value = s.origin + s.factor * float(found.theta[at[i]])
+        sigma = float(min(deviation[i], prior))
+        kind = "effect" if own else ("known" if PARAMETERS[i] in known or prior == 0.0 else "free")
+        start = float(getattr(effects, s.name)) if s.name in CATALOGUE else s.origin
+        parameters[s.name] = Parameter(
+            s.unit, start, value, max(value - TWO_SIDED * sigma, low), min(value + TWO_SIDED * sigma, high), sigma,
+            prior, float(wider[at[i]]), kind,
+        )  # fmt: skip
+    sigmas = np.array([p.deviation for p in parameters.values()])
+    return parameters, correlation, correlation * np.outer(sigmas, sigmas)
+
+
+def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:
+    """The fit with effects that cannot be told from zero taken out, so that the others make up for them."""
+    if not dropped:
+        return found
+    kept = [name for name in found.names if name not in dropped]
+    first = problem.nuisances
+    magnitudes = [found.theta[first + found.names.index(name)] for name in kept]
+    theta = np.concatenate([found.theta[:first], magnitudes])
+    return estimate(problem, kept, theta, found.trust.noise / found.trust.process)
+
+
+def end_warnings(found: Estimate, parameters: Mapping[str, Parameter]) -> list[str]:
+    """Warnings of unknowns at the ends of what is believed possible, zero aside."""
+    low, high = limits(found.problem, found.names)
+    at = places(found.problem, found.names)
+    return [
+        f"{name} is at the end of what is believed possible ({parameters[name].estimate:.3g}): doubt it, or change its "
+        "first guess"
+        for name, i in zip(parameters, at, strict=True)
+        if (found.theta[i] <= low[i] and low[i] != 0.0) or found.theta[i] >= high[i]
+    ]
+
+
+def stretched(parameters: Mapping[str, Parameter]) -> list[str]:
+    """Warnings of parameters that came out far from what the vehicle file holds to be known."""
+    return [
+        f"{name}, known to {p.prior:.3g} {p.unit}, came out {abs(p.estimate - p.start) / p.prior:.0f} tolerances off: "
+        "it makes up for something that the model lacks, or its tolerance is too small"
+        for name, p in parameters.items()
+        if p.kind == "known" and abs(p.estimate - p.start) > STRETCHED * p.prior
+    ]

@@ -1,0 +1,50 @@
+"""Whether a filter's innovations are white beside a car: then its likelihood is exact, else prediction judges."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.estimation.problem import filter_case, make_problem
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+LARGEST = 3.0  # mean square, one where noise and process noise are those of a car that is modelled well
+TIED = 0.3  # correlation from row to row
+
+
+@dataclasses.dataclass(frozen=True)
+class Whiteness:
+    """Of the innovations that count: the median over runs of their mean square, and their correlation row to row."""
+
+    mean_square: float
+    correlation: float  # the largest of all channels, in absolute value
+
+    @property
+    def is_white(self) -> bool:
+        return self.mean_square < LARGEST and self.correlation < TIED
+
+    def sentence(self) -> str:
+        """Why prediction was the criterion."""
+        return (
+            f"calibrated by prediction: innovations are not white (mean square {self.mean_square:.3g}, correlation "
+            f"from row to row {self.correlation:.2f})"
+        )
+
+
+def whiteness(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, stated: Mapping[str, float] | None
+) -> Whiteness:
+    """Innovations of the car as it is. A filter that diverges is not white."""
+    problem = make_problem(runs, vehicle, stated=stated, own=effects)
+    gains = filter_case(problem, np.zeros(problem.nuisances), ())
+    squares, tied = [], [0.0]
+    for run, e in zip(problem.runs, gains.innovations, strict=True):
+        kept = e[run.counted][:, run.used]
+        if not np.isfinite(kept).all() or len(kept) < 3:
+            return Whiteness(float("inf"), 1.0)
+        squares.append(float(np.mean(np.median(kept**2, axis=0) / 0.4549)))
+        spread = kept - kept.mean(axis=0)
+        tied.append(float(np.max(np.abs(np.sum(spread[1:] * spread[:-1], axis=0) / np.sum(spread**2, axis=0)))))
+    return Whiteness(float(np.median(squares)), float(np.median(tied[1:])) if len(tied) > 1 else 1.0)

@@ -28,7 +28,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
-WORTH_A_PAIR = 6.0  # [nats] that the best single leaves, below which no pair is looked for
+WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 CHECKED = 4  # leading hypotheses whose reduction on held-out blocks is checked
 
 Progress = Callable[[str, float], None]

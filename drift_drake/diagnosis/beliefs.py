@@ -106,7 +106,7 @@ def unseen(
     odds = float(np.exp(prior - log_prior(len(fit.names), len(catalogue), calibration)))
     out = []
     for name, sigma in zip(others, isolability(problem, fit, others).deviation, strict=True):
-        low, high = bounds(name)
+        low, high = bounds(name, problem.vehicle)
         least = 0.0 if CATALOGUE[name].signed else low
         open_share = min(np.sqrt(2.0 * np.pi) * sigma / (high - low), 1.0) * np.exp(-0.5 * (least / sigma) ** 2)
         magnitude = float(np.clip(sigma, least, 0.5 * high))

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.estimation.load_following import FOLLOWING, with_load
+from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.scores import Day, Normal, Scatter, scatter_of, summed
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -24,7 +24,6 @@ UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 FINE = 24  # interpolated magnitudes between two of the grid
 REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
-WORTH_A_PAIR = 6.0  # [nats] that the best single leaves, below which no pair is looked for
 TINY = 1e-3  # of a unit, for differences
 
 Errors = Callable[[Mapping[str, float]], np.ndarray]
@@ -48,19 +47,21 @@ class Hypothesis:
     covariance: np.ndarray  # [k, k]
     nats: float  # half the squared distance of its scores from normal
     log_evidence: float
-    follows_load: bool = False  # axle stiffnesses follow the loads (`estimation.load_following`)
+    follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`estimation.load_following`)
 
     def effects(self, day: Day) -> dict[str, float]:
         """What is added to the calibrated car."""
         return effects_of(self.names, self.magnitudes, self.follows_load, day)
 
 
-def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: bool, day: Day) -> dict[str, float]:
+def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float, day: Day) -> dict[str, float]:
     """Effects by name; those that the loads bring along are added."""
     out: dict[str, float] = {}
     for name, magnitude in zip(names, magnitudes, strict=True):
-        parts = with_load(name, float(magnitude), day.constants) if follows_load else {name: float(magnitude)}
+        parts = with_load(name, float(magnitude), follows_load, day.constants)
         for key, value in parts.items():
+            if value == 0.0 and key != name:
+                continue
             out[key] = out.get(key, 0.0) + value
     return out
 
@@ -107,7 +108,9 @@ class Search:
     def singles(self, progress: Callable[[float], None]) -> list[Hypothesis]:
         """Every single effect with its most likely magnitude, the best refined; best first."""
         at_zero = self.scores({})
-        variants = [(name, follows) for name in self.ranges for follows in (False, True)[: 1 + (name in FOLLOWING)]]
+        variants = [
+            (name, follows) for name in self.ranges for follows in (SHARES if name in FOLLOWING else SHARES[:1])
+        ]
         with ThreadPoolExecutor(self.threads) as pool:
             curves = []
             for done, curve in enumerate(pool.map(lambda v: self._curve(v[0], v[1], at_zero), variants)):
@@ -121,7 +124,7 @@ class Search:
             best.setdefault(h.names[0], h)
         return sorted(best.values(), key=lambda h: -h.log_evidence)
 
-    def _curve(self, name: str, follows: bool, at_zero: np.ndarray) -> "Curve":
+    def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
         r = self.ranges[name]
         grid = [q * r.high if q > 0.0 else -q * r.low for q in SIGNED_GRID] if r.low < 0.0 else [
             max(q * r.high, r.least) for q in UNSIGNED_GRID]  # fmt: skip
@@ -206,7 +209,7 @@ def clipped(q: float, r: Range) -> float:
 
 def concluded(
     names: tuple[str, ...], q: np.ndarray, covariance: np.ndarray, nats: float, ranges: Sequence[Range],
-    follows: bool,
+    follows: float,
 ) -> Hypothesis:  # fmt: skip
     """A fitted hypothesis with its Laplace evidence under flat priors over the ranges."""
     widths = np.array([r.high - r.low - (2.0 * r.least if r.low < 0.0 else 0.0) for r in ranges])
@@ -220,7 +223,7 @@ class Curve:
     """Scores of one effect over its magnitudes, linear in between."""
 
     name: str
-    follows: bool
+    follows: float
     magnitudes: list[float]  # ascending
     scores: list[np.ndarray]
 

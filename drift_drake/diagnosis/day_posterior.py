@@ -12,7 +12,10 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
 WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
-EXPLAINED = 0.1  # share of the gap that a named cause may leave without being doubted
+SECOND = (
+    8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not the equations' either
+)
+SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
 STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.15}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
 tyres are not the equations' (validation days)."""
@@ -38,10 +41,16 @@ def ranked(hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibrat
     """
     none = next(h for h in hypotheses if not h.names)
     least = min(h.nats for h in hypotheses)
-    values = {hypothesis_name(h.names): h.log_evidence + log_prior(len(h.names), catalogue, constants)
-              for h in hypotheses}  # fmt: skip
-    price = 0.5 * catalogue * np.log(WIDE) + EXPLAINED * (none.nats - least)
-    values[UNKNOWN] = -least / WIDE - float(price) + float(np.log(constants.prior_unknown))
+    tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / catalogue
+    values = {
+        hypothesis_name(h.names): h.log_evidence
+        + h.nats * (1.0 - 1.0 / tempered)
+        + log_prior(len(h.names), catalogue, constants)
+        - SECOND * (len(h.names) > 1)
+        for h in hypotheses
+    }
+    price = 0.5 * catalogue * np.log(WIDE)
+    values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
     names, v = list(values), np.array(list(values.values()))
     p = np.exp(v - np.max(v))
     p /= np.sum(p)

@@ -44,6 +44,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Progress = Callable[[str, float], None]
+MOST_REFUSED = 4  # causes that remove nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,9 +106,15 @@ def diagnose(
     best = hypotheses[0][0]
     left = [misfit(refined, best, kind) for kind in ("pulses", "functions")]
     posterior = make_posterior(hypotheses, max(part.gain for part in left), len(names), calibration)
-    fit, named = posterior.fit, posterior.verdict == "effect"
     tell("how far it shrinks", 0.87)
-    shrinks = reduction(problem, fit if named else _empty(problem), best)
+    shrinks = reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
+    for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
+        if posterior.verdict != "effect" or shrinks.estimate > 0.0:
+            break
+        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.fit.names]
+        posterior = make_posterior(hypotheses, max(part.gain for part in left), len(names), calibration)
+        shrinks = reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
+    fit, named = posterior.fit, posterior.verdict == "effect"
     tell("where it is", 0.93)
     nothing = next(f for f, _ in hypotheses if not f.names)
     lacking = left[0] if not best.names else misfit(problem, nothing)
@@ -115,9 +122,10 @@ def diagnose(
     where = find_gap(problem, before, floor, lacking)
     tell("what the learnt model says", 0.97)
     learnt = learned(problem, before, floor)
-    fitted = {name: magnitude_interval(fit, name, calibration) for name in fit.names}
+    fitted = {name: magnitude_interval(fit, name, calibration, vehicle) for name in fit.names}
     magnitudes = fitted if named else {}
-    warnings += bound_warnings(magnitudes)
+    ends = at_ends(magnitudes, vehicle)
+    warnings += [f"{name} is at the end of what is believed possible: doubt it" for name in ends]
     beside = {}
     if posterior.verdict == UNKNOWN:
         beside["nearest"] = nearest(problem, hypothesis_name(fit.names), fit, nothing, fitted).as_data()
@@ -142,6 +150,7 @@ def diagnose(
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
             "row_weight": problem.row_weight,
+            "at_least": ends,
             **beside,
             "learned": dataclasses.asdict(learnt),
             "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),
@@ -167,20 +176,20 @@ def refine_noise(problem: Problem, fit: Fit) -> Problem:
     return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
 
 
-def magnitude_interval(fit: Fit, name: str, calibration: Calibration) -> Interval:
+def magnitude_interval(fit: Fit, name: str, calibration: Calibration, vehicle: VehicleParameters) -> Interval:
     """95 % interval of a magnitude, within its bounds."""
     q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
-    low, high = bounds(name)
+    low, high = bounds(name, vehicle)
     return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
 
 
-def bound_warnings(magnitudes: dict[str, Interval]) -> list[str]:
-    """Warnings of magnitudes at the ends of what is believed possible."""
+def at_ends(magnitudes: dict[str, Interval], vehicle: VehicleParameters) -> list[str]:
+    """Effects whose magnitudes are at the ends of what is believed possible."""
     out = []
     for name, m in magnitudes.items():
-        low, high = bounds(name)
+        low, high = bounds(name, vehicle)
         if m.estimate <= low or m.estimate >= high:
-            out.append(f"{name} is at the end of what is believed possible ({m.estimate:g}): doubt it")
+            out.append(name)
     return out
 
 

@@ -36,9 +36,9 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str]) -> Isolability
     for name in names:
         known = name in fit.names
         now = tuple(fit.names) if known else (*fit.names, name)
-        theta = fit.theta if known else np.append(fit.theta, starts(name)[0])
+        theta = fit.theta if known else np.append(fit.theta, starts(name, problem.vehicle)[0])
         at = now.index(name) + problem.nuisances
-        step = MAGNITUDE_STEP * scale(name)
+        step = MAGNITUDE_STEP * scale(name, problem.vehicle)
         step = step if theta[at] + step <= limits(problem, now)[1][at] else -step
         moved = theta.copy()
         moved[at] += step

@@ -272,12 +272,15 @@ def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
         return Car(constants, stand_ins(effects), effects)
 
     count = len(NUISANCES)
-    ends = [bounds(name) for name in belief.names]
+    ends = [bounds(name, problem.vehicle) for name in belief.names]
+    steps = [MAGNITUDE_STEP * scale(name, problem.vehicle) for name in belief.names]
     return Rival(
         car_of,
         belief.theta,
         whiten.T @ whiten,
-        np.concatenate([np.full(count, NUISANCE_STEP), [MAGNITUDE_STEP * scale(name) for name in belief.names]]),
+        np.concatenate(
+            [np.full(count, NUISANCE_STEP), [MAGNITUDE_STEP * scale(name, problem.vehicle) for name in belief.names]]
+        ),
         np.concatenate([np.full(count, -np.inf), [low for low, _ in ends]]),
         np.concatenate([np.full(count, np.inf), [high for _, high in ends]]),
     )

@@ -92,7 +92,7 @@ def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
 def predict(problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]) -> list[Candidate]:
     """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
     names, theta = (*base.names, name), np.append(base.theta, start)
-    step = MAGNITUDE_STEP * scale(name)
+    step = MAGNITUDE_STEP * scale(name, problem.vehicle)
     step = step if start + step <= limits(problem, names)[1][-1] else -step
     e = observe_case(problem, base.gains, theta, names)
     moved = theta.copy()
@@ -155,7 +155,7 @@ def additions(
         pool.submit(predict, problem, base, name, start, exactnesses)
         for name in names
         if name not in base.names
-        for start in starts(name)
+        for start in starts(name, problem.vehicle)
     ]
     results = [job.result() for job in jobs]
     out = []
@@ -241,7 +241,7 @@ def handed_over(problem: Problem, seed: Fit, names: Sequence[str]) -> list[Candi
         if name in names and name not in seed.names and abs(stretched) > STRETCHED:
             theta = seed.theta.copy()
             theta[at] = 0.0
-            magnitude = float(np.clip(stretched * problem.tolerance[at], *bounds(name)))
+            magnitude = float(np.clip(stretched * problem.tolerance[at], *bounds(name, problem.vehicle)))
             out.append(Candidate((*seed.names, name), np.append(theta, magnitude), -abs(stretched)))
     return sorted(out, key=lambda c: c.cost)[:MOST_HANDED_OVER]
 

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT, filtered_states, state_functions
+from drift_drake.estimation.freeform import FORCE_CHANNELS, filtered_states, force_units, state_functions
 from drift_drake.estimation.problem import Everyday, Problem, filter_case, flat, observe
 
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
@@ -62,7 +62,7 @@ def traced(problem: Problem) -> Problem:
     weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
     traces = []
     for i, run in enumerate(bare):
-        forces = STEP * FORCE_UNIT * state_functions(problem, nominal, states[i], i) @ weights.T
+        forces = STEP * force_units(problem) * (state_functions(problem, nominal, states[i], i) @ weights.T)
         y = run.y.copy()
         for name, offset in everyday.offsets.items():
             channel = CHANNELS.index(name)

@@ -19,6 +19,8 @@ from drift_drake.estimation.problem import (
     observe,
     observe_case,
 )
+from drift_drake.vehicle.catalogue import REFERENCE
+from drift_drake.vehicle.parameters import VehicleParameters
 
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
 LEAST_SHARE = 0.1  # of a constant of the vehicle file
@@ -214,11 +216,11 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     theta, jacobian, e = at.theta, at.jacobian, flat(problem, at.gains.innovations)
     prior = prior_precision(problem, len(theta))
     hessian = jacobian.T @ jacobian + np.diag(prior)
-    unit = np.concatenate([np.ones(problem.nuisances), [scale(name) for name in names]])
+    unit = np.concatenate([np.ones(problem.nuisances), [scale(name, problem.vehicle) for name in names]])
     unit[:TOLERANCES] = problem.exactness
     covariance = np.linalg.inv(hessian * np.outer(unit, unit)) * np.outer(unit, unit)
     mode = theta - covariance @ (jacobian.T @ e + prior * theta)
-    log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names)
+    log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names, problem.vehicle)
     log_evidence -= TOLERANCES * float(np.log(problem.exactness))
     magnitudes = zip(names, theta[problem.nuisances :], strict=True)
     known = all(is_gap(name, float(q), problem.vehicle.tolerance) for name, q in magnitudes)
@@ -229,7 +231,12 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
 
 
 def laplace_terms(
-    hessian: np.ndarray, covariance: np.ndarray, theta: np.ndarray, mode: np.ndarray, names: Sequence[str]
+    hessian: np.ndarray,
+    covariance: np.ndarray,
+    theta: np.ndarray,
+    mode: np.ndarray,
+    names: Sequence[str],
+    vehicle: VehicleParameters = REFERENCE,
 ) -> float:
     """What Laplace's approximation adds to the log posterior's peak.
 
@@ -243,7 +250,7 @@ def laplace_terms(
     marginal = covariance[first:, first:]
     out += 0.5 * len(names) * float(np.log(2.0 * np.pi)) + 0.5 * float(np.linalg.slogdet(marginal)[1])
     for i, name in enumerate(names):
-        low, high = bounds(name)
+        low, high = bounds(name, vehicle)
         sigma, peak = float(np.sqrt(marginal[i, i])), float(mode[first + i])
         if theta[first + i] <= low or theta[first + i] >= high:
             # The peak lies outside: the cost at the bound already holds the quadratic's rise from the peak.
@@ -252,5 +259,5 @@ def laplace_terms(
         else:
             inside = np.exp(log_ndtr((high - peak) / sigma)) - np.exp(log_ndtr((low - peak) / sigma))
             out += float(np.log(max(inside, 1e-300)))
-        out += log_density(name)
+        out += log_density(name, vehicle)
     return out

@@ -17,10 +17,11 @@ from drift_drake.estimation.filter_state import SIZE
 from drift_drake.estimation.fit import prior_precision, sensitivity
 from drift_drake.estimation.problem import Gains, Problem, car, counted, filter_case, flat, observe
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
+from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
 
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
 SENSORS = len(FORCE_CHANNELS)  # index of the group of the sensors' offsets, behind the force channels
-FORCE_UNIT = 100.0  # [N] or [N m] that weights are in
+FORCE_UNIT = 100.0  # [N] or [N m] that weights are in, of the reference car; by weight and size of others
 PULSE = 0.5  # [s] width of a pulse
 MOST_PULSES = 40  # in one run
 EM_STEPS = 30
@@ -72,6 +73,7 @@ def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: in
     rear_force = np.minimum(slip / rear_grip, 1.0) / np.maximum(slip, 1e-6)
     a_y = r * v / constants.gravity
     delta_rate = np.gradient(run.delta, run.period)
+    reach = problem.vehicle.torque_max - problem.vehicle.torque_min
     columns = [
         np.ones(len(r)),
         v / 10.0,
@@ -89,12 +91,20 @@ def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: in
         rear_x / rear_grip,
         run.delta * 5.0,
         delta_rate,
-        run.tau / 100.0,
-        np.tanh((run.tau - 20.0) / 10.0),
+        run.tau / (0.2 * reach),
+        np.tanh((run.tau - 0.04 * reach) / (0.02 * reach)),
         np.cos(psi),
         np.sin(psi),
     ]
     return np.stack(columns, axis=-1)
+
+
+def force_units(problem: Problem) -> np.ndarray:
+    """Units of the force channels' weights [4], of a car of this weight and size [N], [N m]."""
+    vehicle = problem.vehicle
+    weight = vehicle.mass / REFERENCE.mass
+    by_size = [1.0, 1.0, wheelbase(vehicle) / wheelbase(REFERENCE), vehicle.wheel_radius / REFERENCE.wheel_radius]
+    return FORCE_UNIT * weight * np.array(by_size)
 
 
 def pulses(rows: int, period: float) -> np.ndarray:
@@ -108,14 +118,15 @@ def pulses(rows: int, period: float) -> np.ndarray:
 def pushed(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """Derivatives [rows, 9, channels, shapes] of innovations by the weights of shapes in time [rows, shapes]."""
     out = np.empty((*base.shape, len(FORCE_CHANNELS), shapes.shape[1]))
+    units = force_units(problem)
     for channel in range(len(FORCE_CHANNELS)):
         for k in range(shapes.shape[1]):
             push = np.zeros((len(base), 3))
             torque = None
             if channel < 3:
-                push[:, channel] = FORCE_UNIT * shapes[:, k]
+                push[:, channel] = units[channel] * shapes[:, k]
             else:
-                torque = FORCE_UNIT / problem.nominal.gear_ratio * shapes[:, k]
+                torque = units[channel] / problem.nominal.gear_ratio * shapes[:, k]
             e = observe(problem, gains, fit.theta, fit.names, index, push=push, extra_torque=torque)
             out[:, :, channel, k] = e - base
     return out

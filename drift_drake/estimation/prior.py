@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import Tolerance
+from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 REACH = 1.5  # magnitudes are believed up to this many times the ends of the practical range
 LEAST = 0.5  # and unsigned ones down to this part of its low end
@@ -11,17 +11,16 @@ TOLERANCE_OF = {name: info.tolerance for name, info in CATALOGUE.items() if info
 NO_GAP = 1.5  # tolerances up to which such an effect is none: a deviation of a tolerance's size is no gap to report
 
 
-def bounds(name: str) -> tuple[float, float]:
-    """Magnitudes that are believed possible at all."""
+def bounds(name: str, vehicle: VehicleParameters = REFERENCE) -> tuple[float, float]:
+    """Magnitudes that are believed possible at all, of a car of that size."""
     info = CATALOGUE[name]
-    low = REACH * info.low if info.signed else LEAST * info.low
-    return low, REACH * info.high
+    low, high = info.range_for(vehicle)
+    return REACH * low if info.signed else LEAST * low, REACH * high
 
 
-def scale(name: str) -> float:
+def scale(name: str, vehicle: VehicleParameters = REFERENCE) -> float:
     """Unit of a magnitude in the solver: the far end of its practical range."""
-    info = CATALOGUE[name]
-    return max(abs(info.low), abs(info.high))
+    return max(abs(q) for q in CATALOGUE[name].range_for(vehicle))
 
 
 def is_gap(name: str, magnitude: float, tolerance: Tolerance) -> bool:
@@ -31,17 +30,18 @@ def is_gap(name: str, magnitude: float, tolerance: Tolerance) -> bool:
     return abs(magnitude) > NO_GAP * float(getattr(tolerance, TOLERANCE_OF[name]))
 
 
-def starts(name: str) -> list[float]:
+def starts(name: str, vehicle: VehicleParameters = REFERENCE) -> list[float]:
     """Magnitudes from which fits are started: both signs, or spread over the range."""
     info = CATALOGUE[name]
+    low, high = info.range_for(vehicle)
     if info.signed:
-        return [0.4 * info.low, 0.4 * info.high]
+        return [0.4 * low, 0.4 * high]
     if info.spread:
-        return [float(q) for q in np.geomspace(1.2 * info.low, 0.85 * info.high, 3)]
-    return [info.low + 0.3 * (info.high - info.low)]
+        return [float(q) for q in np.geomspace(1.2 * low, 0.85 * high, 3)]
+    return [low + 0.3 * (high - low)]
 
 
-def log_density(name: str) -> float:
+def log_density(name: str, vehicle: VehicleParameters = REFERENCE) -> float:
     """Log of the uniform prior density of a magnitude over its bounds."""
-    low, high = bounds(name)
+    low, high = bounds(name, vehicle)
     return -float(np.log(high - low))

@@ -92,11 +92,11 @@ class Problem:
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Magnitudes of an effect that are believed possible."""
-        return self.ranges.get(name) or bounds(name)
+        return self.ranges.get(name) or bounds(name, self.vehicle)
 
     def unit_of(self, name: str) -> float:
         """Unit of a magnitude in the solver: the far end of its practical range."""
-        return max(abs(q) for q in self.ranges[name]) if name in self.ranges else scale(name)
+        return max(abs(q) for q in self.ranges[name]) if name in self.ranges else scale(name, self.vehicle)
 
     @property
     def nuisances(self) -> int:

@@ -11,7 +11,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 LARGEST = 3.0  # mean square, one where noise and process noise are those of a car that is modelled well
-TIED = 0.3  # correlation from row to row
+TIED = 0.7  # correlation from row to row, some of which estimates to the precision of prediction leave
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,6 +21,7 @@ LEAST_UNSIGNED, LEAST_SIGNED = 0.5, 0.2  # of the practical range's low end, or 
 NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
 SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
 UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
+FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
 REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
@@ -36,6 +37,7 @@ class Range:
     low: float
     high: float
     least: float  # of the absolute value
+    usual: tuple[float, float]  # practical range, beyond which it is less and less likely
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +75,7 @@ def range_of(name: str, vehicle: VehicleParameters) -> Range:
     least = LEAST_SIGNED * max(abs(low), abs(high)) if info.signed else LEAST_UNSIGNED * low
     if info.tolerance:
         least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
-    return Range(REACH * low if info.signed else least, REACH * high, least)
+    return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))
 
 
 class Search:
@@ -215,7 +217,10 @@ def concluded(
     widths = np.array([r.high - r.low - (2.0 * r.least if r.low < 0.0 else 0.0) for r in ranges])
     sign, logdet = np.linalg.slogdet(covariance)
     occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
-    return Hypothesis(names, q, covariance, nats, -nats + min(float(occam), 0.0), follows)
+    beyond = [max(x - r.usual[1], r.usual[0] - x if r.low < 0.0 else 0.0, 0.0) / (FADES * r.usual[1])
+              for x, r in zip(q, ranges, strict=True)]  # fmt: skip
+    unusual = 0.5 * float(np.sum(np.square(beyond)))
+    return Hypothesis(names, q, covariance, nats, -nats - unusual + min(float(occam), 0.0), follows)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,12 +11,12 @@ from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
-WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
+WIDE = 100.0  # times the normal covariance that the scores of an unknown gap scatter with
 SECOND = (
     8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not the equations' either
 )
 SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
-STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.15}
+STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.12}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
 tyres are not the equations' (validation days)."""
 TWO_SIDED = 1.96
@@ -46,6 +46,7 @@ def ranked(hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibrat
         hypothesis_name(h.names): h.log_evidence
         + h.nats * (1.0 - 1.0 / tempered)
         + log_prior(len(h.names), catalogue, constants)
+        + float(np.sum([np.log(CATALOGUE[name].daily) for name in h.names]))
         - SECOND * (len(h.names) > 1)
         for h in hypotheses
     }

@@ -278,9 +278,7 @@ def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
         car_of,
         belief.theta,
         whiten.T @ whiten,
-        np.concatenate(
-            [np.full(count, NUISANCE_STEP), [MAGNITUDE_STEP * scale(name, problem.vehicle) for name in belief.names]]
-        ),
+        np.concatenate([np.full(count, NUISANCE_STEP), steps]),
         np.concatenate([np.full(count, -np.inf), [low for low, _ in ends]]),
         np.concatenate([np.full(count, np.inf), [high for _, high in ends]]),
     )

@@ -1,7 +1,8 @@
 """Real tyres stiffen with their load: what a heavier car, or one whose weight has moved, does to axle stiffnesses.
 
 The catalogue's `mass_error` and `cg_shift` leave the stiffnesses as they are, as the nominal simulator does. On a car
-with real tyres an axle's stiffness follows its load, which is another signature of the same cause; shares of it are tried.
+with real tyres an axle's stiffness follows its load, which is another signature of the same cause. Shares of it
+are tried.
 """
 
 from drift_drake.vehicle.parameters import Constants

@@ -31,6 +31,8 @@ class EffectInfo:
     length: float = 0.0
     radius: float = 0.0
 
+    daily: float = 1.0  # how often it changes from one day to another, beside the others
+
     @property
     def signed(self) -> bool:
         """Whether the magnitude may have either sign."""
@@ -57,24 +59,32 @@ STEERING: tuple[Command, ...] = ("delta_cmd",)
 TORQUE: tuple[Command, ...] = ("tau_cmd",)
 
 CATALOGUE: dict[str, EffectInfo] = {
-    "friction_level": EffectInfo("-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction"),
+    "friction_level": EffectInfo(
+        "-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction", daily=2.0
+    ),
     "front_rear_friction_split": EffectInfo("-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear"),
     "front_stiffness_error": EffectInfo(
         "-", -0.4, 0.4, "front tyre stiffness times (1 + q)", tolerance="front_stiffness"
     ),
     "rear_stiffness_error": EffectInfo("-", -0.4, 0.4, "rear tyre stiffness times (1 + q)", tolerance="rear_stiffness"),
     "tyre_relaxation": EffectInfo(
-        "m", 0.15, 1.0, "lateral slip follows the kinematic one over a rolled length q", spread=True, length=1.0
+        "m",
+        0.15,
+        1.0,
+        "lateral slip follows the kinematic one over a rolled length q",
+        spread=True,
+        length=1.0,
+        daily=0.2,
     ),
-    "sliding_friction_drop": EffectInfo("-", 0.05, 0.35, "friction falls by q as the contact slides"),
+    "sliding_friction_drop": EffectInfo("-", 0.05, 0.35, "friction falls by q as the contact slides", daily=0.2),
     "tyre_thermal_fade": EffectInfo(
-        "1/unit heat", 0.05, 0.4, "friction falls by q per unit of heat", mass=-1.0, length=-0.5
+        "1/unit heat", 0.05, 0.4, "friction falls by q per unit of heat", mass=-1.0, length=-0.5, daily=0.2
     ),
     "longitudinal_load_transfer": EffectInfo(
-        "m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q", length=1.0
+        "m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q", length=1.0, daily=0.2
     ),
-    "lateral_load_transfer": EffectInfo("-", 0.05, 0.3, "friction falls by q (a_y/g)^2"),
-    "mass_error": EffectInfo("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass"),
+    "lateral_load_transfer": EffectInfo("-", 0.05, 0.3, "friction falls by q (a_y/g)^2", daily=0.2),
+    "mass_error": EffectInfo("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass", daily=2.0),
     "yaw_inertia_error": EffectInfo("-", -0.3, 0.4, "yaw inertia times (1 + q)", tolerance="yaw_inertia"),
     "cg_shift": EffectInfo(
         "m", -0.12, 0.12, "centre of gravity moved back by q", tolerance="front_axle_distance", length=1.0
@@ -112,7 +122,7 @@ CATALOGUE: dict[str, EffectInfo] = {
         "-", -0.3, 0.2, "torque at the axle times (1 + q)", needs=TORQUE, tolerance="torque"
     ),
     "drivetrain_inertia_error": EffectInfo(
-        "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia"
+        "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia", daily=0.2
     ),
     "drivetrain_friction": EffectInfo(
         "N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle", needs=TORQUE, mass=1.0, radius=1.0
@@ -121,7 +131,7 @@ CATALOGUE: dict[str, EffectInfo] = {
     "rolling_resistance": EffectInfo("-", 0.01, 0.05, "force q m g backwards along the body"),
     "road_grade": EffectInfo("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q", needs=("psi",)),
     "differential_yaw_moment": EffectInfo(
-        "N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle", mass=1.0, length=1.0
+        "N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle", mass=1.0, length=1.0, daily=0.2
     ),
     "gyro_bias": EffectInfo(
         "rad/s", -0.04, 0.04, "added to the measured yaw rate", stage="sensor", needs=("psi",), length=-0.5

@@ -18,6 +18,7 @@ EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes
 MOST_WINDOWS = 900  # that a fit takes in, evenly chosen
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 RESAMPLES = 400
+WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
 KEEPS = 0.5  # standard deviations from zero, below which an effect is left out
 EVERYDAY = 0.05  # of the practical range, that a sensor's bias or a road's grade may be on the day of calibration
 STATES = ("r", "v", "beta", "omega_r")
@@ -108,9 +109,10 @@ def fit_by_prediction(
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
     covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
-    deviations = np.sqrt(np.diag(covariance))
+    deviations = WIDER * np.sqrt(np.diag(covariance))
+    correlation = covariance * WIDER**2 / np.outer(deviations, deviations)
     return PredictionFit(
-        tuple(kept), fit, car, rest, normal, deviations, covariance / np.outer(deviations, deviations), held_out,
+        tuple(kept), fit, car, rest, normal, deviations, correlation, held_out,
         tuple(name for name in candidates if name not in fit.names),
     )  # fmt: skip
 

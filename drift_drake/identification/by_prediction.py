@@ -15,8 +15,9 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
-MOST_WINDOWS = 900  # that a fit takes in, evenly chosen
+MOST_WINDOWS = 450  # that a fit takes in, evenly chosen
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
+LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
 KEEPS = 0.5  # standard deviations from zero, below which an effect is left out
@@ -49,7 +50,7 @@ def thinned(runs: Sequence[WindowedRun], most: int = MOST_WINDOWS) -> list[Windo
 
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
     """Whether rows lie in a block that is held out."""
-    return np.asarray((rows * run.period / HELD_OUT).astype(int) % FOLDS == FOLDS - 1)
+    return np.asarray((rows * run.period / HELD_OUT).astype(int) % FOLDS == 1)
 
 
 def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[WindowedRun]]:
@@ -59,6 +60,8 @@ def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[Windowed
         starts, end = is_held(run, run.starts), is_held(run, run.starts + HORIZONS * run.stride)
         fitted.append(dataclasses.replace(run, starts=run.starts[~starts & ~end]))
         judged.append(dataclasses.replace(run, starts=run.starts[starts]))
+    if min(sum(len(run.starts) for run in part) for part in (fitted, judged)) < LEAST_WINDOWS:
+        return list(runs), list(runs)  # too short to hold anything out
     return fitted, judged
 
 

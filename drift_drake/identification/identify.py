@@ -22,7 +22,7 @@ from drift_drake.identification.calibration import Calibration, Identification, 
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
 from drift_drake.identification.untold import tied, untold
-from drift_drake.identification.white import Whiteness, whiteness
+from drift_drake.identification.white import WHITE, Whiteness, whiteness
 from drift_drake.logs.table import Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -62,8 +62,7 @@ def identify(
         known: parameters whose tolerance in the vehicle is believed as it is;
         names: effects that may belong to the car, beside those of the first guess;
         stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
-        criterion: "auto" is the likelihood where innovations are white beside the car that predicts best, else
-            prediction;
+        criterion: "auto" is the likelihood where innovations are white beside the car that it finds, else prediction;
         tolerances: names of those that the vehicle file states: prediction believes them, times two.
 
     Raises:
@@ -82,7 +81,9 @@ def identify(
         predicted = by_prediction(runs, vehicle, effects, known, further, tolerances,
                                   lambda stage, share: tell(stage, 0.5 * share))  # fmt: skip
         white = whiteness(runs, predicted.vehicle, predicted.effects, stated)
-        if criterion == "prediction" or not white.is_white:
+        if criterion == "auto" and white.may_be_white:
+            found = white_or_none(runs, vehicle, effects, case, known, names, stated, tell)
+        if found is None:
             found = stated_in_full(predicted, white, case, vehicle, effects, sum(len(run) for run in runs))
     if found is None:
         found = identify_by_likelihood(runs, vehicle, effects, case, known, names, stated, tell)
@@ -90,6 +91,18 @@ def identify(
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, warnings=[*warnings, *c.warnings])
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)
+
+
+def white_or_none(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
+    names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress,
+) -> Identification | None:  # fmt: skip
+    """The car calibrated by likelihood if its innovations are then white; None if not, or if the filter fails."""
+    try:
+        found = identify_by_likelihood(runs, vehicle, effects, case, known, names, stated, tell)
+    except np.linalg.LinAlgError:
+        return None
+    return found if found.calibration.row_weight >= WHITE else None
 
 
 def by_prediction(

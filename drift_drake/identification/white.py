@@ -10,8 +10,8 @@ from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-LARGEST = 3.0  # mean square, one where noise and process noise are those of a car that is modelled well
-TIED = 0.7  # correlation from row to row, some of which estimates to the precision of prediction leave
+NEAR = 20.0  # mean square up to which a fit by likelihood may still make innovations white
+WHITE = 0.1  # row weight of that fit, from which they are
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,8 +22,9 @@ class Whiteness:
     correlation: float  # the largest of all channels, in absolute value
 
     @property
-    def is_white(self) -> bool:
-        return self.mean_square < LARGEST and self.correlation < TIED
+    def may_be_white(self) -> bool:
+        """Whether a fit by likelihood is worth a try."""
+        return self.mean_square < NEAR
 
     def sentence(self) -> str:
         """Why prediction was the criterion."""

@@ -59,12 +59,13 @@ class _At:
 
 def robust_fit(
     runs: Sequence[WindowedRun], constants: Constants, own: Effects, unknowns: Sequence[Unknown], evidence: float,
-    theta: np.ndarray | None = None,
+    theta: np.ndarray | None = None, widths: Sequence[float] = WIDTHS,
 ) -> RobustFit:  # fmt: skip
     """Fits unknowns, whose magnitudes add to the effects `own`, to all windows of the runs.
 
     Args:
-        evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns'.
+        evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
+        widths: of the loss, the last of them where `theta` is near already.
     """
     names = [u.name for u in unknowns]
     prior = np.array([u.prior for u in unknowns])
@@ -92,7 +93,7 @@ def robust_fit(
     information = np.eye(len(theta))
     scales = robust_scales(predicted(theta))
     with ThreadPoolExecutor(THREADS) as pool:
-        for width in WIDTHS:
+        for width in widths:
             for _ in range(ROUNDS):
                 began, damping = theta, 1e-3
                 scales = robust_scales(predicted(theta))

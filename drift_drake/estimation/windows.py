@@ -27,7 +27,7 @@ START_EVERY = 0.2  # [s]
 SMOOTHING = 0.15  # [s] of measurements behind a start, a parabola through them
 SETTLING = 0.35  # [s] at a run's start without windows: commands before it are unknown
 STEP = 0.005  # [s] of Runge-Kutta, at most
-STEPS_PER_RATE = 0.8  # of the fastest settling time that a step may take
+STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
 MOST_STEPS = 32  # a row
 LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
@@ -153,7 +153,7 @@ def predict(
     memory[7], memory[8], memory[9], memory[10], memory[11], memory[12] = settled_memory(
         memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects
     )[2:]
-    carried, follow = 0, 4
+    carried, follow = 0, 2
     for s in range(len(starts)):
         start = starts[s]
         # The effects' own states follow the measured motion up to this start.

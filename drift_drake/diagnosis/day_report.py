@@ -117,6 +117,7 @@ def pictures(d: DayDiagnosis) -> dict[str, Markup]:
     lines = figures.lines_of(day.errors, corrected)
     return {
         "overlay": Markup(figures.overlay(day, worst_run(d), lines)),
+        "misses": Markup(figures.misses(day, normal, worst_run(d), lines)),
         "by_horizon": Markup(figures.by_horizon(normal, lines)),
         "time_line": Markup(figures.time_line(day, normal, lines, d.answer.where["onset"])),
     }
@@ -136,7 +137,7 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         vehicle=search.vehicle,
         runs=[(run.name, len(run.y) * run.period, len(run.starts)) for run in search.day.runs],
         versions=[(name, version(name)) for name in PACKAGES] + [("Python", platform.python_version())],
-        probabilities=list(answer.posterior.items())[:MOST_SHOWN],
+        probabilities=[(name.replace("+", " + "), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
         at_least=answer.details["at_least"],
         brought_along=answer.details["with"],
         ahead=f"{HORIZONS * STRIDE:g} s",

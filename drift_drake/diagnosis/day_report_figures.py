@@ -12,7 +12,7 @@ from drift_drake.estimation.scores import Day, Normal
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun
 
 NORMAL = "#9a9a9a"
-WIDTH = 5.4  # [inches]
+WIDTH = 4.4  # [inches]: two lie side by side on a wide screen
 LABEL = 8  # [pt]
 
 Line = tuple[np.ndarray, str, str]  # errors [windows, HORIZONS, channels], colour, label
@@ -48,10 +48,37 @@ def overlay(day: Day, index: int, lines: Sequence[Line]) -> str:
             ax.label_outer()
         axes[-1, 0].set_xlabel("t [s]", fontsize=LABEL)
         axes[0, 0].set_title(run.name, fontsize=LABEL, loc="left")
-        axes[0, 0].figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=LABEL, ncols=3, frameon=False,
-                                 loc="outside upper right")  # fmt: skip
+        labelled(axes, 3)
 
     return svg(WIDTH, 5.6, len(STATES), 1, draw)
+
+
+def misses(day: Day, normal: Normal, index: int, lines: Sequence[Line]) -> str:
+    """One run's errors half a second ahead, measured less predicted, beside the robust scale of what is normal."""
+    run = day.runs[index]
+
+    def draw(axes: np.ndarray) -> None:
+        for i, state in enumerate(STATES):
+            ax: Axes = axes[i, 0]
+            scale = float(normal.scales[-1, i])
+            ax.axhspan(-2.0 * scale, 2.0 * scale, color=NORMAL, alpha=0.3, lw=0.0, label="normal (2 sigma)")
+            for errors, color, label in lines:
+                ax.plot(ends(run) * run.period, errors[day.run == index][:, -1, i], "o-", color=color, lw=0.8, ms=1.8,
+                        label=label)  # fmt: skip
+            ax.set_ylabel(f"{state} [{UNITS[state]}]", fontsize=LABEL)
+            ax.label_outer()
+        axes[-1, 0].set_xlabel("t [s]", fontsize=LABEL)
+        axes[0, 0].set_title("measured less predicted", fontsize=LABEL, loc="left")
+        labelled(axes, 3)
+
+    return svg(WIDTH, 5.6, len(STATES), 1, draw)
+
+
+def labelled(axes: np.ndarray, columns: int) -> None:
+    """A legend above all panels."""
+    ax: Axes = axes[0, 0]
+    ax.figure.legend(*ax.get_legend_handles_labels(), fontsize=LABEL - 1, ncols=columns, frameon=False,
+                     loc="outside upper center", columnspacing=1.2, handlelength=1.4)  # fmt: skip
 
 
 def by_horizon(normal: Normal, lines: Sequence[Line]) -> str:
@@ -70,8 +97,7 @@ def by_horizon(normal: Normal, lines: Sequence[Line]) -> str:
             ax.set_xticks(horizons)
         for ax in axes[-1]:
             ax.set_xlabel("ahead [s]", fontsize=LABEL)
-        axes[0, 0].figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=LABEL, ncols=3, frameon=False,
-                                 loc="outside upper center")  # fmt: skip
+        labelled(axes, 3)
 
     return svg(WIDTH, 4.0, 2, 2, draw)
 
@@ -94,9 +120,7 @@ def time_line(day: Day, normal: Normal, lines: Sequence[Line], onset: dict[str, 
             ax.set_ylim(0.0, max(float(np.max(values)) for values, _, _ in parts) * 1.05)
             ax.set_title(run.name, fontsize=LABEL, loc="left")
         axes[-1, 0].set_xlabel("t [s]", fontsize=LABEL)
-        figure = axes[0, 0].figure
-        figure.supylabel("error [that of the day of calibration]", fontsize=LABEL)
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=LABEL, ncols=2, frameon=False,
-                      loc="outside upper right")  # fmt: skip
+        axes[0, 0].figure.supylabel("error [that of the day of calibration]", fontsize=LABEL)
+        labelled(axes, 2)
 
     return svg(WIDTH, 0.7 + 1.0 * len(day.runs), len(day.runs), 1, draw)

@@ -1,6 +1,7 @@
 """Windows: predictions against independent integrations of the same car, memories, fed speeds, rows left out."""
 
 import dataclasses
+import functools
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -36,8 +37,9 @@ def slalom(effects):
     return simulate(Driver("slalom", np.random.default_rng(2), CAR), Truth(effects), CAR, Silent(), "run_0", 2.0)
 
 
+@functools.cache
 def integrated(vehicle):
-    """1.5 s of the nominal car by an adaptive implicit integrator: slalom on the throttle, as a run without noise."""
+    """1.5 s of the nominal car by an adaptive integrator for stiff equations: slalom on the throttle, no noise."""
     t = np.arange(151) * PERIOD
     delta, tau = 0.08 * np.sin(5.0 * t), 60.0 + 50.0 * np.sin(3.0 * t)
     p = vehicle.constants()
@@ -46,7 +48,7 @@ def integrated(vehicle):
         m = motion(x[0], x[1], x[2], x[3], np.interp(at, t, delta), np.interp(at, t, tau), p)
         return [m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, x[0]]
 
-    x = solve_ivp(rates, (0.0, t[-1]), [0.0, 12.0, 0.0, 12.1, 0.0], "Radau", t, rtol=1e-9, atol=1e-10,
+    x = solve_ivp(rates, (0.0, t[-1]), [0.0, 12.0, 0.0, 12.1, 0.0], "LSODA", t, rtol=1e-9, atol=1e-10,
                   max_step=PERIOD).y  # fmt: skip
     return Run("run_0", t, x[0], x[1], delta, tau_cmd=tau, beta=x[2], omega_r=x[3], psi=x[4])
 
@@ -119,7 +121,7 @@ def test_horizons_are_the_same_times_at_any_rate(every):
     assert run.stride * run.period == pytest.approx(windows.STRIDE)
     assert np.diff(run.starts)[0] * run.period == pytest.approx(windows.START_EVERY)
     # Commands are linear between rows that are further apart: only nearly the ones that were driven.
-    assert np.abs(run_errors(run, CAR.constants(), Effects())[..., 0]).max() < 0.002
+    assert np.abs(run_errors(run, CAR.constants(), Effects())[..., 0]).max() < 0.02 * np.ptp(run.y[:, 0])
 
 
 def test_a_parabola_passes_the_smoothing_and_noise_shrinks():

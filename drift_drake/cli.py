@@ -13,6 +13,7 @@ from typing import Annotated, Any, TextIO
 import tyro
 from tqdm import tqdm
 
+from drift_drake.command_line import command_line
 from drift_drake.diagnosis.another_day import DayDiagnosis
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, UnplannableError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
@@ -228,9 +229,11 @@ def run_diagnose(command: Diagnose) -> None:
         write_text(command.json, diagnosis.answer.to_json())
     if command.report is not None:
         if isinstance(diagnosis, DayDiagnosis):
-            from drift_drake.diagnosis.day_report import write_day_report  # matplotlib is slow to import
+            from drift_drake.diagnosis.day_report import Source, write_day_report  # matplotlib is slow to import
 
-            write_day_report(diagnosis, command.report)
+            said = command_line("diagnose", command, "case")
+            source = Source(said, command.case, command.vehicle, command.calibration, command.json)
+            write_day_report(diagnosis, command.report, source)
         else:
             from drift_drake.diagnosis.report import write_report
 

@@ -1,13 +1,50 @@
-"""One short simulated case for the tests of estimation and diagnosis, made once."""
+"""Short simulated cases for the tests of estimation and diagnosis, made once."""
+
+import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from drift_drake.estimation.windows import windowed
+from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, make_case
+from experiments.other_worlds.double_track import Days, first_guess, make_day
+from experiments.other_worlds.drivers import DAY_ONE
 
 TRUE_STIFFNESS = -0.25
 DURATION = 3.0
+OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class OtherCar:
+    """A car that no single-track model follows, calibrated by prediction on a short day."""
+
+    runs: list[Run]  # of the day of calibration
+    guess: VehicleParameters
+    fit: PredictionFit
+
+    def day(self, effects: dict[str, float], index: int) -> list[Run]:
+        """Runs of another day of the same car with effects."""
+        return make_day(OTHER_CAR, effects, DAY_ONE, index)
+
+
+@pytest.fixture(scope="session")
+def other_car():
+    """Calibrated by its grip, its inertia and two further effects alone, which is quick."""
+    runs, guess = make_day(OTHER_CAR, {}, DAY_ONE, 0), first_guess(CARS[OTHER_CAR.car])
+    own = ("friction_level", "front_stiffness_error", "rear_stiffness_error", "yaw_inertia_error", "torque_gain_error")
+    found = fit_by_prediction(
+        [windowed(run) for run in runs], guess, Effects(), own, ("tyre_relaxation", "longitudinal_load_transfer"),
+        frozenset({"yaw_inertia", "torque"}), tuple(CATALOGUE), lambda _stage, _share: None,
+    )  # fmt: skip
+    return OtherCar(runs, guess, found)
 
 
 @pytest.fixture(scope="session")

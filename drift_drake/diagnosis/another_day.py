@@ -11,17 +11,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.answer import Answer
-from drift_drake.diagnosis.day_gap import reduction, where
+from drift_drake.diagnosis.day_gap import reduction, share, where
 from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.detection_limits import detection_limits
-from drift_drake.diagnosis.posterior import Calibration, hypothesis_name
+from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.reduction import Reduction
-from drift_drake.estimation.scores import Normal, make_day
+from drift_drake.estimation.scores import Day, Normal, make_day
 from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable
-from drift_drake.estimation.windows import HORIZONS, STRIDE, windowed
+from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, windowed
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -29,7 +30,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
-CHECKED = 4  # leading hypotheses whose reduction on held-out blocks is checked
 
 Progress = Callable[[str, float], None]
 
@@ -70,7 +70,7 @@ def diagnose_day(
         )
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     windows = [windowed(run) for run in runs]
-    covered = sum(len(run.starts) for run in windows) * (windows[0].starts[1] - windows[0].starts[0]) * runs[0].period
+    covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
     if covered < LEAST_TIME:
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
@@ -91,11 +91,11 @@ def diagnose_day(
     limits = detection_limits(search)
     h = found.leading
     named = found.verdict == "effect"
-    magnitudes = {name: interval(h, i) for i, name in enumerate(h.names)}
+    causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     bounds = at_bound(h, search.ranges) if named else []
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
-        ambiguity=found.ambiguity, magnitudes=magnitudes if named else {}, where=where(search, best_of(found)),
+        ambiguity=found.ambiguity, magnitudes=causes if named else {}, where=where(search, h, found.verdict == UNKNOWN),
         reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
         seconds=time.perf_counter() - began, tolerances={},
         details={
@@ -105,10 +105,10 @@ def diagnose_day(
             "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
             "leading_known": hypothesis_name(h.names),
             "at_least": bounds,
-            "with": {k: v for k, v in h.effects(day).items() if k not in h.names},
+            "with": brought_along(h, day) if named else {},
             "errors": errors_by_state(search),
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
-            "nearest": nearest(h, magnitudes, shrinks) if found.verdict == "unknown" else {},
+            "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
         },
         warnings=[*warnings, *more],
     )  # fmt: skip
@@ -124,26 +124,26 @@ def believed(
     refused: set[tuple[str, ...]] = set()
     found = ranked(kept, len(search.ranges), constants)
     shrinks = reduction(search, found.leading, found.leading)
-    for _ in range(CHECKED):
-        if not found.leading.names or shrinks.estimate > 0.0:
-            break
+    while found.leading.names and shrinks.estimate <= 0.0:
         refused.add(found.leading.names)
         found = ranked([h for h in kept if h.names not in refused], len(search.ranges), constants)
         shrinks = reduction(search, found.leading, found.leading)
     return found, shrinks
 
 
-def best_of(found: Ranked) -> Hypothesis:
-    """What the gap is measured against."""
-    return found.leading
+def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
+    """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
+    own = magnitudes(h.names, h.magnitudes)
+    return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
 
 
-def nearest(h: Hypothesis, magnitudes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
+def nearest(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
     """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
     return {
         "hypothesis": hypothesis_name(h.names),
-        "magnitudes": {name: dataclasses.asdict(m) for name, m in magnitudes.items()},
-        "removes": shrinks.estimate,
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
+        # Of what goes beyond the day of calibration: beside its own fit, any hypothesis removes nearly all.
+        "removes": share(shrinks.before[-1], shrinks.after[-1], 1.0) if h.names else 0.0,
         "free_forces_remove": None,
     }
 

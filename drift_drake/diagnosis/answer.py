@@ -101,6 +101,19 @@ class Answer:
         return f" The nearest known, {' and '.join(causes)}, {removes} {where}, free forces {free}."
 
 
+def without_rivals(answer: Answer) -> str:
+    """Why no drive can be planned from an answer that says nothing of rival hypotheses."""
+    if answer.details.get("criterion") == "prediction":
+        return (
+            f"{answer.case}: an answer for a car that was calibrated by prediction has no rivals that a drive could be "
+            "planned for; its report ('drift-drake diagnose --report') says which manoeuvre shows which effect"
+        )
+    return (
+        f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
+        "commands); diagnose logs with the column tau_cmd anew"
+    )
+
+
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     """A cause with its magnitude and interval, in words; one at the end of what is believed possible is a bound."""
     unit = _unit(name)

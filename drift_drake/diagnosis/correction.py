@@ -11,13 +11,15 @@ def corrected_vehicle(
     tolerances: bool = True,
     own: Effects = Effects(),  # noqa: B008 (immutable)
 ) -> tuple[VehicleParameters, Effects]:
-    """The vehicle with the answer's causes added.
+    """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
 
     Args:
         tolerances: whether the deviations within tolerance that were found beside them are applied too;
         own: effects that the vehicle had before.
     """
     magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
+    for name, value in answer.details.get("with", {}).items() if answer.causes else ():
+        magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
     if tolerances:
         n, t = answer.tolerances, vehicle.tolerance
         changes = {

@@ -71,13 +71,20 @@ def held_out_magnitudes(search: Search, h: Hypothesis, fold: int) -> np.ndarray:
         step = 0.05 * q[i]
         slopes[:, i] = (scores(q - step * (np.arange(len(q)) == i)) - at) / -step
     hessian = slopes.T @ search.scatter.inverse @ slopes
-    return np.asarray(q - np.linalg.lstsq(hessian, slopes.T @ search.scatter.inverse @ at, rcond=None)[0])
+    moved = q - np.linalg.lstsq(hessian, slopes.T @ search.scatter.inverse @ at, rcond=None)[0]
+    ranges = [search.ranges[name] for name in h.names]
+    return np.clip(moved, [r.low for r in ranges], [r.high for r in ranges])
 
 
-def where(search: Search, best: Hypothesis) -> dict[str, object]:
-    """Shares of the gap by state and run, the regions that hold it, and when it sets in (`where.Where`'s keys)."""
+def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[str, object]:
+    """Shares of the gap by state and run, the regions that hold it, and when it sets in (`where.Where`'s keys).
+
+    Args:
+        unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
+    """
     day, scales = search.day, search.normal.scales
-    gap = (squares(day.errors, scales) - squares(day.errors_with(best.effects(day)), scales))[:, -1]
+    before = squares(day.errors, scales)
+    gap = (before - (1.0 if unexplained else squares(day.errors_with(best.effects(day)), scales)))[:, -1]
     by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})
     by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
     y = np.concatenate([run.start_y[run.starts] for run in day.runs])
@@ -96,7 +103,7 @@ def where(search: Search, best: Hypothesis) -> dict[str, object]:
         "onset": dict(onset),
         "lag": {},
         "horizons": {f"{STRIDE * (k + 1):g} s": float(q) for k, q in
-                     enumerate(squares(day.errors, scales).mean(axis=(0, 2)))},
+                     enumerate(before.mean(axis=(0, 2)))},
     }  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.diagnosis.answer import Answer, UnplannableError
+from drift_drake.diagnosis.answer import Answer, UnplannableError, without_rivals
 from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_from_data
 from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
 from drift_drake.estimation.filter_state import CHANNELS
@@ -120,10 +120,7 @@ def plan_from_answer(
     """
     data = answer.details.get("beliefs") or {}
     if not data:
-        raise UnplannableError(
-            f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
-            "commands); diagnose logs with the column tau_cmd anew"
-        )
+        raise UnplannableError(without_rivals(answer))
     sensing, beliefs = beliefs_from_data(data)
     if own is not None:
         if "own" in data and not np.allclose(own, sensing.own, rtol=ROUNDING, atol=0.0):

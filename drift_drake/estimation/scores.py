@@ -43,9 +43,10 @@ def units(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
 def block_of(runs: Sequence[WindowedRun]) -> np.ndarray:
     """Block [windows of all runs] that each window's start lies in."""
     out: list[np.ndarray] = []
+    first = 0
     for run in runs:
-        first = int(out[-1].max()) + 1 if out and len(out[-1]) else 0
         out.append(first + (run.starts * run.period / BLOCK).astype(int))
+        first = int(out[-1].max(initial=first - 1)) + 1
     return np.asarray(np.unique(np.concatenate(out), return_inverse=True)[1])
 
 

@@ -23,7 +23,7 @@ from drift_drake.identification.estimate import Trust
 from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
 from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
-from drift_drake.logs.table import Run, read_case, stated_noise
+from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -66,14 +66,17 @@ def identify(
         tolerances: names of those that the vehicle file states: prediction believes them, times two.
 
     Raises:
-        InvalidLogError: no run can be used.
+        InvalidLogError: no run can be used, or prediction is asked for without the column beta.
         InvalidVehicleError: a name that is no parameter or effect.
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_names(known, names)
     runs, warnings = usable(runs, vehicle)
-    if criterion == "auto" and any(run.beta is None for run in runs):
+    lacks_beta = any(run.beta is None for run in runs)
+    if criterion == "prediction" and lacks_beta:
+        raise InvalidLogError(f"{case}: column beta is missing; prediction needs it, choose --criterion likelihood")
+    if criterion == "auto" and lacks_beta:
         criterion, warnings = "likelihood", [*warnings, "column beta is missing: calibrated by likelihood"]
     found = None
     if criterion != "likelihood":

@@ -1,0 +1,46 @@
+"""Other days of the calibrated double-track car, diagnosed once."""
+
+import dataclasses
+
+import pytest
+
+from drift_drake.diagnosis.another_day import diagnose_day
+
+CONSIDERED = (
+    "friction_level",
+    "rear_stiffness_error",
+    "mass_error",
+    "steering_delay",
+    "torque_gain_error",
+    "gyro_bias",
+)
+
+
+@pytest.fixture(scope="session")
+def diagnosed(other_car):
+    """A function: runs of another day to their diagnosis, with few effects considered."""
+
+    def diagnosis(runs, case="day", catalogue=CONSIDERED):
+        fit = other_car.fit
+        return diagnose_day(runs, fit.vehicle, fit.normal, fit.effects, case, 1, catalogue=catalogue)
+
+    return diagnosis
+
+
+@pytest.fixture(scope="session")
+def late_day(other_car, diagnosed):
+    """A day whose steering is late by 0.08 s."""
+    return diagnosed(other_car.day({"steering_delay": 0.08}, 1), "late")
+
+
+@pytest.fixture(scope="session")
+def plain_day(other_car, diagnosed):
+    """The day of calibration without its first run."""
+    return diagnosed(other_car.runs[1:], "plain")
+
+
+@pytest.fixture(scope="session")
+def strange_day(other_car, diagnosed):
+    """A day whose yaw rate is logged in another unit, which no effect of the catalogue is."""
+    runs = [dataclasses.replace(run, r=1.6 * run.r) for run in other_car.day({}, 2)]
+    return diagnosed(runs, "strange")

@@ -1,0 +1,154 @@
+"""Hypotheses of another day: ranges, curves of scores, evidence, and their probabilities."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.day_hypotheses import (
+    NO_GAP,
+    REACH,
+    Curve,
+    Hypothesis,
+    Range,
+    clipped,
+    concluded,
+    effects_of,
+    range_of,
+)
+from drift_drake.diagnosis.day_posterior import (
+    PRIORS,
+    STANDS_FOR,
+    at_bound,
+    deviation,
+    interval,
+    ranked,
+    tells_from_zero,
+)
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+CAR = VehicleParameters()
+NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0)
+
+
+def single(name, magnitude, sigma, nats=1.0):
+    return Hypothesis((name,), np.array([magnitude]), np.array([[sigma**2]]), nats, -nats)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_range_holds_the_practical_one_and_leaves_out_what_is_no_gap(name):
+    low, high = CATALOGUE[name].range_for(CAR)
+    r = range_of(name, CAR)
+    assert r.high == pytest.approx(REACH * high)
+    assert 0.0 < r.least < max(abs(low), high)
+    assert r.low == pytest.approx(REACH * low if low < 0.0 else r.least)
+
+
+def test_a_wide_tolerance_is_no_gap():
+    unsure = CAR.replace(tolerance=dataclasses.replace(CAR.tolerance, friction=0.1))
+    assert range_of("friction_level", unsure).least == pytest.approx(0.1 * NO_GAP)
+
+
+def test_clipping_keeps_within_bounds_and_away_from_no_gap():
+    r = Range(-0.5, 0.3, 0.1)
+    assert [clipped(q, r) for q in (-0.9, 0.9, 0.2, 0.02, -0.02, 0.0)] == [-0.5, 0.3, 0.2, 0.1, -0.1, 0.1]
+
+
+def test_what_loads_bring_along_adds_to_a_magnitude_of_the_pair():
+    day = SimpleNamespace(constants=CAR.constants())
+    names, q = ("mass_error", "rear_stiffness_error"), np.array([0.1, -0.3])
+    assert effects_of(names, q, False, day) == {"mass_error": 0.1, "rear_stiffness_error": -0.3}
+    together = effects_of(names, q, True, day)
+    assert together == pytest.approx({"mass_error": 0.1, "front_stiffness_error": 0.1, "rear_stiffness_error": -0.2})
+
+
+class Linear:
+    """A search whose scores are linear in one magnitude, with a truth."""
+
+    def __init__(self, slope, truth):
+        self.slope, self.truth = np.array(slope), truth
+        self.scatter = SimpleNamespace(inverse=np.eye(len(slope)))
+        self.ranges = {"mass_error": Range(-0.2, 0.3, 0.02)}
+        self.day = SimpleNamespace(constants=CAR.constants())
+
+    def scores(self, effects):
+        return self.slope * (effects.get("mass_error", 0.0) - self.truth)
+
+    def nats(self, scores):
+        return 0.5 * np.sum(np.square(scores), axis=-1)
+
+
+@pytest.mark.parametrize("truth", [0.13, -0.07])
+def test_a_curve_finds_the_magnitude_and_its_variance(truth):
+    search = Linear([30.0, 40.0], truth)
+    curve = Curve("mass_error", False, [0.0], [search.scores({})])
+    for q in (-0.2, -0.1, 0.1, 0.2, 0.3):
+        curve = curve.with_point(search, q)
+    assert curve.with_point(search, 0.1) is curve
+    found = curve.refined(search).hypothesis(search)
+    assert found.magnitudes[0] == pytest.approx(truth, abs=1e-3)
+    assert found.covariance[0, 0] == pytest.approx(1.0 / 50.0**2)
+    assert found.nats == pytest.approx(0.0, abs=1e-2)
+
+
+def test_a_curve_never_says_a_magnitude_that_is_no_gap():
+    search = Linear([30.0, 40.0], 0.003)
+    curve = Curve("mass_error", False, [0.0], [search.scores({})])
+    for q in (-0.2, 0.2):
+        curve = curve.with_point(search, q)
+    assert abs(curve.best(search)[0]) >= 0.02 * (1.0 - 1e-9)
+
+
+def test_evidence_pays_for_width_and_is_never_above_the_fit():
+    r = Range(-0.2, 0.3, 0.02)
+    sharp, blunt = (concluded(("mass_error",), np.array([0.1]), np.array([[s**2]]), 2.0, [r], False)
+                    for s in (0.001, 0.01))  # fmt: skip
+    width = 0.5 - 2.0 * 0.02
+    assert sharp.log_evidence == pytest.approx(-2.0 + np.log(np.sqrt(2.0 * np.pi) * 0.001 / width))
+    assert blunt.log_evidence - sharp.log_evidence == pytest.approx(np.log(10.0))
+    flat = concluded(("mass_error",), np.array([0.1]), np.array([[9.0]]), 2.0, [r], False)
+    assert flat.log_evidence == -2.0
+
+
+def test_probabilities_sum_to_one_and_name_what_fits():
+    found = ranked([NONE, single("mass_error", 0.1, 0.01), single("aero_drag", 1.0, 0.1, nats=30.0)], 28, PRIORS)
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+    assert found.verdict == "effect"
+    assert found.leading.names == ("mass_error",)
+    assert found.ambiguity == ["mass_error"]
+    assert list(found.probabilities.values()) == sorted(found.probabilities.values(), reverse=True)
+
+
+def test_nothing_is_named_where_none_fits_as_well():
+    calm = dataclasses.replace(NONE, nats=3.0, log_evidence=-3.0)
+    found = ranked([calm, single("mass_error", 0.1, 0.01, nats=2.5)], 28, PRIORS)
+    assert found.verdict == "none"
+    assert found.leading.names == ()
+
+
+def test_a_gap_that_the_best_hypothesis_leaves_is_unknown():
+    gap = dataclasses.replace(NONE, nats=3000.0, log_evidence=-3000.0)
+    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=1000.0)], 28, PRIORS)
+    assert found.verdict == "unknown"
+    assert found.leading.names == ("mass_error",)  # the nearest known
+
+
+def test_an_interval_holds_what_the_magnitude_stands_for():
+    h = single("mass_error", 0.1, 0.001)
+    assert deviation(h, 0) == pytest.approx(np.hypot(0.001, STANDS_FOR["motion"] * 0.1))
+    m = interval(h, 0)
+    assert m.high - m.estimate == pytest.approx(m.estimate - m.low) == pytest.approx(1.96 * deviation(h, 0))
+    assert interval(single("aero_drag", 0.5, 0.6), 0).low == 0.0  # an unsigned one
+
+
+@pytest.mark.parametrize(("sigma", "tells"), [(0.04, True), (0.06, False)])
+def test_an_interval_that_holds_zero_is_no_cause(sigma, tells):
+    assert tells_from_zero(single("mass_error", 0.1, sigma)) == tells
+
+
+@pytest.mark.parametrize(("magnitude", "bound"), [(0.3, True), (-0.18, True), (0.2, False)])
+def test_a_magnitude_at_an_end_of_its_range_is_a_bound(magnitude, bound):
+    r = range_of("mass_error", CAR)
+    assert at_bound(single("mass_error", magnitude, 0.01), {"mass_error": r}) == (["mass_error"] if bound else [])

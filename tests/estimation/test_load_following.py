@@ -1,0 +1,23 @@
+"""Axle stiffnesses that follow the axle loads."""
+
+import pytest
+
+from drift_drake.estimation.load_following import FOLLOWING, with_load
+from drift_drake.vehicle.bicycle import static_loads
+from drift_drake.vehicle.effects import changed_constants, make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+P = VehicleParameters().constants()
+
+
+@pytest.mark.parametrize(("name", "magnitude"), [("mass_error", 0.15), ("cg_shift", 0.08), ("cg_shift", -0.05)])
+def test_stiffness_over_load_stays(name, magnitude):
+    assert name in FOLLOWING
+    car = changed_constants(P, make_effects(with_load(name, magnitude, P)))
+    before, after = static_loads(P), static_loads(car)
+    assert car.front_stiffness / after[0] == pytest.approx(P.front_stiffness / before[0])
+    assert car.rear_stiffness / after[1] == pytest.approx(P.rear_stiffness / before[1])
+
+
+def test_other_effects_bring_nothing_along():
+    assert with_load("steering_lag", 0.1, P) == {"steering_lag": 0.1}

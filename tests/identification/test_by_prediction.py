@@ -1,0 +1,109 @@
+"""Calibration by prediction: what is held out, what is believed, and the car that comes out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.estimation.windows import HORIZONS, windowed
+from drift_drake.identification import identify as identification
+from drift_drake.identification.by_prediction import compared, is_held, prior_of, split, thinned
+from drift_drake.identification.identify import identify
+from drift_drake.logs.table import InvalidLogError
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+@pytest.fixture(scope="module")
+def runs(other_car):
+    return [windowed(run) for run in other_car.runs]
+
+
+def test_thinning_keeps_windows_evenly(runs):
+    count = sum(len(run.starts) for run in runs)
+    few = thinned(runs, count // 3)
+    assert sum(len(run.starts) for run in few) <= count // 3 + len(runs)
+    assert set(np.diff(few[0].starts)) == {few[0].starts[1] - few[0].starts[0]}
+    assert [len(run.starts) for run in thinned(runs, count)] == [len(run.starts) for run in runs]
+
+
+def test_no_fitted_window_reaches_into_a_held_out_block(runs):
+    fitted, judged = split(runs)
+    assert sum(len(run.starts) for run in judged) > 0
+    for fit_run, judge_run in zip(fitted, judged, strict=True):
+        for start in fit_run.starts:
+            assert not np.any(is_held(fit_run, np.arange(start, start + HORIZONS * fit_run.stride + 1)))
+        assert np.all(is_held(judge_run, judge_run.starts))
+
+
+def test_the_calibrated_car_predicts_held_out_parts_better(other_car):
+    held = other_car.fit.held_out
+    assert held.low <= held.ratio <= held.high < 1.0
+    assert np.shape(held.before) == np.shape(held.after) == (HORIZONS, 4)
+
+
+def test_the_calibrated_car_is_near_the_true_one_where_it_has_such_parameters(other_car):
+    truth, found = CARS["coupe"], other_car.fit.vehicle
+    assert found.yaw_inertia == pytest.approx(truth.yaw_inertia, rel=0.2)
+    assert found.gear_ratio == pytest.approx(truth.gear_ratio, rel=0.1)
+    assert found.mass == other_car.guess.mass  # which was not asked for
+
+
+def test_a_comparison_with_itself_is_one(other_car, runs):
+    _, judged = split(runs)
+    same = compared(judged, other_car.guess, Effects(), Effects())
+    assert same.ratio == same.low == same.high == 1.0
+    assert same.before == same.after
+    fed = [dataclasses.replace(run, fed=True) for run in judged]
+    assert compared(fed, other_car.guess, Effects(), Effects()).states == ("r", "beta")
+
+
+def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_car):
+    bias = prior_of("gyro_bias", other_car.guess, frozenset())
+    assert bias < 0.1 * 0.04
+    assert prior_of("mass_error", other_car.guess, frozenset({"mass"})) == pytest.approx(0.02)
+
+
+@pytest.fixture(scope="module")
+def identified(other_car):
+    """Through `identify`, with most parameters known and no further effects."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identification, "FURTHER", ())
+        return identify(
+            other_car.runs, other_car.guess, case="short", names=("tyre_relaxation",),
+            tolerances=frozenset({"friction"}),
+            known=("mass", "front_axle_distance", "rear_axle_inertia", "torque", "steering_offset", "yaw_inertia"),
+        )  # fmt: skip
+
+
+def test_logs_of_another_kind_of_car_choose_prediction(other_car, identified):
+    c = identified.calibration
+    assert c.criterion == "prediction"
+    assert c.normal is not None
+    assert "innovations are not white" in c.warnings[0]
+    assert identified.vehicle.mass == other_car.guess.mass
+    assert {"friction", "front_stiffness", "rear_stiffness"} <= set(c.parameters)
+    for name, p in c.parameters.items():
+        assert p.low <= p.estimate <= p.high
+        assert p.deviation <= p.prior
+        car = identified.vehicle if p.kind == "free" else identified.effects
+        assert p.estimate == pytest.approx(getattr(car, name))
+    tolerance, p = identified.vehicle.tolerance, c.parameters["friction"]
+    assert tolerance.friction == pytest.approx(p.deviation / p.estimate)
+
+
+def test_a_car_that_the_equations_follow_is_calibrated_by_likelihood(strange_car_runs, monkeypatch):
+    def asked(*_args):
+        raise NotImplementedError
+
+    monkeypatch.setattr(identification, "FURTHER", ())
+    monkeypatch.setattr(identification, "identify_by_likelihood", asked)
+    with pytest.raises(NotImplementedError):
+        identify(strange_car_runs, VehicleParameters(), names=("steering_lag",))
+
+
+def test_prediction_without_sideslip_is_refused(other_car):
+    runs = [run.without("beta") for run in other_car.runs]
+    with pytest.raises(InvalidLogError, match=r"short: column beta is missing; .* --criterion likelihood"):
+        identify(runs, other_car.guess, case="short", criterion="prediction")

@@ -71,7 +71,7 @@ def studies_of(floor_a: Sequence[str], racer: Sequence[str]) -> list[Study]:
     """All studies.
 
     Args:
-        floor_a: cases of the small car's recordings on one floor; racer: of the parts of the racer's, the last one long.
+        floor_a: cases of the small car's recordings on one floor; racer: of the parts of the racer's, the last asked.
     """
     half = len(floor_a) // 2
     studies = [

@@ -1,0 +1,108 @@
+"""The whole road on cars that no single-track model follows: calibrated on day one, all other days diagnosed, scored.
+
+    python -m experiments.other_worlds.road WORLD ... --out runs/road
+
+A WORLD is a folder as `make_worlds` and `double_track` write it: day_one/run_*.csv, CODE/run_*.csv, start.yaml, and
+labels.json, which is opened once all answers are there. What is done is kept: start again to go on.
+"""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from drift_drake.identification.identify import Criterion
+from drift_drake.logs.table import run_paths
+from drift_drake.pictures.style import save
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
+from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
+from experiments.other_worlds.pictures import draw_rows
+from experiments.other_worlds.scoring import Row, all_scores, scores_text
+
+DAY_ONE = "day_one"
+
+
+@dataclasses.dataclass(frozen=True)
+class Road:
+    """Calibrate on day one, diagnose the other days, score."""
+
+    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of days."""
+    out: Path | None = None
+    """Run folder; one that exists is gone on with."""
+    workers: int = 2
+    """Processes."""
+    criterion: Criterion = "auto"
+    """Of the calibration, as `drift-drake identify` takes it."""
+
+
+class InvalidWorldError(ValueError):
+    """A folder that is no world; the message names it and the mend."""
+
+
+def checked(world: Path) -> Path:
+    """The folder, if it is a world.
+
+    Raises:
+        InvalidWorldError: a part is missing.
+    """
+    for part in ("start.yaml", "labels.json"):
+        if not (world / part).is_file():
+            raise InvalidWorldError(
+                f"{world}: has no {part}; make it with 'python -m experiments.other_worlds.make_worlds'"
+            )
+    if not run_paths(world / DAY_ONE):
+        raise InvalidWorldError(f"{world / DAY_ONE}: holds no runs; a world is calibrated on them")
+    return world
+
+
+def days_of(world: Path) -> list[str]:
+    """Codes of the days but the first."""
+    return sorted(d.name for d in world.iterdir() if d.is_dir() and d.name != DAY_ONE and run_paths(d))
+
+
+def car_of(world: Path) -> str:
+    """The car's name, as the world's maker wrote it; the folder's without."""
+    config = world / "config.json"
+    return str(json.loads(config.read_text())["car"]) if config.is_file() else world.name
+
+
+def score(worlds: dict[str, Path], cars: list[Calibrate], folder: Path) -> dict[str, Any]:
+    """Opens the labels, scores all answers and writes scores.json, scores.md and said.png."""
+    rows = []
+    for name, world in worlds.items():
+        labels = json.loads((world / "labels.json").read_text())
+        rows += [Row(name, car_of(world), code, labels[code]["effects"], answer_of(folder / name / f"{code}.json"))
+                 for code in days_of(world)]  # fmt: skip
+    calibrations = {job.folder.name: calibration_row(job, own_figures=True) for job in cars}
+    over_all = calibration_scores(list(calibrations.values()))
+    result = all_scores(rows) | {"calibration": over_all, "calibrations": calibrations}
+    write_json(folder / "scores.json", result)
+    (folder / "scores.md").write_text(scores_text(result) + "\n" + calibrations_text(over_all, calibrations))
+    save(draw_rows(rows), folder / "said.png")
+    return result
+
+
+def main(config: Road) -> None:
+    """Everything."""
+    worlds = {world.resolve().name: checked(world) for world in config.worlds}
+    if len(worlds) < len(config.worlds):
+        raise InvalidWorldError("two worlds have the same name; rename one folder")
+    folder = make_run_folder("road", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    cars = [Calibrate((world / DAY_ONE,), world / "start.yaml", folder / name, config.criterion)
+            for name, world in worlds.items()]  # fmt: skip
+    done_once(config.workers, calibrate, cars, "car")
+    asks = [Ask(world / code, folder / name, folder / name / f"{code}.json")
+            for name, world in worlds.items() for code in days_of(world)]  # fmt: skip
+    done_once(config.workers, ask, asks, "day")
+    score(worlds, cars, folder)
+    print((folder / "scores.md").read_text())
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Road, description=__doc__))

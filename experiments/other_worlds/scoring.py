@@ -1,0 +1,198 @@
+"""Scores of diagnoses of single effects: shares with exact 95 % intervals, by car, by effect and by size."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from drift_drake.diagnosis.posterior import NONE, UNKNOWN
+from drift_drake.vehicle.catalogue import CATALOGUE
+from experiments.gap_score import said
+from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
+
+FAILED = (REFUSED, CRASHED, NO_CAR)
+STRONGER_BELOW = ("steering_rate_limit",)  # effects that act the more the smaller they are
+SIZES = {"below its detection limit": (0.0, 1.0), "1 to 2 limits": (1.0, 2.0), "above 2 limits": (2.0, np.inf)}
+NO_LIMIT = "these logs have no limit"
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One case: what was true and what was said."""
+
+    world: str
+    car: str
+    case: str
+    effects: dict[str, float]
+    answer: dict[str, Any]
+
+    @property
+    def truth(self) -> str:
+        return "+".join(sorted(self.effects)) or NONE
+
+    @property
+    def said(self) -> str:
+        return said(self.answer)
+
+    @property
+    def right(self) -> bool:
+        return self.said == self.truth
+
+    @property
+    def held(self) -> bool:
+        """Whether the ambiguity set holds the truth."""
+        return self.truth in self.answer["ambiguity"]
+
+    @property
+    def failed(self) -> bool:
+        return self.answer["verdict"] in FAILED
+
+    @property
+    def size(self) -> float | None:
+        """The effect over its detection limit on this case's logs; None where they have none."""
+        if len(self.effects) != 1:
+            return None
+        name, magnitude = next(iter(self.effects.items()))
+        least = self.answer["details"].get("detection", {}).get(name, {}).get("least")
+        if not least:
+            return None
+        return float(least / magnitude) if name in STRONGER_BELOW else float(abs(magnitude) / least)
+
+    @property
+    def covered(self) -> list[bool]:
+        """For each true effect that is named, whether its 95 % interval holds its magnitude."""
+        found = self.answer["magnitudes"]
+        return [found[n]["low"] <= q <= found[n]["high"] for n, q in self.effects.items() if n in found]
+
+
+def share(flags: Iterable[bool]) -> dict[str, Any]:
+    """Share of true flags with its exact 95 % interval (Clopper and Pearson 1934), and how many of how many."""
+    flags = list(flags)
+    if not flags:
+        return {"share": None, "low": 0.0, "high": 1.0, "hits": 0, "count": 0}
+    test = binomtest(sum(flags), len(flags))
+    low, high = test.proportion_ci(0.95)
+    return {"share": test.statistic, "low": float(low), "high": float(high), "hits": sum(flags), "count": len(flags)}
+
+
+def median_of(values: Iterable[float]) -> float | None:
+    """The median; None of nothing."""
+    values = list(values)
+    return float(np.median(values)) if values else None
+
+
+def mean_of(values: Iterable[float]) -> float | None:
+    """The mean; None of nothing."""
+    values = list(values)
+    return float(np.mean(values)) if values else None
+
+
+def scores(rows: Sequence[Row]) -> dict[str, Any]:
+    """All figures of some cases. A case without an answer counts as wrong."""
+    gaps = [row for row in rows if row.effects]
+    nothing = [row for row in rows if not row.effects]
+    answered = [row for row in rows if not row.failed]
+    named = [row for row in gaps if row.right]
+    return {
+        "right": share(row.right for row in rows),
+        "effects named": share(row.right for row in gaps),
+        "effects in the ambiguity set": share(row.held for row in gaps),
+        "days with none: false alarms": share(row.said not in (NONE, *FAILED) for row in nothing),
+        "days with none: an effect is named": share(row.answer["verdict"] == "effect" for row in nothing),
+        "effects called none": share(row.said == NONE for row in gaps),
+        "effects called unknown": share(row.said == UNKNOWN for row in gaps),
+        "without an answer": share(row.failed for row in rows),
+        "intervals that hold the magnitude": share(flag for row in gaps for flag in row.covered),
+        "ambiguity set, mean size": mean_of(len(row.answer["ambiguity"]) for row in answered),
+        "reduction where right, median": median_of(row.answer["reduction"]["estimate"] for row in named),
+        "seconds a case, median": median_of(row.answer["seconds"] for row in answered),
+        "seconds of CPU a case, median": median_of(row.answer["cpu_seconds"] for row in answered),
+        "seconds of CPU a case, most": max((row.answer["cpu_seconds"] for row in answered), default=None),
+    }  # fmt: skip
+
+
+def all_scores(rows: Sequence[Row]) -> dict[str, Any]:
+    """All figures, the same by car, effect and size, and every case that is not right."""
+    return {
+        "all": scores(rows),
+        "by car": grouped(rows, lambda row: row.car),
+        "by world": grouped(rows, lambda row: row.world),
+        "by effect": grouped(rows, lambda row: row.truth),
+        "by size": grouped([row for row in rows if row.effects and not row.failed], size_name),
+        "not right": [mistake(row) for row in rows if not row.right],
+    }
+
+
+def grouped(rows: Sequence[Row], key: Callable[[Row], str]) -> dict[str, Any]:
+    """Scores of the rows of each key."""
+    return {name: scores([row for row in rows if key(row) == name]) for name in ordered({key(row) for row in rows})}
+
+
+def ordered(names: Iterable[str]) -> list[str]:
+    """The catalogue's order, then the rest by name, `none`, `unknown` and failures last."""
+    first = [*CATALOGUE, *SIZES, NO_LIMIT]
+    last = [NONE, UNKNOWN, *FAILED]
+
+    def place(name: str) -> tuple[int, str]:
+        if name in last:
+            return len(first) + 1 + last.index(name), name
+        return (first.index(name) if name in first else len(first)), name
+
+    return sorted(names, key=place)
+
+
+def size_name(row: Row) -> str:
+    """Which of `SIZES` the case's effect has."""
+    size = row.size
+    if size is None:
+        return NO_LIMIT
+    return next(name for name, (low, high) in SIZES.items() if low <= size < high)
+
+
+def mistake(row: Row) -> dict[str, Any]:
+    """A case that is not right, in short."""
+    out = {"world": row.world, "case": row.case, "truth": row.effects, "size": row.size, "said": row.said}
+    if row.failed:
+        return out | {"message": row.answer["message"]}
+    leading = dict(sorted(row.answer["posterior"].items(), key=lambda item: -item[1])[:4])
+    return out | {"posterior": leading, "magnitudes": row.answer["magnitudes"], "truth is in the set": row.held,
+                  "reduction": row.answer["reduction"]["estimate"]}  # fmt: skip
+
+
+def said_share(s: dict[str, Any]) -> str:
+    """`17 of 20: 0.85 (0.62 to 0.97)`."""
+    if not s["count"]:
+        return "-"
+    return f"{s['hits']} of {s['count']}: {s['share']:.2f} ({s['low']:.2f} to {s['high']:.2f})"
+
+
+def said_value(value: Any) -> str:
+    """A figure of `scores` in words."""
+    if isinstance(value, dict):
+        return said_share(value)
+    return "-" if value is None else f"{value:.3g}"
+
+
+def table_text(title: str, parts: dict[str, Any]) -> str:
+    """Scores of groups as a Markdown table."""
+    columns = ("right", "effects in the ambiguity set", "effects called none", "effects called unknown",
+               "without an answer", "intervals that hold the magnitude", "ambiguity set, mean size")  # fmt: skip
+    lines = [f"| {title} | {' | '.join(columns)} |", "| --- " * (len(columns) + 1) + "|"]
+    lines += [f"| {name} | {' | '.join(said_value(part[c]) for c in columns)} |" for name, part in parts.items()]
+    return "\n".join(lines)
+
+
+def scores_text(result: dict[str, Any]) -> str:
+    """`all_scores` as Markdown; the brackets hold 95 % intervals."""
+    lines = ["| figure | value (95 %) |", "| --- | --- |"]
+    lines += [f"| {name} | {said_value(value)} |" for name, value in result["all"].items()]
+    for title in ("by car", "by world", "by effect", "by size"):
+        lines += ["", table_text(title.removeprefix("by "), result[title])]
+    lines += ["", "Not right:"]
+    for m in result["not right"]:
+        size = "" if m["size"] is None else f", {m['size']:.1f} limits"
+        note = m.get("message") or ", ".join(f"{name} {p:.2f}" for name, p in m["posterior"].items())
+        lines.append(f"- {m['world']} {m['case']}: {m['truth'] or NONE}{size} answered as {m['said']} ({note})")
+    return "\n".join(lines) + "\n"

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.robust_fit import RobustFit, robust_fit
+from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import Normal, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors
@@ -84,7 +84,8 @@ def fit_by_prediction(
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
     ) -> RobustFit:
-        return robust_fit(some, constants, effects, unknowns, EVIDENCE, start)
+        widths = WIDTHS if start is None else WIDTHS[1:]
+        return robust_fit(some, constants, effects, unknowns, EVIDENCE, start, widths)
 
     def half_second(fit: RobustFit) -> float:
         e = errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta)))

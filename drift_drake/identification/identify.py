@@ -23,6 +23,7 @@ from drift_drake.identification.estimate import Trust
 from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
 from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -72,7 +73,9 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_names(known, names)
+    doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
     runs, warnings = usable(runs, vehicle)
+    warnings = doubts + warnings
     if criterion == "auto" and any(run.beta is None for run in runs):
         criterion, warnings = "likelihood", [*warnings, "column beta is missing: calibrated by likelihood"]
     found = None

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from drift_drake.estimation.noise import white_noise_level
+from drift_drake.logs.white_noise import white_noise_level
 
 SHARE_OF_RANGE = 5e-4  # of what a channel covers, below which a step is that of its text or converter
 SHARE_OF_NOISE = 0.6  # the noise that is seen, in steps, below which the step makes it

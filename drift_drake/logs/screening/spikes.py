@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from drift_drake.estimation.noise import white_noise_level
+from drift_drake.logs.white_noise import white_noise_level
 
 LONGEST = 5  # rows of a spike; what lasts longer may be the car
 BESIDE = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
@@ -39,11 +39,11 @@ def spikes(values: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _clear_spikes(values: np.ndarray) -> list[tuple[int, int]]:
-    """Spikes that stand out with the neighbours as they are, the shortest first, none overlapping."""
+    """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
     taken = np.zeros(len(values), dtype=np.bool_)
     noise = white_noise_level(values)
     found = []
-    for width in range(1, LONGEST + 1):
+    for width in range(LONGEST, 0, -1):
         outside, half_range = outside_neighbours(values, width)
         usual = max(float(np.quantile(outside, USUAL)), 0.0)
         least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))

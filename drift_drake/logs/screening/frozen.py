@@ -6,10 +6,9 @@ SHORTEST = 5  # rows
 BEYOND_HOLD = 3.0  # times as long as the channel usually holds a reading
 FINE = 0.1  # of the usual change from reading to reading, below which its resolution explains no repetition
 MOVES = 0.1  # of the usual change, from which a channel moves before and after
-STOPS = 0.5  # the same where only one side is there to tell
+STOPS = 0.2  # the same where only one side is there to tell
 JUMP = 5.0  # usual changes, and changes right after it, that a coarse channel has missed when it is released
-STRAIGHT = 1e-4  # of the usual change: rows that lie on a line between slower readings
-INTERPOLATED = 0.3  # of the rows on such lines, from which the channel is interpolated
+STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line between slower readings
 STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
 FAR = 20.0  # usual changes to a value that no car reaches within a row
 EDGE = 5  # readings beside a stretch that tell whether the channel moved
@@ -34,7 +33,7 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     changes = np.abs(np.diff(readings))
     usual = float(np.median(changes))
     hold = _weighted_median(lengths)
-    fine = resolution < FINE * usual and not _interpolated(values, usual)
+    fine = resolution < FINE * usual and not _interpolated(values)
     standing = STANDING * float(np.quantile(v, 0.95))
     found = []
     for i in np.flatnonzero(lengths >= max(SHORTEST, BEYOND_HOLD * hold)):
@@ -46,7 +45,9 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
         if fine:
             moved = [float(np.mean(part)) for part in (before, after) if len(part)]
             least = MOVES if len(moved) == 2 else STOPS
-            told = all(m >= least * usual for m in moved)
+            # A channel that is zero up to its first change, or from its last on, may have nothing to tell.
+            idle = len(moved) < 2 and values[start] == 0.0
+            told = not idle and all(m >= least * usual for m in moved)
         else:
             told = jump >= JUMP
         if told:
@@ -68,9 +69,11 @@ def _jump(changes: np.ndarray, usual: float) -> float:
     return float(changes[0]) / max(usual, following)
 
 
-def _interpolated(values: np.ndarray, usual: float) -> bool:
-    """Whether rows lie on lines between slower readings."""
+def _interpolated(values: np.ndarray) -> bool:
+    """Whether rows lie on lines between slower readings: two of five bend, if at all, far less than some do."""
     first = np.diff(values)
-    straight = np.abs(np.diff(first)) < STRAIGHT * usual
-    moving = first[1:] != 0.0
-    return float(np.mean(straight[moving])) > INTERPOLATED if np.any(moving) else True
+    bends = np.abs(np.diff(first))[first[1:] != 0.0]
+    if not len(bends):
+        return True
+    few, most = np.quantile(bends, [0.4, 0.97])
+    return bool(few < STRAIGHT * most)

@@ -6,7 +6,7 @@ import numpy as np
 
 from drift_drake.logs.white_noise import white_noise_level
 
-SHARE_OF_RANGE = 5e-4  # of what a channel covers, below which a step is that of its text or converter
+SHARE_OF_RANGE = 1e-4  # of what a channel covers, below which a step is that of its text or converter
 SHARE_OF_NOISE = 0.6  # the noise that is seen, in steps, below which the step makes it
 ON_STEPS = 0.99  # of the values that lie on multiples of the step
 OFF = 0.1  # of a step that a value may lie off it
@@ -25,7 +25,7 @@ def step(values: np.ndarray) -> float:
     for most in (3.0, 30.0):  # short gaps say how many steps the longer ones have
         short = gaps[gaps < most * size]
         size = float(np.sum(short) / np.sum(np.round(short / size)))
-    off = (distinct - np.median(distinct)) / size
+    off = (distinct - distinct[len(distinct) // 2]) / size
     return size if float(np.mean(np.abs(off - np.round(off)) < OFF)) >= ON_STEPS else 0.0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.logs.screening.frozen import frozen
 from drift_drake.logs.screening.rounding import coarse, noise_of, step
-from drift_drake.logs.screening.spikes import spikes
+from drift_drake.logs.screening.spikes import filled, spikes
 from drift_drake.logs.table import Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
@@ -16,6 +16,8 @@ ANGLES = ("psi", "beta")  # that may be wrapped
 UNITS = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
          "ay": "m/s^2"}  # fmt: skip
 TOLD = 3  # spikes of a column that are told one by one
+
+Span = tuple[int, int]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +64,7 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
     """One run without its bad samples, and sentences on them."""
     bad: list[BadRows] = []
     floor: dict[str, float] = {}
-    filled: dict[str, Any] = {}
+    mended: dict[str, Any] = {}
     sentences: list[str] = []
     stretches: dict[tuple[int, int], list[str]] = {}
     for name in MEASURED:
@@ -71,15 +73,14 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
             continue
         values = np.unwrap(raw) if name in ANGLES else raw
         size = step(values)
-        held = frozen(values, run.v, size)
-        found = [(a, b) for a, b in spikes(values) if not any(a < stop and start < b for start, stop in held)]
+        held, found = _bad_spans(values, run.v, size)
         for span in held:
             stretches.setdefault(span, []).append(name)
         parts = [BadRows(name, "frozen", *span) for span in held] + [BadRows(name, "spike", *span) for span in found]
         if parts:
-            filled[name] = _filled(raw, values, parts, wrapped=name == "beta")
+            mended[name] = _mended(raw, values, [*held, *found], wrapped=name == "beta")
             bad += parts
-        sentences += _spike_sentences(run, name, raw, filled.get(name, raw), found)
+        sentences += _spike_sentences(run, name, raw, mended.get(name, raw), found)
         if coarse(values, size):
             floor[name] = noise_of(size)
             sentences.append(
@@ -87,20 +88,34 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
                 f"at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
     sentences = _frozen_sentences(run, stretches) + sentences
-    clean = dataclasses.replace(run, **filled) if filled else run
+    clean = dataclasses.replace(run, **mended) if mended else run
     return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor), sentences
 
 
-def _filled(raw: np.ndarray, values: np.ndarray, parts: Sequence[BadRows], wrapped: bool) -> np.ndarray:
-    """The column with bad rows on the line between the good ones beside them."""
-    good = np.ones(len(raw), dtype=np.bool_)
-    for part in parts:
-        good[part.start : part.stop] = False
-    rows = np.arange(len(raw))
-    between = np.interp(rows, rows[good], values[good])
+def _bad_spans(values: np.ndarray, v: np.ndarray, size: float) -> tuple[list[Span], list[Span]]:
+    """Frozen stretches and spikes of one column; what is both is frozen."""
+    held = frozen(values, v, size)
+    found = [span for span in spikes(values, size) if not _overlaps(span, held)]
+    if found:
+        # A spike beside readings that repeat looks like the jump at a frozen stretch's end.
+        still = frozen(filled(values, found), v, size)
+        held = [span for span in held if _overlaps(span, still)]
+    return held, found
+
+
+def _overlaps(span: Span, others: Sequence[Span]) -> bool:
+    return any(span[0] < stop and start < span[1] for start, stop in others)
+
+
+def _mended(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped: bool) -> np.ndarray:
+    """The column with bad rows filled; `values` is it unwrapped."""
+    between = filled(values, bad)
     if wrapped:
         between = np.arctan2(np.sin(between), np.cos(between))
-    return np.where(good, raw, between)
+    rows = np.zeros(len(raw), dtype=np.bool_)
+    for start, stop in bad:
+        rows[start:stop] = True
+    return np.where(rows, between, raw)
 
 
 def _spike_sentences(

@@ -1,5 +1,7 @@
 """Spikes: one or a few rows far from what the rows on both sides say."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
@@ -11,34 +13,43 @@ FROM_RANGE = 4.0  # half ranges of the rows beside that a spike lies outside of 
 FROM_NOISE = 8.0  # standard deviations of the channel's white noise
 FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
 USUAL = 0.99
+STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a small change
 PASSES = 10  # a large spike hides smaller ones beside it
 
 
-def spikes(values: np.ndarray) -> list[tuple[int, int]]:
+def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
     """Spans of rows (start, stop), in order, that are spikes of the signal [n].
 
     A row is one where it lies outside of the range of its neighbours on both sides, by far more than that range, than
     the channel's white noise and than its rows usually do. Beside a step the range holds the step, so that hard
     steering, wheel spin or a reading that is held for some rows are none.
+
+    Args:
+        resolution: step of the signal's numbers (`rounding.step`).
     """
     if len(values) <= 2 * BESIDE + LONGEST:
         return []
     found: list[tuple[int, int]] = []
     cleaned = values.astype(float)
     for _ in range(PASSES):
-        new = _clear_spikes(cleaned)
+        new = _clear_spikes(cleaned, resolution)
         if not new:
             break
         found += new
-        bad = np.zeros(len(values), dtype=np.bool_)
-        for start, stop in found:
-            bad[start:stop] = True
-        rows = np.arange(len(values))
-        cleaned = np.where(bad, np.interp(rows, rows[~bad], values[~bad]), values)
+        cleaned = filled(values, found)
     return _joined(found)
 
 
-def _clear_spikes(values: np.ndarray) -> list[tuple[int, int]]:
+def filled(values: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The signal [n] with spans of rows on the line between the rows beside them."""
+    good = np.ones(len(values), dtype=np.bool_)
+    for start, stop in spans:
+        good[start:stop] = False
+    rows = np.arange(len(values))
+    return np.where(good, values, np.interp(rows, rows[good], values[good]))
+
+
+def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
     """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
     taken = np.zeros(len(values), dtype=np.bool_)
     noise = white_noise_level(values)
@@ -47,8 +58,8 @@ def _clear_spikes(values: np.ndarray) -> list[tuple[int, int]]:
         outside, half_range = outside_neighbours(values, width)
         usual = max(float(np.quantile(outside, USUAL)), 0.0)
         least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))
-        # Numbers of few digits: what is as small as the rounding of the text is no evidence.
-        least = np.maximum(least, 1e-5 * float(np.max(np.abs(values))))
+        # What is as small as the rounding of the numbers is no evidence.
+        least = np.maximum(least, max(STEPS * resolution, 1e-5 * float(np.max(np.abs(values)))))
         for i in np.flatnonzero(outside > least):
             start, stop = int(i) + BESIDE, int(i) + BESIDE + width
             near = slice(max(start - LONGEST, 0), stop + LONGEST)

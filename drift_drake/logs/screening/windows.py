@@ -60,7 +60,7 @@ class Windows:
 
 
 def windows_of(runs: Sequence[Run]) -> Windows:
-    """Windows in a row through all runs, without those in which the car hardly moves."""
+    """Windows through all runs, each half over the one before, without those in which the car hardly moves."""
     parts = [_of_run(run, index) for index, run in enumerate(runs)]
     names = [field.name for field in dataclasses.fields(Windows)]
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
@@ -68,7 +68,7 @@ def windows_of(runs: Sequence[Run]) -> Windows:
 
 def _of_run(run: Run, index: int) -> Windows:
     width, part = max(round(WINDOW / run.period), 8), max(round(PART / run.period), 2)
-    starts = np.arange(0, len(run) - width, width)
+    starts = np.arange(0, len(run) - width, width // 2)
     length = width * run.period
 
     def column(name: str) -> np.ndarray:

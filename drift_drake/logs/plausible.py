@@ -10,7 +10,7 @@ LARGEST = {  # what reaches beyond these for more than a few rows is in another 
     "omega_r": (200.0, "m/s", "the wheel's rad/s"),
     "ax": (100.0, "m/s^2", ""),
     "ay": (100.0, "m/s^2", ""),
-    "delta_cmd": (1.2, "rad", "degrees"),
+    "delta_cmd": (1.2, "rad", "degrees, or the steering wheel's angle"),
     "tau_cmd": (1e5, "N m", ""),
 }
 GUESSED = 60.0  # times the largest, up to which the guess is made

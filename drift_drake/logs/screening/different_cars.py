@@ -10,8 +10,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 # Factor between two runs that no difference of drives makes, and the likeness from which a run's own ratio is believed.
 APART = {
-    "turn": (1.3, 0.9), "path": (1.3, 0.0), "across": (4.0, 0.9), "along": (1.5, 0.9), "rim": (1.15, 0.0),
-    "steer": (2.5, 0.9), "drive": (2.5, 0.85),
+    "turn": (1.3, 0.9), "path": (1.3, 0.0), "across": (4.0, 0.9), "along": (2.5, 0.9), "rim": (1.25, 0.0),
+    "steer": (3.0, 0.95), "drive": (2.5, 0.85),
 }  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def _size(found: Sequence[Relation], name: str, likeness: float) -> float | None
 
 
 def _odd_one(known: dict[int, float]) -> tuple[int, float]:
-    """The run farthest from the median of the others, and that median."""
+    """The run farthest from the median of the others, of two the one farther from one, and that median."""
     usual = {i: float(np.median([size for j, size in known.items() if j != i])) for i in known}
-    odd = max(known, key=lambda i: abs(np.log(known[i] / usual[i])))
+    odd = max(known, key=lambda i: abs(np.log(known[i] / (usual[i] if len(known) > 2 else 1.0))))
     return odd, usual[odd]

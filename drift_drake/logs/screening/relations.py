@@ -17,6 +17,7 @@ FEWEST = 12  # windows
 MOST = 400  # windows that slopes are taken over: their cost grows with the square
 GRIP = 0.15  # [rad] of sideslip up to which a car goes where it steers and its wheels roll
 CALM = 0.4  # of the windows, those with least lateral acceleration
+GENTLE = 3.0  # [m/s^2] of v r below which a car whose sideslip is not logged hardly slides
 SMALLEST = 1e-9  # spread of a column that says something
 
 
@@ -69,8 +70,8 @@ def _across(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _along(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    calm = _calm(w)
-    return w.ax[calm], w.gain[calm]
+    kept = _straight(w)
+    return w.ax[kept], w.gain[kept]
 
 
 def _steer(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
@@ -81,7 +82,7 @@ def _steer(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
 
 def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
     """Force at the rim that the torque makes, and the one that mass and axle take up."""
-    kept = _grip(w) & _calm(w)
+    kept = _straight(w)
     spun_up = p.rear_axle_inertia / p.wheel_radius**2 * np.nan_to_num(w.rim_gain)
     return (p.gear_ratio / p.wheel_radius * w.tau_cmd)[kept], (p.mass * w.gain + spun_up)[kept]
 
@@ -98,7 +99,7 @@ SLOPES = {
     "turn": _Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi", _turn),
     "course": _Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi", _course),
     "across": _Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r", _across),
-    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.1, 0.75, "ax over the rate of v", _along),
+    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v", _along),
     "steer": _Kind({"delta_cmd": 1, "r": -1, "v": 1}, ("delta_cmd", "r"), 0.4, 0.75,
                    "delta_cmd over r (a + b) / v", _steer),
     "drive": _Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
@@ -118,9 +119,9 @@ def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
     """The relations that the columns allow, those left out that are too unlike to say."""
     found = {name: _slope(name, kind, windows, vehicle) for name, kind in SLOPES.items()}
     found["path"] = _ratio("path", {"v": 1, "t": 1}, 0.05, "v over the speed along x, y", windows.v, windows.moved)
-    grip = _grip(windows)
+    rolls = _grip(windows)
     found["rim"] = _ratio(
-        "rim", {"omega_r": 1, "v": -1}, 0.08, "omega_r over v", np.abs(windows.omega_r)[grip], windows.v[grip]
+        "rim", {"omega_r": 1, "v": -1}, 0.08, "omega_r over v", np.abs(windows.omega_r)[rolls], windows.v[rolls]
     )
     for name, (kind, witness) in DEPENDENT.items():
         at = found[witness]
@@ -130,15 +131,17 @@ def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
 
 
 def _grip(w: Windows) -> np.ndarray:
-    """Windows without much sideslip; all where none is logged."""
-    rows: np.ndarray = np.abs(np.nan_to_num(w.beta)) < GRIP
+    """Windows without much sideslip; where none is logged, those of little lateral acceleration."""
+    unseen = np.isnan(w.beta)
+    rows: np.ndarray = np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
     return rows
 
 
-def _calm(w: Windows) -> np.ndarray:
+def _straight(w: Windows) -> np.ndarray:
+    """Windows in which the car goes more or less straight, so that body and course have one direction."""
     across = np.abs(w.v * w.r)
     rows: np.ndarray = across <= np.quantile(across, CALM) if len(across) else across > 0.0
-    return rows
+    return rows & _grip(w)
 
 
 def _slope(name: str, kind: _Kind, windows: Windows, vehicle: VehicleParameters) -> Relation | None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from drift_drake.logs.screening.different_cars import disagreements
 from drift_drake.logs.screening.mistakes import Mistake, mistakes
 from drift_drake.logs.screening.relations import Relation, relations
+from drift_drake.logs.screening.screened import screen
 from drift_drake.logs.screening.windows import windows_of
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -45,9 +46,9 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
 
     Columns are held against each other (`relations`); where relations are off by more than the catalogue's effects can
     do, the known mistake that explains most is told, taken out, and the rest is looked at again. Nothing is told where
-    no known mistake explains it. A case that is mirrored as a whole looks like a car.
+    no known mistake explains it. A case that is mirrored as a whole looks like a car. Bad samples are left out first.
     """
-    windows = windows_of(runs)
+    windows = windows_of([screen(run)[0].run for run in runs])
     found: list[Suspicion] = []
     for _ in range(MOST):
         at = relations(windows, vehicle)
@@ -77,7 +78,7 @@ def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list
         size = _best_size(mistake, touched)
         changes = dict.fromkeys(mistake.columns, size)
         mended = [relation for relation in touched if abs(relation.off) > SUSPECT]
-        if not mended or any(abs(_left(relation, changes)) > EXPLAINED for relation in mended):
+        if not any(abs(_left(relation, changes)) < EXPLAINED for relation in mended):
             continue
         gain = before - _cost(found, changes) - EXTRA_COLUMN * (len(mistake.columns) - 1)
         if gain > LEAST_GAIN:
@@ -123,7 +124,8 @@ def _suspicion(
     seen = [relation for relation in witnesses if len(mistake.columns) == 1 or _power(relation, mistake)]
     measured = min(seen or witnesses or found, key=lambda relation: relation.tolerance)
     power = measured.powers.get(column, 1)
-    times = f"{measured.size ** (1.0 / power):.3g} times what {'other columns say' if column != 't' else 'they say'}"
+    says = "an engine behind gear_ratio gives" if column == "tau_cmd" else "other columns say"
+    times = f"{measured.size ** (1.0 / power):.3g} times what {says}"
     what = "the clock t" if column == "t" else f"column {column}"
     others = [f"{' and '.join(rival.columns)} as {rival.looks_like}" for rival in rivals if rival != mistake]
     either = f"; or {', or '.join(others)}" if others else ""

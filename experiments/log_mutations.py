@@ -106,5 +106,3 @@ def with_factors(runs: Sequence[Run], factors: Mapping[str, float]) -> list[Run]
         dataclasses.replace(run, **{name: factor * np.array(run.column(name)) for name, factor in factors.items()})
         for run in runs
     ]
-
-

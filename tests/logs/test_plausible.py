@@ -51,6 +51,8 @@ def test_absurd_numbers_are_refused():
 
 def test_other_units_are_guessed():
     assert told(v=np.full(ROWS, 200.0)).endswith("expected m/s below 150; it looks like km/h, convert it")
-    assert told(delta_cmd=np.full(ROWS, 20.0)).endswith("it looks like degrees, or the steering wheel's angle, convert it")
+    assert told(delta_cmd=np.full(ROWS, 20.0)).endswith(
+        "it looks like degrees, or the steering wheel's angle, convert it"
+    )
     assert "the wheel's rad/s" in told(omega_r=np.full(ROWS, 333.0))
     assert told(v=np.full(ROWS, -3.0)).startswith("column v is negative (-3)")

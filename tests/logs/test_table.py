@@ -155,5 +155,5 @@ def test_other_encodings_get_one_sentence(tmp_path, encoding):
 
 def test_a_clock_in_milliseconds_is_guessed():
     data = columns()
-    with pytest.raises(InvalidLogError, match="too coarse.*it looks like milliseconds, convert t"):
+    with pytest.raises(InvalidLogError, match=r"too coarse.*it looks like milliseconds, convert t"):
         Run(name="slow", **data | {"t": 1000.0 * data["t"]})

@@ -42,12 +42,8 @@ def mistakes(vehicle: VehicleParameters) -> list[Mistake]:
     for columns in (("ax",), ("ay",), ("ax", "ay")):
         found.append(_exact(columns, 1.0 / G, "g", "give its unit as g in the mapping"))
         found.append(_exact(columns, G, "m/s^2 converted as if they were g", "give it in m/s^2"))
-    found.append(
-        Mistake(
-            ("delta_cmd",), *STEERING_RATIOS, "the steering wheel's angle, not the road wheel's",
-            "divide it by the steering ratio",
-        )  # fmt: skip
-    )
+    wheel = ("the steering wheel's angle, not the road wheel's", "divide it by the steering ratio")
+    found.append(Mistake(("delta_cmd",), *STEERING_RATIOS, *wheel))
     found.append(
         _exact(("tau_cmd",), ratio, "torque at the axle, not at the engine", "divide it by gear_ratio in the mapping")
     )

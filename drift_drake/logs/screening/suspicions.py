@@ -162,10 +162,9 @@ def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
     for column in first:
         evidence = "; ".join(f"{relation.says} is negative" for relation in wrong if column in relation.mirrors)
         axis = " (or x)" if column == "y" else ""
-        told.append(
-            Suspicion(
-                f"column {column}{axis} looks mirrored, against the other columns{either}: the log is ISO 8855 (x "
-                "forward, y left, z up), give its frame or sign in the mapping", column, -1.0, evidence,
-            )  # fmt: skip
+        sentence = (
+            f"column {column}{axis} looks mirrored, against the other columns{either}: the log is ISO 8855 (x forward, "
+            "y left, z up), give its frame or sign in the mapping"
         )
+        told.append(Suspicion(sentence, column, -1.0, evidence))
     return told, [(column, -1.0) for column in first]

@@ -54,7 +54,11 @@ def test_the_racer_lost_its_inertial_unit_once():
     path = SHARED / "data" / "revs_250lm" / "session_01_first.csv"
     runs = import_recordings([path], read_mapping("revs_250lm"), start=60.0, end=150.0)[0]
     clean, sentences = screened(runs)
-    assert {(p.column, p.stop - p.start) for p in clean[0].bad if p.kind == "frozen"} == {("r", 5), ("ax", 5), ("ay", 5)}
+    assert {(p.column, p.stop - p.start) for p in clean[0].bad if p.kind == "frozen"} == {
+        ("r", 5),
+        ("ax", 5),
+        ("ay", 5),
+    }
     assert "r, ax, ay are frozen from 114.38 to 114.42 s" in sentences[0]
     assert sum(p.stop - p.start for p in clean[0].bad if p.kind == "spike") <= 2
     assert suspicions(runs, RACER) == []

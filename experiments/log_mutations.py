@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def with_bad_sample(runs: Sequence[Run], name: str, rng: np.random.Generator) ->
         step = rng.uniform(3.0, 10.0) * noise
         values = step * np.round(values / step)
     changed = list(runs)
-    changed[index] = dataclasses.replace(run, **{column: values})
+    changed[index] = _with_columns(run, {column: values})
     return changed, Planted(index, column, kind, start, stop)
 
 
@@ -98,11 +99,14 @@ def unit_mistakes(vehicle: VehicleParameters) -> dict[str, dict[str, float]]:
     return found | {f"{name} mirrored": {name: -1.0} for name in ("r", "psi", "y", "ay", "delta_cmd", "beta")}
 
 
-def with_factors(runs: Sequence[Run], factors: Mapping[str, float]) -> list[Run] | None:
-    """The runs with columns times factors; None where a run lacks one of the columns, or it would still be believed."""
-    if any(run.column(name) is None for run in runs for name in factors):
-        return None
-    return [
-        dataclasses.replace(run, **{name: factor * np.array(run.column(name)) for name, factor in factors.items()})
-        for run in runs
-    ]
+def with_factors(runs: Sequence[Run], factors: Mapping[str, float]) -> list[Run]:
+    """The runs with columns, which all have, times factors.
+
+    Raises:
+        InvalidLogError: no car's log may look like that.
+    """
+    return [_with_columns(run, {name: q * np.array(run.column(name)) for name, q in factors.items()}) for run in runs]
+
+
+def _with_columns(run: Run, columns: dict[str, Any]) -> Run:
+    return dataclasses.replace(run, **columns)

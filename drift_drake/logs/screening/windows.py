@@ -75,16 +75,16 @@ def _of_run(run: Run, index: int) -> Windows:
         values = run.column(name)
         return np.full(len(run), np.nan) if values is None else np.asarray(values, dtype=float)
 
-    def mean(values: np.ndarray) -> np.ndarray:
-        sums = np.concatenate([[0.0], np.cumsum(values)])
-        return (sums[starts + width] - sums[starts]) / width
-
     def change(values: np.ndarray) -> np.ndarray:
         """From the mean of the first rows to that of the last, per second."""
         sums = np.concatenate([[0.0], np.cumsum(values)])
         first = (sums[starts + part] - sums[starts]) / part
         last = (sums[starts + width] - sums[starts + width - part]) / part
         return (last - first) / (length - part * run.period)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        """Weighted as the change of its integral is."""
+        return change(np.cumsum(values) * run.period)
 
     x, y, v = column("x"), column("y"), column("v")
     ends = [starts, starts + part, starts + width - part, starts + width]

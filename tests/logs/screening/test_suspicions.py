@@ -45,18 +45,18 @@ def test_each_mistake_is_named(case, name):
 def test_sentences_say_how_much_and_what_to_do(good_cases):
     case = good_cases["nominal"]
 
-    def only(factors):
-        (suspicion,) = suspicions(with_factors(case, factors), VEHICLE)
+    def only(factors, runs=case):
+        (suspicion,) = suspicions(with_factors(runs, factors), VEHICLE)
         return suspicion.sentence
 
     axle = only({"tau_cmd": VEHICLE.gear_ratio})
     assert axle.startswith("column tau_cmd looks like torque at the axle, not at the engine (")
     assert axle.endswith(" times what an engine behind gear_ratio gives): divide it by gear_ratio in the mapping")
     assert only({"v": 3.6}).startswith("column v looks like km/h (3.")
-    assert "column psi looks like degrees (5" in only({"psi": DEGREES})
+    assert "column psi looks like degrees (5" in only({"psi": DEGREES}, case[:3])
     assert "column y (or x) looks mirrored" in only({"y": -1.0})
     assert "the clock t looks like half of the time that passed" in only({"t": 0.5})
-    assert "column delta_cmd looks like the steering wheel's angle" in only({"delta_cmd": STEERING_RATIO})
+    assert "column delta_cmd looks like the steering wheel's angle" in only({"delta_cmd": STEERING_RATIO}, case[1:2])
 
 
 def test_two_mistakes_at_once_are_both_named(case):

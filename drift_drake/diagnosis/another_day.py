@@ -23,6 +23,7 @@ from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable
 from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, windowed
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -63,13 +64,15 @@ def diagnose_day(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
+    doubts = suspicions(runs, vehicle)
     runs, warnings = usable(runs, vehicle)
+    warnings = [doubt.sentence for doubt in doubts] + warnings
     if any(run.beta is None for run in runs):
         raise InvalidLogError(
             f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
         )
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
-    windows = [windowed(run) for run in runs]
+    windows = [windowed(run, run.filled) for run in runs]
     covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
     if covered < LEAST_TIME:
         raise InvalidLogError(
@@ -100,6 +103,7 @@ def diagnose_day(
         seconds=time.perf_counter() - began, tolerances={},
         details={
             "criterion": "prediction",
+            "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "reduction_by_state": shrinks.by_state if named else {},
             "reduction_by_horizon": shrinks.by_horizon if named else {},
             "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},

@@ -38,6 +38,7 @@ from drift_drake.estimation.reduction import Reduction, errors_of, reduction, wi
 from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -92,7 +93,9 @@ def diagnose(
     began = time.perf_counter()
     calibration = calibration or read_calibration()
     tell = progress or (lambda _stage, _share: None)
+    doubts = suspicions(runs, vehicle)
     runs, warnings = usable(runs, vehicle)
+    warnings = [doubt.sentence for doubt in doubts] + warnings
     names, more = seen_effects(runs, catalogue)
     warnings += more
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
@@ -153,6 +156,7 @@ def diagnose(
             "at_least": ends,
             **beside,
             "learned": dataclasses.asdict(learnt),
+            "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),
         },
         warnings=warnings,

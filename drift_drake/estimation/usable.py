@@ -1,36 +1,94 @@
-"""The parts of runs that an estimator can use: moving, and not spun."""
+"""The parts of runs that an estimator can use: forwards, moving, not spun, and measured."""
 
 import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.driving import driven
-from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.logs.driving import driven, reversing, slowest, spans
+from drift_drake.logs.screening.screened import Screened, screened
+from drift_drake.logs.table import SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
-LEAST_ROWS = 150  # of a part
+LEAST_PART = 1.5  # [s]
+LEAST_TOTAL = 5.0  # [s] of all parts
+LONGEST_FILLED = 0.1  # [s] of bad samples in a row that are filled; a longer stretch is cut out
+TOLD = 3  # stretches of one kind that are told one by one
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
-    """Runs cut where they spin or stand, each part a run of its own, and warnings about it.
+    """Runs without bad samples, cut where they spin, reverse, stand or freeze, each part a run of its own; warnings.
 
     Raises:
-        InvalidLogError: nothing is left.
+        InvalidLogError: too little is left.
     """
-    kept, warnings = [], []
-    for run in runs:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], driven(run, vehicle), [False]])))
-        parts = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]
+    clean, warnings = screened(runs)
+    kept: list[Run] = []
+    for one in clean:
+        run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
+        frozen = _long(one)
+        least = least_rows(run)
+        parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
+        why = _reasons(run, vehicle, frozen)
         if not parts:
-            warnings.append(f"{run.name}: left out, no {LEAST_ROWS} rows without a spin or standstill")
+            warnings.append(f"{run.name}: left out, no {least * run.period:.3g} s in a row can be used ({why})")
             continue
         if parts != [(0, len(run))]:
-            spans = " and ".join(f"{run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in parts)
-            warnings.append(f"{run.name}: only {spans} are used (spin or standstill)")
+            used = " and ".join(f"{run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in parts)
+            warnings.append(f"{run.name}: only {used} are used ({why or 'the rest is too short'})")
         for number, (a, b) in enumerate(parts):
             name = run.name if len(parts) == 1 else f"{run.name}_{number}"
             kept.append(dataclasses.replace(run.rows(a, b), name=name))
-    if not kept:
-        raise InvalidLogError("no run has a second and a half between spins and standstill; log longer drives")
+    _check_enough(runs, kept, vehicle)
     return kept, warnings
+
+
+def least_rows(run: Run) -> int:
+    """Rows that a part has to have."""
+    return max(round(LEAST_PART / run.period), SHORTEST_RUN)
+
+
+def _long(one: Screened) -> np.ndarray:
+    """Rows [rows] (bool) of bad samples that last too long to be filled."""
+    rows = np.zeros(len(one.run), dtype=np.bool_)
+    for part in one.bad:
+        if part.stop - part.start > LONGEST_FILLED / one.run.period:
+            rows[part.start : part.stop] = True
+    return rows
+
+
+def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:
+    """Why rows are not used, with their times."""
+    slow = run.v < slowest(vehicle)
+    back = reversing(run, vehicle)
+    spun = ~driven(run, vehicle) & ~slow & ~back
+    kinds = {
+        f"slower than the {slowest(vehicle):.2g} m/s that slips need": slow,
+        "reversing, which the equations do not have,": back,
+        "a spin": spun,
+        "frozen columns": frozen,
+    }
+    return "; ".join(f"{kind} {_times(run, rows)}" for kind, rows in kinds.items() if np.any(rows))
+
+
+def _times(run: Run, rows: np.ndarray) -> str:
+    found = spans(rows)
+    told = " and ".join(f"from {run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in found[:TOLD])
+    if len(found) <= TOLD:
+        return told
+    return f"{told} and {len(found) - TOLD} times more, {np.count_nonzero(rows) * run.period:.3g} s in all"
+
+
+def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehicleParameters) -> None:
+    enough = (
+        f"{LEAST_TOTAL:g} s in all, in parts of {LEAST_PART:g} s or more, forwards and faster than "
+        f"{slowest(vehicle):.2g} m/s, would be enough"
+    )
+    fastest = max(float(np.max(run.v)) for run in runs)
+    if fastest < slowest(vehicle):
+        raise InvalidLogError(
+            f"no run has a speed above {fastest:.2g} m/s, too slow for the slips of a car of this size: {enough}"
+        )
+    total = sum(len(run) * run.period for run in kept)
+    if total < LEAST_TOTAL - 1e-6:
+        raise InvalidLogError(f"no run has enough to be used, {total:.3g} s in all are too little: {enough}")

@@ -23,6 +23,7 @@ from drift_drake.identification.estimate import Trust
 from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
 from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -72,7 +73,9 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_names(known, names)
+    doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
     runs, warnings = usable(runs, vehicle)
+    warnings = doubts + warnings
     lacks_beta = any(run.beta is None for run in runs)
     if criterion == "prediction" and lacks_beta:
         raise InvalidLogError(f"{case}: column beta is missing; prediction needs it, choose --criterion likelihood")
@@ -118,7 +121,9 @@ def by_prediction(
     own = [name for name in OWN if name not in held and name in seen]
     candidates = [name for name in names if name in seen and name not in OWN]
     stated = tolerances | frozenset(known)
-    return fit_by_prediction([windowed(run) for run in runs], vehicle, effects, own, candidates, stated, seen, tell)
+    return fit_by_prediction(
+        [windowed(run, run.filled) for run in runs], vehicle, effects, own, candidates, stated, seen, tell
+    )
 
 
 def stated_in_full(

@@ -14,7 +14,6 @@ from drift_drake.diagnosis.diagnose import case_folders, diagnose
 from drift_drake.diagnosis.report import write_report
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.estimation.usable import usable
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -97,21 +96,6 @@ def test_the_report_opens_in_a_browser(report):
     shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
     assert shown.count("<svg") == 8
     assert "How far it shrinks" in shown
-
-
-def test_spins_and_standstill_are_cut_with_a_warning(stiffness_case):
-    run = stiffness_case[1][0]
-    beta = run.beta.copy()
-    beta[200:-90] = 1.5
-    kept, warnings = usable([dataclasses.replace(run, beta=beta)], VehicleParameters())
-    assert [len(part) for part in kept] == [200]
-    beta[200:] = 0.0
-    beta[150] = 1.5
-    kept, _ = usable([dataclasses.replace(run, beta=beta, name="run")], VehicleParameters())
-    assert [(part.name, len(part)) for part in kept] == [("run_0", 150), ("run_1", len(run) - 151)]
-    assert "spin or standstill" in warnings[0]
-    with pytest.raises(InvalidLogError, match="no run has"):
-        usable([dataclasses.replace(run, v=np.full(len(run), 0.5))], VehicleParameters())
 
 
 def test_missing_columns_narrow_the_catalogue(stiffness_case):

@@ -121,3 +121,39 @@ def test_a_coarse_clock_is_refused():
     data["t"] = np.arange(ROWS) * 0.1
     with pytest.raises(InvalidLogError, match="too coarse"):
         Run(name="slow", **data)
+
+
+@pytest.mark.parametrize("header", ["t,r,v,delta_cmd, v", "t,r,v,delta_cmd,v"])
+def test_a_column_that_is_there_twice_is_refused(tmp_path, header):
+    path = tmp_path / "run_0.csv"
+    rows = [f"{0.01 * i:.2f},0.1,10,0.02,11" for i in range(ROWS)]
+    path.write_text("\n".join([header, *rows]))
+    with pytest.raises(InvalidLogError, match=r"run_0.csv: column v is there twice; keep one, or rename the other"):
+        read_run(path)
+
+
+@pytest.mark.parametrize("ending", ["gz", "xz", "bz2", "zip"])
+def test_truncated_archives_get_one_sentence(tmp_path, ending):
+    path = tmp_path / f"run_0.csv.{ending}"
+    pd.DataFrame(columns()).to_csv(path, index=False)
+    whole = path.read_bytes()
+    for kept in (len(whole) // 2, len(whole) - 3, 7):
+        path.write_bytes(whole[:kept])
+        with pytest.raises(InvalidLogError, match="cannot be read as a table") as caught:
+            read_run(path)
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_other_encodings_get_one_sentence(tmp_path, encoding):
+    path = tmp_path / "run_0.csv"
+    path.write_bytes("t,r,v,delta_cmd,größe\n0,0,10,0,1\n".encode(encoding))
+    with pytest.raises(InvalidLogError, match="cannot be read as a table"):
+        read_run(path)
+
+
+def test_a_clock_in_milliseconds_is_guessed():
+    data = columns()
+    with pytest.raises(InvalidLogError, match=r"too coarse.*it looks like milliseconds, convert t"):
+        Run(name="slow", **data | {"t": 1000.0 * data["t"]})

@@ -1,0 +1,180 @@
+"""Relations among a log's columns that hold for any car, and how well they hold: each one ratio that should be one.
+
+A ratio is far from one where a column is in another unit, mirrored, or on another clock; what an effect of the
+catalogue can do to it is its tolerance.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.stats import spearmanr, theilslopes
+
+from drift_drake.logs.screening.windows import Windows
+from drift_drake.vehicle.parameters import VehicleParameters
+
+FEWEST = 12  # windows
+MOST = 400  # windows that slopes are taken over: their cost grows with the square
+GRIP = 0.15  # [rad] of sideslip up to which a car goes where it steers and its wheels roll
+CALM = 0.4  # of the windows, those with least lateral acceleration
+GENTLE = 3.0  # [m/s^2] of v r below which a car whose sideslip is not logged hardly slides
+SMALLEST = 1e-9  # spread of a column that says something
+
+
+@dataclasses.dataclass(frozen=True)
+class Relation:
+    """One ratio of columns: `size` and `sign` as found, one and positive where all is well.
+
+    powers: with which a factor on a column (`t`: the clock) enters the ratio; mirrors: columns whose signs it holds
+    against each other; tolerance: standard deviation of log(size) among cars of the catalogue's effects, with noise;
+    likeness: rank correlation that it was found with.
+    """
+
+    name: str
+    powers: Mapping[str, int]
+    mirrors: tuple[str, ...]
+    tolerance: float
+    size: float
+    sign: float
+    likeness: float
+    says: str  # the ratio in words
+
+    @property
+    def off(self) -> float:
+        """How far from one, in tolerances."""
+        return float(np.log(self.size)) / self.tolerance
+
+
+@dataclasses.dataclass(frozen=True)
+class _Kind:
+    """How a relation is found: measured over expected, for the windows that count, and from which likeness."""
+
+    powers: Mapping[str, int]
+    mirrors: tuple[str, ...]
+    tolerance: float
+    least_likeness: float
+    says: str
+    columns: Callable[[Windows, VehicleParameters], tuple[np.ndarray, np.ndarray]]
+
+
+def _turn(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    return w.r, w.turning
+
+
+def _course(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    return w.course, w.turning
+
+
+def _across(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    return w.ay, w.v * w.r
+
+
+def _along(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    kept = _straight(w)
+    return w.ax[kept], w.gain[kept]
+
+
+def _steer(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    grip = _grip(w)
+    wheelbase = p.front_axle_distance + p.rear_axle_distance
+    return w.delta_cmd[grip], (wheelbase * w.r / w.v)[grip]
+
+
+def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Force at the rim that the torque makes, and the one that mass and axle take up."""
+    kept = _straight(w)
+    spun_up = p.rear_axle_inertia / p.wheel_radius**2 * np.nan_to_num(w.rim_gain)
+    return (p.gear_ratio / p.wheel_radius * w.tau_cmd)[kept], (p.mass * w.gain + spun_up)[kept]
+
+
+def _slide(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    return w.swing, w.ay / w.v - w.r
+
+
+def _slide_by_course(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
+    return w.swing, w.course - w.turning
+
+
+SLOPES = {
+    "turn": _Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi", _turn),
+    "course": _Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi", _course),
+    "across": _Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r", _across),
+    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v", _along),
+    "steer": _Kind({"delta_cmd": 1, "r": -1, "v": 1}, ("delta_cmd", "r"), 0.4, 0.75,
+                   "delta_cmd over r (a + b) / v", _steer),
+    "drive": _Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
+                   "gear_ratio tau_cmd / wheel_radius over mass times the rate of v", _drive),
+}  # fmt: skip
+# Whose witnesses have to agree first: (kind, the relation that says so).
+DEPENDENT = {
+    "slide": (_Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r", _slide),
+              "across"),
+    "slide by course": (_Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7,
+                              "the rate of beta over that of course less psi", _slide_by_course), "course"),
+}  # fmt: skip
+WITNESS = 3.0  # tolerances within which a relation can be a witness for others
+
+
+def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
+    """The relations that the columns allow, those left out that are too unlike to say."""
+    found = {name: _slope(name, kind, windows, vehicle) for name, kind in SLOPES.items()}
+    found["path"] = _ratio("path", {"v": 1, "t": 1}, 0.05, "v over the speed along x, y", windows.v, windows.moved)
+    rolls = _grip(windows)
+    found["rim"] = _ratio(
+        "rim", {"omega_r": 1, "v": -1}, 0.08, "omega_r over v", np.abs(windows.omega_r)[rolls], windows.v[rolls]
+    )
+    for name, (kind, witness) in DEPENDENT.items():
+        at = found[witness]
+        if at is not None and at.sign > 0.0 and abs(at.off) < WITNESS:
+            found[name] = _slope(name, kind, windows, vehicle)
+    return [relation for relation in found.values() if relation is not None]
+
+
+def _grip(w: Windows) -> np.ndarray:
+    """Windows without much sideslip; where none is logged, those of little lateral acceleration."""
+    unseen = np.isnan(w.beta)
+    rows: np.ndarray = np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
+    return rows
+
+
+def _straight(w: Windows) -> np.ndarray:
+    """Windows in which the car goes more or less straight, so that body and course have one direction."""
+    across = np.abs(w.v * w.r)
+    rows: np.ndarray = across <= np.quantile(across, CALM) if len(across) else across > 0.0
+    return rows & _grip(w)
+
+
+def _slope(name: str, kind: _Kind, windows: Windows, vehicle: VehicleParameters) -> Relation | None:
+    """The robust slope between two columns, of which neither is exact: the geometric mean of both ways (Theil-Sen)."""
+    measured, expected = kind.columns(windows, vehicle)
+    known = np.isfinite(measured) & np.isfinite(expected)
+    measured, expected = measured[known], expected[known]
+    if len(measured) < FEWEST:
+        return None
+    if len(measured) > MOST:
+        chosen = np.linspace(0, len(measured) - 1, MOST).astype(int)
+        measured, expected = measured[chosen], expected[chosen]
+    if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
+        return None
+    likeness = float(spearmanr(measured, expected).statistic)
+    there = float(theilslopes(measured, expected).slope)
+    back = float(theilslopes(expected, measured).slope)
+    if abs(likeness) < kind.least_likeness or there * back <= 0.0:
+        return None
+    size = float(np.sqrt(there / back))
+    return Relation(
+        name, kind.powers, kind.mirrors, kind.tolerance, size, float(np.sign(there)), abs(likeness), kind.says
+    )
+
+
+def _ratio(
+    name: str, powers: Mapping[str, int], tolerance: float, says: str, measured: np.ndarray, expected: np.ndarray
+) -> Relation | None:
+    """The ratio of two speeds: of what most windows show the tenth that is nearest to one, as a wheel may slip."""
+    known = np.isfinite(measured) & np.isfinite(expected)
+    measured, expected = measured[known], expected[known]
+    if len(measured) < FEWEST or np.min(expected) <= 0.0 or np.min(measured) <= 0.0:
+        return None
+    low, middle, high = np.quantile(np.log(measured / expected), [0.1, 0.5, 0.9])
+    size = float(np.exp(max(low, 0.0) if middle > 0.0 else min(high, 0.0)))
+    return Relation(name, powers, (), tolerance, size, 1.0, 1.0, says)

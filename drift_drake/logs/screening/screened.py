@@ -1,0 +1,141 @@
+"""Runs without their bad samples: found, listed, and filled from the rows beside."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.logs.screening.frozen import frozen
+from drift_drake.logs.screening.rounding import coarse, noise_of, step
+from drift_drake.logs.screening.spikes import filled, spikes
+from drift_drake.logs.table import Run
+
+MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
+ANGLES = ("psi", "beta")  # that may be wrapped
+UNITS = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
+         "ay": "m/s^2"}  # fmt: skip
+TOLD = 3  # spikes of a column that are told one by one
+
+Span = tuple[int, int]
+
+
+@dataclasses.dataclass(frozen=True)
+class BadRows:
+    """Rows start:stop of one column that are no measurement: a `spike`, or `frozen`."""
+
+    column: str
+    kind: str
+    start: int
+    stop: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Screened:
+    """A run whose bad samples are filled by interpolation, with a list of them.
+
+    noise_floor: standard deviation [the column's unit] that coarse rounding alone makes, by column.
+    """
+
+    run: Run
+    bad: tuple[BadRows, ...]
+    noise_floor: Mapping[str, float]
+
+    def mask(self, *columns: str) -> np.ndarray:
+        """Rows [rows] (bool) in which one of the columns (any, if none is named) is filled, not measured."""
+        rows = np.zeros(len(self.run), dtype=np.bool_)
+        for part in self.bad:
+            if not columns or part.column in columns:
+                rows[part.start : part.stop] = True
+        return rows
+
+
+def screened(runs: Sequence[Run]) -> tuple[list[Screened], list[str]]:
+    """Each run without its bad samples, and sentences on what was found."""
+    out, sentences = [], []
+    for run in runs:
+        one, said = screen(run)
+        out.append(one)
+        sentences += said
+    return out, sentences
+
+
+def screen(run: Run) -> tuple[Screened, list[str]]:
+    """One run without its bad samples, and sentences on them."""
+    bad: list[BadRows] = []
+    floor: dict[str, float] = {}
+    mended: dict[str, Any] = {}
+    sentences: list[str] = []
+    stretches: dict[tuple[int, int], list[str]] = {}
+    for name in MEASURED:
+        raw = run.column(name)
+        if raw is None:
+            continue
+        values = np.unwrap(raw) if name in ANGLES else raw
+        size = step(values)
+        held, found = _bad_spans(values, run.v, size)
+        for span in held:
+            stretches.setdefault(span, []).append(name)
+        parts = [BadRows(name, "frozen", *span) for span in held] + [BadRows(name, "spike", *span) for span in found]
+        if parts:
+            mended[name] = _mended(raw, values, [*held, *found], wrapped=name == "beta")
+            bad += parts
+        sentences += _spike_sentences(run, name, raw, mended.get(name, raw), found)
+        if coarse(values, size):
+            floor[name] = noise_of(size)
+            sentences.append(
+                f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse beside its noise: its noise is "
+                f"at least {floor[name]:.2g} {UNITS[name]}, and not white"
+            )
+    sentences = _frozen_sentences(run, stretches) + sentences
+    clean = dataclasses.replace(run, **mended) if mended else run
+    return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor), sentences
+
+
+def _bad_spans(values: np.ndarray, v: np.ndarray, size: float) -> tuple[list[Span], list[Span]]:
+    """Frozen stretches and spikes of one column; what is both is frozen."""
+    held = frozen(values, v, size)
+    found = [span for span in spikes(values, size) if not _overlaps(span, held)]
+    if found:
+        # A spike beside readings that repeat looks like the jump at a frozen stretch's end.
+        still = frozen(filled(values, found), v, size)
+        held = [span for span in held if _overlaps(span, still)]
+    return held, found
+
+
+def _overlaps(span: Span, others: Sequence[Span]) -> bool:
+    return any(span[0] < stop and start < span[1] for start, stop in others)
+
+
+def _mended(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped: bool) -> np.ndarray:
+    """The column with bad rows filled; `values` is it unwrapped."""
+    between = filled(values, bad)
+    if wrapped:
+        between = np.arctan2(np.sin(between), np.cos(between))
+    rows = np.zeros(len(raw), dtype=np.bool_)
+    for start, stop in bad:
+        rows[start:stop] = True
+    return np.where(rows, between, raw)
+
+
+def _spike_sentences(
+    run: Run, name: str, raw: np.ndarray, filled: np.ndarray, found: Sequence[tuple[int, int]]
+) -> list[str]:
+    told = []
+    for start, stop in found[:TOLD]:
+        rows = "" if stop - start == 1 else f" ({stop - start} rows)"
+        told.append(f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} beside {filled[start]:.4g})")
+    if not told:
+        return []
+    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
+    what = "a spike" if len(found) == 1 else f"{len(found)} spikes"
+    return [f"{run.name}: {name} has {what} {', '.join(told)}{more}: left out"]
+
+
+def _frozen_sentences(run: Run, stretches: Mapping[tuple[int, int], Sequence[str]]) -> list[str]:
+    """Columns that freeze together are told together."""
+    return [
+        f"{run.name}: {', '.join(names)} {'is' if len(names) == 1 else 'are'} frozen from {run.t[start]:.2f} to "
+        f"{run.t[stop - 1]:.2f} s ({stop - start} rows of the same value while the car moves): left out"
+        for (start, stop), names in sorted(stretches.items())
+    ]

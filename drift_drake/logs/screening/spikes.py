@@ -1,0 +1,101 @@
+"""Spikes: one or a few rows far from what the rows on both sides say."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from drift_drake.logs.white_noise import white_noise_level
+
+LONGEST = 5  # rows of a spike; what lasts longer may be the car
+BESIDE = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
+FROM_RANGE = 4.0  # half ranges of the rows beside that a spike lies outside of them
+FROM_NOISE = 8.0  # standard deviations of the channel's white noise
+FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
+USUAL = 0.99
+STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a small change
+PASSES = 10  # a large spike hides smaller ones beside it
+
+
+def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
+    """Spans of rows (start, stop), in order, that are spikes of the signal [n].
+
+    A row is one where it lies outside of the range of its neighbours on both sides, by far more than that range, than
+    the channel's white noise and than its rows usually do. Beside a step the range holds the step, so that hard
+    steering, wheel spin or a reading that is held for some rows are none.
+
+    Args:
+        resolution: step of the signal's numbers (`rounding.step`).
+    """
+    if len(values) <= 2 * BESIDE + LONGEST:
+        return []
+    found: list[tuple[int, int]] = []
+    cleaned = values.astype(float)
+    for _ in range(PASSES):
+        new = _clear_spikes(cleaned, resolution)
+        if not new:
+            break
+        found += new
+        cleaned = filled(values, found)
+    return _joined(found)
+
+
+def filled(values: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The signal [n] with spans of rows on the line between the rows beside them."""
+    good = np.ones(len(values), dtype=np.bool_)
+    for start, stop in spans:
+        good[start:stop] = False
+    rows = np.arange(len(values))
+    return np.where(good, values, np.interp(rows, rows[good], values[good]))
+
+
+def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
+    """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
+    taken = np.zeros(len(values), dtype=np.bool_)
+    noise = white_noise_level(values)
+    found = []
+    for width in range(LONGEST, 0, -1):
+        outside, half_range = outside_neighbours(values, width)
+        usual = max(float(np.quantile(outside, USUAL)), 0.0)
+        least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))
+        # What is as small as the rounding of the numbers is no evidence.
+        least = np.maximum(least, max(STEPS * resolution, 1e-5 * float(np.max(np.abs(values)))))
+        for i in np.flatnonzero(outside > least):
+            start, stop = int(i) + BESIDE, int(i) + BESIDE + width
+            near = slice(max(start - LONGEST, 0), stop + LONGEST)
+            if not np.any(taken[near]):
+                taken[start:stop] = True
+                found.append((start, stop))
+    return found
+
+
+def outside_neighbours(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """How far each window of `width` rows lies outside of its neighbours' range, and half that range.
+
+    Both [n - 2 BESIDE - width + 1], in the signal's unit, beside the line through the medians of either side; of the
+    neighbours the farthest is left out. Of a window's rows the one that lies outside least counts.
+    """
+    total = 2 * BESIDE + width
+    window = sliding_window_view(values, total)
+    left, right = np.median(window[:, :BESIDE], axis=1), np.median(window[:, BESIDE + width :], axis=1)
+    place = np.arange(total) - 0.5 * (total - 1)
+    rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (BESIDE + width))[:, None] * place
+    beside = np.sort(np.concatenate([rest[:, :BESIDE], rest[:, BESIDE + width :]], axis=1), axis=1)
+    middle = np.median(beside, axis=1)
+    lowest_farthest = middle - beside[:, 0] > beside[:, -1] - middle
+    low = np.where(lowest_farthest, beside[:, 1], beside[:, 0])
+    high = np.where(lowest_farthest, beside[:, -1], beside[:, -2])
+    half_range = 0.5 * (high - low)
+    apart = np.abs(rest[:, BESIDE : BESIDE + width] - 0.5 * (high + low)[:, None])
+    return np.min(apart, axis=1) - half_range, half_range
+
+
+def _joined(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Spans in order, those that touch made one."""
+    joined: list[tuple[int, int]] = []
+    for start, stop in sorted(spans):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(stop, joined[-1][1]))
+        else:
+            joined.append((start, stop))
+    return joined

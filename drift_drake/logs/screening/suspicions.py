@@ -1,0 +1,170 @@
+"""Units, signs and clocks that a log seems to have wrong, told before any physics is blamed."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+
+from drift_drake.logs.screening.different_cars import disagreements
+from drift_drake.logs.screening.mistakes import Mistake, mistakes
+from drift_drake.logs.screening.relations import Relation, relations
+from drift_drake.logs.screening.screened import screen
+from drift_drake.logs.screening.windows import windows_of
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.parameters import VehicleParameters
+
+SUSPECT = 4.0  # tolerances from one at which no effect of the catalogue explains a relation
+EXPLAINED = 3.0  # within which it is explained
+WORST = 12.0  # tolerances beyond which a relation counts no more
+LEAST_GAIN = 12.0  # in squared tolerances: what a mistake has to explain
+ALIKE = 4.0  # in squared tolerances: mistakes that explain as much are told as alternatives
+EXTRA_COLUMN = 1.0  # in squared tolerances: what a mistake of one column more has to explain besides
+MOST = 6  # mistakes of one case
+MIRRORED = 0.75  # likeness from which a sign is believed
+MIRRORED_FORWARD = 0.9  # and of a torque's or ax's alone, which nothing but the speed is a witness to
+SIGNS = ("r", "psi", "y", "ay", "delta_cmd", "beta", "ax", "tau_cmd")
+
+Corrections = list[tuple[str, float]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Suspicion:
+    """What looks wrong, in a sentence with the mend.
+
+    column: its name, `t` for the clock, None for whole runs; factor: that it is too large by, -1 where it is mirrored,
+    None where there is none; evidence: the ratios that say so.
+    """
+
+    sentence: str
+    column: str | None
+    factor: float | None
+    evidence: str
+
+
+def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicion]:
+    """Mistakes of units, signs and clocks that explain these runs of one car much better than physics could.
+
+    Columns are held against each other (`relations`); where relations are off by more than the catalogue's effects can
+    do, the known mistake that explains most is told, taken out, and the rest is looked at again. Nothing is told where
+    no known mistake explains it. A case that is mirrored as a whole looks like a car. Bad samples are left out first.
+    """
+    windows = windows_of([screen(run)[0].run for run in runs])
+    found: list[Suspicion] = []
+    for _ in range(MOST):
+        at = relations(windows, vehicle)
+        told, corrections = _scaled(at, vehicle)
+        if not told:
+            told, corrections = _mirrored(at)
+        if not told:
+            break
+        found += told
+        for column, factor in corrections:
+            windows = windows.corrected(column, factor)
+    apart = disagreements([run.name for run in runs], windows, vehicle)
+    return found + [Suspicion(sentence, None, None, evidence) for sentence, evidence in apart]
+
+
+def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list[Suspicion], Corrections]:
+    """The mistake of units or clock that explains most, told for each of its columns, and how to take it out."""
+    if all(abs(relation.off) < SUSPECT for relation in found):
+        return [], []
+    before = _cost(found, {})
+    ranked = []
+    for mistake in mistakes(vehicle):
+        touched = [relation for relation in found if _power(relation, mistake) != 0]
+        # Every column of the mistake has to be seen.
+        if not all(any(column in relation.powers for relation in touched) for column in mistake.columns):
+            continue
+        size = _best_size(mistake, touched)
+        changes = dict.fromkeys(mistake.columns, size)
+        mended = [relation for relation in touched if abs(relation.off) > SUSPECT]
+        if not any(abs(_left(relation, changes)) < EXPLAINED for relation in mended):
+            continue
+        gain = before - _cost(found, changes) - EXTRA_COLUMN * (len(mistake.columns) - 1)
+        if gain > LEAST_GAIN:
+            ranked.append((gain, mistake, changes))
+    if not ranked:
+        return [], []
+    ranked.sort(key=lambda entry: -entry[0])
+    best_gain, best, changes = ranked[0]
+    rivals = [mistake for gain, mistake, _ in ranked[1:] if gain > best_gain - ALIKE]
+    told = [_suspicion(column, best, changes[column], found, rivals) for column in best.columns]
+    return told, list(changes.items())
+
+
+def _power(relation: Relation, mistake: Mistake) -> int:
+    """Power with which the mistake's factor enters the relation; its columns may cancel."""
+    return sum(relation.powers.get(column, 0) for column in mistake.columns)
+
+
+def _best_size(mistake: Mistake, touched: Sequence[Relation]) -> float:
+    """The factor; of a range, the one that the relation held most tightly asks for."""
+    if mistake.low == mistake.high or not touched:
+        return mistake.low
+    tight = min(touched, key=lambda relation: relation.tolerance)
+    asked = tight.size ** (1.0 / _power(tight, mistake))
+    return float(min(max(asked, mistake.low), mistake.high))
+
+
+def _left(relation: Relation, changes: dict[str, float]) -> float:
+    """How far off the relation is, in tolerances, once the factors are taken out."""
+    out = sum(power * math.log(changes[column]) for column, power in relation.powers.items() if column in changes)
+    return relation.off - out / relation.tolerance
+
+
+def _cost(found: Sequence[Relation], changes: dict[str, float]) -> float:
+    return sum(min(abs(_left(relation, changes)), WORST) ** 2 for relation in found)
+
+
+def _suspicion(
+    column: str, mistake: Mistake, size: float, found: Sequence[Relation], rivals: Sequence[Mistake]
+) -> Suspicion:
+    witnesses = [relation for relation in found if column in relation.powers and abs(relation.off) > SUSPECT]
+    evidence = "; ".join(f"{relation.says} is {relation.size:.3g}" for relation in witnesses)
+    seen = [relation for relation in witnesses if len(mistake.columns) == 1 or _power(relation, mistake)]
+    measured = min(seen or witnesses or found, key=lambda relation: relation.tolerance)
+    power = measured.powers.get(column, 1)
+    says = "an engine behind gear_ratio gives" if column == "tau_cmd" else "other columns say"
+    times = f"{measured.size ** (1.0 / power):.3g} times what {says}"
+    what = "the clock t" if column == "t" else f"column {column}"
+    others = [f"{' and '.join(rival.columns)} as {rival.looks_like}" for rival in rivals if rival != mistake]
+    either = f"; or {', or '.join(others)}" if others else ""
+    return Suspicion(
+        f"{what} looks like {mistake.looks_like} ({times}): {mistake.mend}{either}", column, size, evidence
+    )
+
+
+def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
+    """The fewest columns whose mirroring makes all signs agree."""
+    signed = [
+        relation for relation in found
+        if relation.mirrors and relation.likeness >= (MIRRORED if len(relation.mirrors) > 1 else MIRRORED_FORWARD)
+    ]  # fmt: skip
+    wrong = [relation for relation in signed if relation.sign < 0.0]
+    if not wrong:
+        return [], []
+    columns = [name for name in SIGNS if any(name in relation.mirrors for relation in signed)]
+
+    def agree(flipped: Sequence[str]) -> bool:
+        return all(
+            relation.sign * (-1.0) ** sum(name in flipped for name in relation.mirrors) > 0.0 for relation in signed
+        )
+
+    for count in range(1, len(columns) + 1):
+        choices = [choice for choice in itertools.combinations(columns, count) if agree(choice)]
+        if choices:
+            break
+    else:
+        return [], []
+    first, *others = choices
+    either = f"; or {', or '.join(' and '.join(choice) for choice in others)} instead" if others else ""
+    told = []
+    for column in first:
+        evidence = "; ".join(f"{relation.says} is negative" for relation in wrong if column in relation.mirrors)
+        axis = " (or x)" if column == "y" else ""
+        sentence = (
+            f"column {column}{axis} looks mirrored, against the other columns{either}: the log is ISO 8855 (x forward, "
+            "y left, z up), give its frame or sign in the mapping"
+        )
+        told.append(Suspicion(sentence, column, -1.0, evidence))
+    return told, [(column, -1.0) for column in first]

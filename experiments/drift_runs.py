@@ -32,6 +32,7 @@ from diagrams.information_gathering import (
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
@@ -275,7 +276,7 @@ def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
         return frozenset(str(name) for name in stored["wanted"]), beliefs
 
 
-class OtherExperimentError(ValueError):
+class OtherExperimentError(DriftDrakeError, ValueError):
     """A folder that holds runs of another experiment; the message names it and what differs."""
 
 

@@ -19,6 +19,8 @@ from typing import Literal, TypeVar
 
 from tqdm import tqdm
 
+from drift_drake.errors import DriftDrakeError
+
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
@@ -34,11 +36,11 @@ class ExecutorConfig:
     """Address of a dask scheduler, such as tcp://HOST:8786; without, dask runs `workers` processes here."""
 
 
-class NoClusterError(RuntimeError):
+class NoClusterError(DriftDrakeError, RuntimeError):
     """A cluster that cannot be used; the message names the mend."""
 
 
-class JobsFailedError(RuntimeError):
+class JobsFailedError(DriftDrakeError, RuntimeError):
     """Some jobs failed; the message says how many, and the first one's error."""
 
 

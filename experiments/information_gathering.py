@@ -27,6 +27,7 @@ from diagrams.information_gathering import GatheringConfig, InfeasiblePlanError,
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
@@ -63,7 +64,7 @@ class InformationConfig:
     out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
 
 
-class MissingDrivesError(ValueError):
+class MissingDrivesError(DriftDrakeError, ValueError):
     """The drives to judge by are not there; the message says how to make them."""
 
 

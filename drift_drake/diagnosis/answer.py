@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
@@ -13,11 +14,11 @@ ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
 
 
-class InvalidAnswerError(ValueError):
+class InvalidAnswerError(DriftDrakeError, ValueError):
     """An answer file that cannot be used; the message names the file and the mend."""
 
 
-class UnplannableError(ValueError):
+class UnplannableError(DriftDrakeError, ValueError):
     """An answer that no drive can follow; the message says why."""
 
 

@@ -5,11 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.scores import Normal, normal_from_data
 
 
-class InvalidCalibrationError(ValueError):
+class InvalidCalibrationError(DriftDrakeError, ValueError):
     """A calibration that cannot be used; the message names the file and the mend."""
 
 

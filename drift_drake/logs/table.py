@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drift_drake.errors import DriftDrakeError
+
 IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
 OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
@@ -29,7 +31,7 @@ LARGEST = {  # beyond these a number is in another unit or broken
 ANGLES = ("r", "beta", "delta_cmd")
 
 
-class InvalidLogError(ValueError):
+class InvalidLogError(DriftDrakeError, ValueError):
     """A log that cannot be used; the message names the file, the place and the mend."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.features import Network, input_scaling
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -20,7 +21,7 @@ PRECISION_FLOOR = 1e-6  # added to the diagonal of Lambda_0 = L L^T, which may b
 WEIGHTS = ("w1", "b1", "w2", "b2", "w_out", "b_out")
 
 
-class InvalidCheckpointError(ValueError):
+class InvalidCheckpointError(DriftDrakeError, ValueError):
     """A file that holds no model; the message names the file and the mend."""
 
 

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.errors import DriftDrakeError
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -17,7 +19,7 @@ MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT]
 WIDTHS = {"x": MIRROR_STATE.shape, "x_next": MIRROR_STATE.shape, "u": MIRROR_INPUT.shape, "u_next": MIRROR_INPUT.shape}
 
 
-class InvalidSamplesError(ValueError):
+class InvalidSamplesError(DriftDrakeError, ValueError):
     """A table that cannot be used; the message names the file, the place and the mend."""
 
 

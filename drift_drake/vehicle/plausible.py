@@ -1,0 +1,109 @@
+"""Which parameters and effects a vehicle can have: the wide ranges beyond which a number is an error of the file.
+
+From a model car of 1.6 kg to a lorry of 40 t. Sizes are judged one by one; inertias, stiffnesses and torques as ratios
+to them, since what is too much for the one is little for the other; effects as multiples of the catalogue's ranges.
+Within these ranges an integrator can follow the equations' solutions.
+"""
+
+from collections.abc import Mapping
+
+from drift_drake.vehicle.effects import CATALOGUE, Effects, magnitudes_of
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+
+SIZES = {  # SI
+    "mass": (0.05, 1e5),
+    "front_axle_distance": (0.01, 20.0),
+    "rear_axle_distance": (0.01, 20.0),
+    "wheel_radius": (0.003, 3.0),
+    "gear_ratio": (0.01, 1e3),
+    "friction": (0.02, 10.0),
+    "gravity": (0.5, 30.0),
+}
+LARGEST_TOLERANCE = 10.0
+REACH = 5.0  # times the larger end of the catalogue's range
+LEAST_FACTOR = 0.05  # of an effect that multiplies a parameter by 1 + q
+FACTORS = (
+    "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error", "mass_error",
+    "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error")  # fmt: skip
+SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
+FORCES = ("drivetrain_friction", "aero_drag", "differential_yaw_moment")  # that grow with the vehicle
+USUAL_MASS = 1650.0  # [kg] of the car that the catalogue's ranges are for
+FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
+LEAST_SHARE_OF_WHEELBASE = 0.02  # by which the centre of gravity stays between the axles
+
+
+def ratios(p: VehicleParameters) -> dict[str, tuple[float, float, float, str]]:
+    """(value, lowest, highest, in words) by parameter, of what is judged relative to the vehicle's size."""
+    weight, torque = p.mass * p.gravity, p.mass * p.gravity * p.wheel_radius / p.gear_ratio
+    return {
+        "yaw_inertia": (
+            p.yaw_inertia / (p.mass * p.front_axle_distance * p.rear_axle_distance), 0.02, 50.0,
+            "mass * front_axle_distance * rear_axle_distance",
+        ),
+        "rear_axle_inertia": (p.rear_axle_inertia / (p.mass * p.wheel_radius**2), 1e-3, 10.0, "mass * wheel_radius^2"),
+        "front_stiffness": (p.front_stiffness / weight, 0.1, 300.0, "the weight"),
+        "rear_stiffness": (p.rear_stiffness / weight, 0.1, 300.0, "the weight"),
+        "torque_max": (abs(p.torque_max) / torque, 0.0, 100.0, "the torque of an acceleration of 1 g"),
+        "torque_min": (abs(p.torque_min) / torque, 0.0, 100.0, "the torque of an acceleration of 1 g"),
+    }  # fmt: skip
+
+
+def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
+    """Sees that parameters may be some vehicle's.
+
+    Raises:
+        InvalidVehicleError: names `source`, the parameter and the range.
+    """
+    for name, (low, high) in SIZES.items():
+        value = getattr(p, name)
+        if not low <= value <= high:
+            raise InvalidVehicleError(f"{source}: {name} is {value:g}; no vehicle's is outside {low:g} to {high:g}")
+    for name, (ratio, low, high, words) in ratios(p).items():
+        if not low <= ratio <= high:
+            raise InvalidVehicleError(
+                f"{source}: {name} is {getattr(p, name):g}, {ratio:.3g} times {words}; no vehicle's is outside "
+                f"{low:g} to {high:g} times"
+            )
+    for name, value in vars(p.tolerance).items():
+        if value > LARGEST_TOLERANCE:
+            raise InvalidVehicleError(
+                f"{source}: tolerance.{name} is {value:g}; give a standard deviation below {LARGEST_TOLERANCE:g}"
+            )
+
+
+def effect_range(name: str, mass: float = USUAL_MASS) -> tuple[float, float]:
+    """Magnitudes that an effect can have on a vehicle of this mass [kg]; zero switches an effect off."""
+    info = CATALOGUE[name]
+    if name == "steering_rate_limit":
+        return SLOWEST_STEERING, FASTEST_STEERING
+    reach = REACH * max(abs(info.low), abs(info.high)) * (max(mass / USUAL_MASS, 1.0) if name in FORCES else 1.0)
+    low, high = (-reach if info.signed else 0.0), reach
+    if name in FACTORS:
+        low = max(low, LEAST_FACTOR - 1.0)
+    if name in SHARES:
+        high = min(high, 1.0 - LEAST_FACTOR)
+    return low, high
+
+
+def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, source: str = "vehicle") -> None:
+    """Sees that effects may be a vehicle's.
+
+    Raises:
+        InvalidVehicleError: names `source`, the effect and the range.
+    """
+    magnitudes = magnitudes_of(effects) if isinstance(effects, Effects) else effects
+    for name, q in magnitudes.items():
+        low, high = effect_range(name, p.mass)
+        if q != 0.0 and not low <= q <= high:
+            unit = CATALOGUE[name].unit
+            unit = "" if unit == "-" else f" {unit}"
+            raise InvalidVehicleError(
+                f"{source}: effects.{name} is {q:g}{unit}; no vehicle's is outside {low:g} to {high:g}{unit}"
+            )
+    least = LEAST_SHARE_OF_WHEELBASE * (p.front_axle_distance + p.rear_axle_distance)
+    shift = magnitudes.get("cg_shift", 0.0)
+    if min(p.front_axle_distance + shift, p.rear_axle_distance - shift) < least:
+        raise InvalidVehicleError(
+            f"{source}: effects.cg_shift is {shift:g} m, which takes the centre of gravity to or over an axle; "
+            f"give one between {least - p.front_axle_distance:.3g} and {p.rear_axle_distance - least:.3g} m"
+        )

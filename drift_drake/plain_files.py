@@ -57,8 +57,8 @@ def read_json(path: str | Path, error: type[DriftDrakeError], mend: str) -> Any:
     return parse_json(read_text(path, error, mend), error, str(path), mend)
 
 
-def parse_json(text: str, error: type[DriftDrakeError], source: str, mend: str) -> Any:
-    """The content of a JSON text; see `read_json`."""
+def parse_json(text: str, error: type[DriftDrakeError], source: str, mend: str, strict: bool = True) -> Any:
+    """The content of a JSON text; see `read_json`. Not `strict`, NaN and infinite numbers are let through."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         out = dict(pairs)
@@ -70,7 +70,7 @@ def parse_json(text: str, error: type[DriftDrakeError], source: str, mend: str) 
 
     def finite(number: str) -> float:
         value = float(number)
-        if not math.isfinite(value):
+        if strict and not math.isfinite(value):
             raise error(f"{source}: holds {shown(number)}, which is no finite number; {mend}")
         return value
 

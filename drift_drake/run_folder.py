@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.safe_files import write_text
+
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
 
 
@@ -23,7 +25,7 @@ def make_run_folder(name: str, out: Path | None = None) -> Path:
 
 def write_json(path: Path, data: Any) -> None:
     """Anything that `plain` takes, as JSON."""
-    path.write_text(to_json(data) + "\n")
+    write_text(path, to_json(data) + "\n")
 
 
 def to_json(data: Any) -> str:

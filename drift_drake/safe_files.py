@@ -3,14 +3,18 @@
 import contextlib
 import os
 import secrets
+import shutil
 import stat
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from drift_drake.errors import OutputError
 
-PARTIAL = ".part-"  # how names of unfinished files begin; what follows is random, then the file's own name
+PARTIAL = ".part-"  # how names of folders for unfinished files begin; what follows is random
 STANDARD_OUTPUT = Path("-")
 
 
@@ -18,9 +22,9 @@ STANDARD_OUTPUT = Path("-")
 def replacing(path: str | Path) -> Iterator[Path]:
     """The path of a temporary file to write, which replaces `path` at the end of the block.
 
-    The folder is made. If the block raises, or the process ends within it, `path` keeps what it held. The
-    temporary file has the same ending, which tells many writers the format. A link is followed; what is no regular
-    file (/dev/null, a pipe) is written to directly.
+    The folder is made. If the block raises, or the process ends within it, `path` keeps what it held. The temporary
+    file has the same name, which tells many writers the format, in a folder of its own beside `path`. A link is
+    followed; what is no regular file (/dev/null, a pipe) is written to directly.
 
     Raises:
         OutputError: the file cannot be written.
@@ -32,7 +36,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
         if _special(path):
             yield path
             return
-        part = target.with_name(f"{PARTIAL}{secrets.token_hex(4)}-{target.name}")
+        folder = target.with_name(f"{PARTIAL}{secrets.token_hex(4)}")
+        folder.mkdir()
+        part = folder / target.name
         try:
             yield part
             _flush(part)
@@ -40,7 +46,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
                 part.chmod(stat.S_IMODE(target.stat().st_mode))
             part.replace(target)
         finally:
-            part.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)
     except OutputError:
         raise
     except OSError as error:
@@ -114,3 +120,21 @@ def _flush(path: Path) -> None:
 def _sentence(path: Path, error: Exception) -> str:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return f"{path}: cannot be written ({reason}); give another place, or make room"
+
+
+def write_table(table: Any, path: str | Path, **options: Any) -> None:
+    """Writes a pandas table as CSV, whole or not at all; options are those of `to_csv`."""
+    with replacing(path) as part:
+        table.to_csv(part, **options)
+
+
+def write_figure(figure: Any, path: str | Path, **options: Any) -> None:
+    """Writes a matplotlib figure, whole or not at all; options are those of `savefig`."""
+    with replacing(path) as part:
+        figure.savefig(part, **options)
+
+
+def write_arrays(path: str | Path, **arrays: Any) -> None:
+    """Writes arrays as .npz, whole or not at all."""
+    with replacing(path) as part, part.open("wb") as file:
+        np.savez(file, **arrays)

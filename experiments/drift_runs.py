@@ -40,6 +40,7 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import plain, write_json
+from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
@@ -153,7 +154,7 @@ def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -
     """Makes the runs that the folder lacks; one row a run (labels and metrics), in the order of the jobs."""
 
     def write(job: DriveJob, result: DriveResult) -> None:
-        result.table[list(COLUMNS)].to_csv(folder / f"{job.name}.csv", index=False, float_format="%.6g")
+        write_table(result.table[list(COLUMNS)], folder / f"{job.name}.csv", index=False, float_format="%.6g")
         # Last, and at one stroke: a run is done when its numbers are there.
         partial = folder / f"{job.name}.partial"
         write_json(partial, job.labels | result.metrics)
@@ -162,7 +163,7 @@ def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -
     missing = [job for job in jobs if not (folder / f"{job.name}.json").exists()]
     run_jobs(run_on, drive, missing, write, "run")
     runs = pd.DataFrame([json.loads((folder / f"{job.name}.json").read_text()) for job in jobs])
-    runs.to_csv(folder / "runs.csv", index=False)
+    write_table(runs, folder / "runs.csv", index=False)
     return runs
 
 
@@ -260,7 +261,7 @@ def gather_all(
                 for name, belief in beliefs.items()
                 for field, value in belief._asdict().items()
             }
-            np.savez(files[job.attempt], wanted=sorted(job.wanted), **arrays)
+            write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
 
         run_jobs(config.run_on, gather_beliefs, jobs, write, "gathering")
     return {attempt: _read_beliefs(file)[1] for attempt, file in files.items()}

@@ -28,6 +28,7 @@ from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose_folder
 from drift_drake.logs.table import write_run
+from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
@@ -121,13 +122,13 @@ def make(command: Make) -> None:
             labels.append(job.result())
     text = json.dumps({"seed": seed, "labels": sorted(labels, key=lambda label: str(label["case"]))})
     sealed = base64.b64encode(zlib.compress(text.encode()))
-    (command.out / "labels.sealed").write_bytes(sealed)
+    write_bytes(command.out / "labels.sealed", sealed)
     VehicleParameters().to_yaml(command.out / "vehicle.yaml")
     manifest = {
         "labels_sha256": hashlib.sha256(sealed).hexdigest(),
         "cases": {label["case"]: {"without": label["without"]} for label in labels},
     }
-    (command.out / "manifest.json").write_text(json.dumps(manifest, indent=1, sort_keys=True))
+    write_text(command.out / "manifest.json", json.dumps(manifest, indent=1, sort_keys=True))
 
 
 def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any]]:
@@ -162,8 +163,8 @@ def answer(command: Respond) -> None:
                 jobs[pool.submit(answer_one, command.out / "cases" / name, case["without"])] = name
         for job in tqdm(as_completed(jobs), total=len(jobs), unit="case"):
             text, raw = job.result()
-            (command.out / "evidence" / f"{jobs[job]}.json").write_text(json.dumps(raw))
-            (command.out / "answers" / f"{jobs[job]}.json").write_text(text)
+            write_text(command.out / "evidence" / f"{jobs[job]}.json", json.dumps(raw))
+            write_text(command.out / "answers" / f"{jobs[job]}.json", text)
 
 
 def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
@@ -194,9 +195,9 @@ def score(command: Score) -> None:
     """Prints and writes the scores, and draws their pictures."""
     pairs = answered(command.out, command.partial)
     result = scores(pairs)
-    (command.out / "scores.json").write_text(json.dumps(result, indent=1))
+    write_text(command.out / "scores.json", json.dumps(result, indent=1))
     text = score_text(result)
-    (command.out / "scores.md").write_text(text)
+    write_text(command.out / "scores.md", text)
     draw_scores(pairs, command.out)
     print(text)
 

@@ -33,6 +33,7 @@ from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_arrays, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting_errors import drifting_errors, judged_by_halves
@@ -199,10 +200,10 @@ class _Vehicle:
             if k < 2:
                 name = ("once", "twice")[k]
                 beliefs[f"{name.capitalize()}-Info"] = belief
-                np.savez(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
+                write_arrays(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
         for name, table in tables.items():
             file = folder / f"{name.replace(' ', '_').lower()}-{self._index:03d}.csv"
-            table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}).to_csv(file, index=False)
+            write_table(table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}), file, index=False)
         result["halves"] = judged_by_halves(model, beliefs, self._judged)
         return result
 
@@ -234,7 +235,7 @@ def main(config: InformationConfig) -> None:
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)
-    (folder / "report.md").write_text(text)
+    write_text(folder / "report.md", text)
     model = load(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
     print(text)

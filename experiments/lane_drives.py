@@ -38,6 +38,7 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.model.training_config import LANE_ROUND
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import join_vehicles
 
@@ -156,7 +157,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         belief = learn(model, belief, phases[0][-1])
     save_samples(all_phases(phases), folder / f"{name}_phases.npz")
     save_samples(concatenate(phases[0]), folder / f"{name}.npz")
-    (folder / f"{name}.json").write_text(json.dumps(endings))
+    write_text(folder / f"{name}.json", json.dumps(endings))
     return endings
 
 

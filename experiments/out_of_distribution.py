@@ -36,6 +36,7 @@ from drift_drake.model.out_of_distribution import (
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_runs import REFUSALS, DriftConfig, open_folder, reference
@@ -219,10 +220,12 @@ def main(config: DetectionConfig) -> None:
     summary = judge(results, config)
     write_json(folder / "numbers.json", summary)
     text = report(summary, config)
-    (folder / "report.md").write_text(text + "\n")
-    picture(results, summary, config).savefig(folder / "statistic.png")
-    pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]).to_csv(
-        folder / "runs.csv", index=False
+    write_text(folder / "report.md", text + "\n")
+    write_figure(picture(results, summary, config), folder / "statistic.png")
+    write_table(
+        pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]),
+        folder / "runs.csv",
+        index=False,
     )
     print(text)
     print(f"results in {folder}")

@@ -33,6 +33,7 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
+from drift_drake.safe_files import write_table
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -91,7 +92,7 @@ class NextDrive:
 
     def write(self, path: str | Path) -> None:
         """Writes the table as CSV."""
-        self.table().to_csv(path, index=False)
+        write_table(self.table(), path, index=False)
 
     def sentence(self) -> str:
         """What the drive is for and what it promises."""

@@ -7,7 +7,8 @@ Within these ranges an integrator can follow the equations' solutions.
 
 from collections.abc import Mapping
 
-from drift_drake.vehicle.effects import CATALOGUE, Effects, magnitudes_of
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects, magnitudes_of
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
 SIZES = {  # SI
@@ -20,14 +21,12 @@ SIZES = {  # SI
     "gravity": (0.5, 30.0),
 }
 LARGEST_TOLERANCE = 10.0
-REACH = 5.0  # times the larger end of the catalogue's range
+REACH = 5.0  # times the larger end of the catalogue's range for a vehicle of this size
 LEAST_FACTOR = 0.05  # of an effect that multiplies a parameter by 1 + q
 FACTORS = (
     "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error", "mass_error",
     "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error")  # fmt: skip
 SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
-FORCES = ("drivetrain_friction", "aero_drag", "differential_yaw_moment")  # that grow with the vehicle
-USUAL_MASS = 1650.0  # [kg] of the car that the catalogue's ranges are for
 FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
 LEAST_SHARE_OF_WHEELBASE = 0.02  # by which the centre of gravity stays between the axles
 
@@ -71,12 +70,12 @@ def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
             )
 
 
-def effect_range(name: str, mass: float = USUAL_MASS) -> tuple[float, float]:
-    """Magnitudes that an effect can have on a vehicle of this mass [kg]; zero switches an effect off."""
-    info = CATALOGUE[name]
+def effect_range(name: str, p: VehicleParameters) -> tuple[float, float]:
+    """Magnitudes that an effect can have on this vehicle; zero switches an effect off."""
     if name == "steering_rate_limit":
         return SLOWEST_STEERING, FASTEST_STEERING
-    reach = REACH * max(abs(info.low), abs(info.high)) * (max(mass / USUAL_MASS, 1.0) if name in FORCES else 1.0)
+    info = CATALOGUE[name]
+    reach = REACH * max(abs(end) for end in info.range_for(p))
     low, high = (-reach if info.signed else 0.0), reach
     if name in FACTORS:
         low = max(low, LEAST_FACTOR - 1.0)
@@ -93,7 +92,7 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
     """
     magnitudes = magnitudes_of(effects) if isinstance(effects, Effects) else effects
     for name, q in magnitudes.items():
-        low, high = effect_range(name, p.mass)
+        low, high = effect_range(name, p)
         if q != 0.0 and not low <= q <= high:
             unit = CATALOGUE[name].unit
             unit = "" if unit == "-" else f" {unit}"

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import platform
+import zipfile
 from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import version
@@ -31,6 +32,17 @@ def write_json(path: Path, data: Any) -> None:
 def to_json(data: Any) -> str:
     """The text that `write_json` writes."""
     return json.dumps(plain(data), indent=2, allow_nan=False)
+
+
+def is_done(path: Path) -> bool:
+    """Whether a file of results (JSON or .npz) is there and whole: an empty or cut one is to be made again."""
+    if path.suffix == ".npz":
+        return path.is_file() and zipfile.is_zipfile(path)
+    try:
+        json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def write_versions(folder: Path) -> None:

@@ -53,6 +53,30 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise OutputError(_sentence(path, error)) from error
 
 
+@contextlib.contextmanager
+def writing_together(folder: Path) -> Iterator[Path]:
+    """A temporary folder to write files into, which are all moved to `folder` at the end of the block.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    part = folder / f"{PARTIAL}{secrets.token_hex(4)}"
+    try:
+        part.mkdir(parents=True)
+        try:
+            yield part
+            for path in sorted(part.iterdir()):
+                _flush(path)
+            for path in sorted(part.iterdir()):
+                path.replace(folder / path.name)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(_sentence(folder, error)) from error
+
+
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Writes a binary file, whole or not at all."""
     with replacing(path) as part:

@@ -37,7 +37,7 @@ from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays, write_text
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drift_report import summarise
@@ -165,7 +165,7 @@ def _own_drives(config: DriftConfig, folder: Path) -> dict[Attempt, Samples]:
     jobs = [
         DriveJob(file.stem, {}, "figure_8", config.effects(vehicle), OWN_DRIVE + seed, "oracle", config.control)
         for (vehicle, seed), file in files.items()
-        if not file.exists()
+        if not is_done(file)
     ]
 
     def write(job: DriveJob, samples: Samples) -> None:

@@ -39,7 +39,7 @@ from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, 
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import plain, write_json
+from drift_drake.run_folder import is_done, plain, write_json
 from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -155,12 +155,10 @@ def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -
 
     def write(job: DriveJob, result: DriveResult) -> None:
         write_table(result.table[list(COLUMNS)], folder / f"{job.name}.csv", index=False, float_format="%.6g")
-        # Last, and at one stroke: a run is done when its numbers are there.
-        partial = folder / f"{job.name}.partial"
-        write_json(partial, job.labels | result.metrics)
-        partial.rename(folder / f"{job.name}.json")
+        # Last: a run is done when its numbers are there.
+        write_json(folder / f"{job.name}.json", job.labels | result.metrics)
 
-    missing = [job for job in jobs if not (folder / f"{job.name}.json").exists()]
+    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
     run_jobs(run_on, drive, missing, write, "run")
     runs = pd.DataFrame([json.loads((folder / f"{job.name}.json").read_text()) for job in jobs])
     write_table(runs, folder / "runs.csv", index=False)
@@ -269,7 +267,7 @@ def gather_all(
 
 def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
     """(what was wanted, what was found) by the gathering that wrote a file."""
-    if not path.exists():
+    if not is_done(path):
         return frozenset(), {}
     with np.load(path) as stored:
         names = {key.split(".")[0] for key in stored.files if "." in key}
@@ -294,7 +292,7 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     path = folder / "config.json"
     entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load(config.checkpoint))})
-    before = json.loads(path.read_text()) if path.exists() else {}
+    before = json.loads(path.read_text()) if is_done(path) else {}
     differ = [name for name in before if name not in free and before[name] != entry.get(name)]
     if differ:
         raise OtherExperimentError(

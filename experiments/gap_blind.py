@@ -18,7 +18,7 @@ import secrets
 import sys
 import zlib
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,9 +28,11 @@ from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose_folder
 from drift_drake.logs.table import write_run
+from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import worker_processes
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_truth, make_case
 from experiments.gap_pictures import draw_scores
@@ -113,7 +115,7 @@ def make(command: Make) -> None:
     order = np.random.default_rng(seed).permutation(command.count)
     command.out.mkdir(parents=True, exist_ok=True)
     labels: list[dict[str, Any]] = []
-    with ProcessPoolExecutor(command.workers) as pool:
+    with worker_processes(command.workers) as pool:
         jobs = []
         for place, i in enumerate(order):
             name = hashlib.sha256(f"{seed}-{place}".encode()).hexdigest()[:8]
@@ -156,10 +158,10 @@ def answer(command: Respond) -> None:
     manifest = json.loads((command.out / "manifest.json").read_text())
     (command.out / "answers").mkdir(exist_ok=True)
     (command.out / "evidence").mkdir(exist_ok=True)
-    with ProcessPoolExecutor(command.workers) as pool:
+    with worker_processes(command.workers) as pool:
         jobs = {}
         for name, case in sorted(manifest["cases"].items()):
-            if not (command.out / "answers" / f"{name}.json").exists():
+            if not is_done(command.out / "answers" / f"{name}.json"):
                 jobs[pool.submit(answer_one, command.out / "cases" / name, case["without"])] = name
         for job in tqdm(as_completed(jobs), total=len(jobs), unit="case"):
             text, raw = job.result()
@@ -174,7 +176,7 @@ def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
         SystemExit: an answer is missing, or the labels are not those that were sealed.
     """
     manifest = json.loads((out / "manifest.json").read_text())
-    missing = [name for name in manifest["cases"] if not (out / "answers" / f"{name}.json").exists()]
+    missing = [name for name in manifest["cases"] if not is_done(out / "answers" / f"{name}.json")]
     if missing and not partial:
         sys.exit(f"{out}: {len(missing)} cases have no answer yet; run 'answer' before the labels are opened")
     sealed = (out / "labels.sealed").read_bytes()

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from drift_drake.identification.identify import identify
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
@@ -156,7 +156,7 @@ def main(config: Config) -> None:
     results = []
     for index in tqdm(range(config.vehicles), unit="vehicle"):
         path = folder / "vehicles" / f"{index:03d}.json"
-        if not path.exists():
+        if not is_done(path):
             write_json(path, one_vehicle(config, index))
         results.append(json.loads(path.read_text()))
         found = numbers(results)

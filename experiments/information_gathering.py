@@ -32,10 +32,11 @@ from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, 
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import end_with_parent
 from experiments.drifting_errors import drifting_errors, judged_by_halves
 from experiments.information_pictures import draw_all
 from experiments.information_summary import markdown, summarise, summarise_halves
@@ -212,7 +213,7 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
     """One vehicle; its numbers and logs go into the folder, unless they are there already."""
     config, shared, folder, index = job
     numbers = folder / f"vehicle-{index:03d}.json"
-    if not numbers.exists():
+    if not is_done(numbers):
         write_json(numbers, _Vehicle(config, index).run(shared, folder))
 
 
@@ -226,7 +227,7 @@ def main(config: InformationConfig) -> None:
     indices = range(config.first, config.first + config.vehicles)
     jobs = [(config, shared, folder, index) for index in indices]
     # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
-    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=5) as pool:
+    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=5) as pool:
         for _ in tqdm(pool.imap_unordered(run_vehicle, jobs), total=len(jobs), unit="vehicle"):
             pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]

@@ -35,7 +35,7 @@ from drift_drake.model.out_of_distribution import (
 )
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -120,10 +120,9 @@ def drives(config: DetectionConfig, folder: Path) -> list[dict[str, Any]]:
             jobs.append(WatchJob(group, vehicle, seed, effects, change, model, config.adapting, config.control))
 
     def write(job: WatchJob, result: dict[str, Any]) -> None:
-        write_json(folder / f"{job.name}.partial", result)
-        (folder / f"{job.name}.partial").rename(folder / f"{job.name}.json")
+        write_json(folder / f"{job.name}.json", result)
 
-    missing = [job for job in jobs if not (folder / f"{job.name}.json").exists()]
+    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
     run_jobs(config.run_on, watch, missing, write, "drive")
     return [json.loads((folder / f"{job.name}.json").read_text()) for job in jobs]
 

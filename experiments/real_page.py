@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
+from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_figure, write_text
 
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad"}
@@ -33,7 +34,7 @@ class Config:
 def read(folder: Path, name: str) -> Any:
     """What a stage found; None if it is not done."""
     path = folder / f"{name}.json"
-    return json.loads(path.read_text())["found"] if path.exists() else None
+    return json.loads(path.read_text())["found"] if is_done(path) else None
 
 
 def parameter_table(found: dict[str, Any]) -> str:

@@ -119,7 +119,7 @@ def _stored(source: Path) -> tuple[dict[str, Array], dict[str, Any]]:
         if not source.exists():
             raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`")
         check_file(source, InvalidCheckpointError, mend, LARGEST)
-        with np.load(source, allow_pickle=False) as stored:
+        with source.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             names = [name for name in (*ARRAYS, "drifts") if name in stored.files or name in ARRAYS]
             arrays = {name: np.asarray(stored[name], dtype=float) for name in names}
             about = parse_json(str(stored["about"]), InvalidCheckpointError, str(source), mend, strict=False)

@@ -101,7 +101,7 @@ def load_samples(path: str | Path) -> Samples:
     try:
         if Path(path).exists():
             check_file(path, InvalidSamplesError, "give a table of samples")
-        with np.load(path, allow_pickle=False) as stored:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             missing = [name for name in Samples._fields if name not in stored.files]
             if missing:
                 raise InvalidSamplesError(f"{path}: no column {', '.join(missing)}; make it with `experiments.drives`")

@@ -2,15 +2,17 @@
 
 From a model car of 1.6 kg to a lorry of 40 t. Sizes are judged one by one; inertias, stiffnesses and torques as ratios
 to them, since what is too much for the one is little for the other; effects as multiples of the catalogue's ranges.
-Within these ranges an integrator can follow the equations' solutions.
+Rates at which rim and body settle on the road are bounded, effects included, so that an integrator can follow them.
 """
 
+import math
 from collections.abc import Mapping
 
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import Effects, magnitudes_of
-from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.effects import Effects, changed_constants, magnitudes_of, make_effects
+from drift_drake.vehicle.parameters import Constants, InvalidVehicleError, VehicleParameters
 
+SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
 SIZES = {  # SI
     "mass": (0.05, 1e5),
     "front_axle_distance": (0.01, 20.0),
@@ -28,6 +30,7 @@ FACTORS = (
     "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error")  # fmt: skip
 SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
 FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
+FASTEST_SETTLING = 2e4  # [1/s]; the reference car's rim has 400, its body 30
 LEAST_SHARE_OF_WHEELBASE = 0.02  # by which the centre of gravity stays between the axles
 
 
@@ -63,6 +66,7 @@ def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
                 f"{source}: {name} is {getattr(p, name):g}, {ratio:.3g} times {words}; no vehicle's is outside "
                 f"{low:g} to {high:g} times"
             )
+    _check_settling(p.constants(), source)
     for name, value in vars(p.tolerance).items():
         if value > LARGEST_TOLERANCE:
             raise InvalidVehicleError(
@@ -99,6 +103,8 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
             raise InvalidVehicleError(
                 f"{source}: effects.{name} is {q:g}{unit}; no vehicle's is outside {low:g} to {high:g}{unit}"
             )
+    if 0.0 < magnitudes.get("tyre_relaxation", 0.0) < (least := 0.05 * CATALOGUE["tyre_relaxation"].range_for(p)[0]):
+        raise InvalidVehicleError(f"{source}: effects.tyre_relaxation is below {least:.2g} m; give 0 for none")
     least = LEAST_SHARE_OF_WHEELBASE * (p.front_axle_distance + p.rear_axle_distance)
     shift = magnitudes.get("cg_shift", 0.0)
     if min(p.front_axle_distance + shift, p.rear_axle_distance - shift) < least:
@@ -106,3 +112,18 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
             f"{source}: effects.cg_shift is {shift:g} m, which takes the centre of gravity to or over an axle; "
             f"give one between {least - p.front_axle_distance:.3g} and {p.rear_axle_distance - least:.3g} m"
         )
+    _check_settling(changed_constants(p.constants(), make_effects(dict(magnitudes))), f"{source} with its effects")
+
+
+def _check_settling(c: Constants, source: str) -> None:
+    """Of a small disturbance at the slowest speed that counts as driving (`logs.driving.slowest`)."""
+    speed = SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
+    rim = (c.rear_stiffness + c.front_coupling * c.front_stiffness) * c.wheel_radius**2 / (c.rear_axle_inertia * speed)
+    turning = c.front_stiffness * c.front_axle_distance**2 + c.rear_stiffness * c.rear_axle_distance**2
+    body = max(turning / c.yaw_inertia, (c.front_stiffness + c.rear_stiffness) / c.mass) / speed
+    for what, rate in (("rear_axle_inertia, the rim", rim), ("yaw_inertia or mass, the body", body)):
+        if rate > FASTEST_SETTLING:
+            raise InvalidVehicleError(
+                f"{source}: with these stiffnesses and {what} settles on the road in {1e6 / rate:.2g} microseconds; "
+                f"no vehicle's does in less than {1e6 / FASTEST_SETTLING:.0f}"
+            )

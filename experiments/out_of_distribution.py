@@ -20,7 +20,8 @@ import tyro
 from matplotlib.figure import Figure
 from scipy.stats import beta
 
-from diagrams.closed_loop import Change, ClosedLoop, ControlConfig
+from diagrams.change import Change
+from diagrams.closed_loop import ClosedLoop, ControlConfig
 from diagrams.metrics import before_spin
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter

@@ -20,12 +20,17 @@ def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     would copy Drake's, BLAS's and other threads in whatever state they are.
     """
     context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
     watched, held = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent, initargs=(watched,))
     try:
         with held:  # closed before the pool waits for its workers, if the block raises
             yield pool
             pool.shutdown()
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()  # those too that have not begun to watch
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
         watched.close()

@@ -4,8 +4,9 @@ import html
 from pathlib import Path
 
 from drift_drake.diagnosis.another_day import DayDiagnosis
+from drift_drake.safe_files import write_text
 
 
 def write_day_report(diagnosis: DayDiagnosis, path: str | Path) -> None:
     """Writes the report."""
-    Path(path).write_text(f"<!doctype html><p>{html.escape(diagnosis.answer.sentence())}</p>", encoding="utf-8")
+    write_text(path, f"<!doctype html><p>{html.escape(diagnosis.answer.sentence())}</p>")

@@ -59,7 +59,8 @@ def run_identify(command: Identify) -> None:
     """
     vehicle, effects = read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
-    try_outputs(outputs, [command.vehicle, *(run_paths(command.logs) if command.logs.is_dir() else [])])
+    logs = [path for folder in command.logs if folder.is_dir() for path in run_paths(folder)]
+    try_outputs(outputs, [command.vehicle, *logs])
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:

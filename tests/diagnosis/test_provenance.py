@@ -1,5 +1,6 @@
 """What an answer was found from: applied once, to the car that was diagnosed, and not diagnosed twice."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,8 @@ import pytest
 
 from drift_drake import cli
 from drift_drake.cli import BAD_INPUT, main
-from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
+from drift_drake.diagnosis import diagnose
+from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
 from drift_drake.diagnosis.diagnose import case_name
 from drift_drake.diagnosis.provenance import all_answered, answered, provenance
 from drift_drake.vehicle.effects import Effects
@@ -25,6 +27,13 @@ def answer_of(folder: Path, options: dict[str, Any] | None = None) -> dict[str, 
         "where": {}, "reduction": {"estimate": 0.9, "low": 0.8, "high": 1.0}, "seconds": 1.0,
         "details": {"provenance": provenance(folder, VEHICLE, options or {})},
     }  # fmt: skip
+
+
+@dataclasses.dataclass
+class Found:
+    """What a diagnosis returns, as far as it matters here."""
+
+    answer: Answer
 
 
 @pytest.fixture
@@ -111,20 +120,25 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
     tuesday.mkdir()
     (tuesday / "run_0.csv").write_text("t\n5\n")
     asked: list[list[Path]] = []
+    given: dict[str, Any] = {}
 
     def diagnosed(_folder: Path, _vehicle: Any, **options: Any) -> list[Any]:
-        asked.append(list(options["only"]))
+        asked.append(list(options.pop("only")))
+        given.update(options)
         return []
 
     monkeypatch.setattr(cli, "diagnose_all", diagnosed)
     answers = files / "answers"
     answers.mkdir()
-    options = {"own": Effects(), **cli.CarTrust(1.0, 1.0, 1.0, None).options()}
-    (answers / "monday.json").write_text(json.dumps(answer_of(case, options)))
     arguments = ["diagnose", str(case.parent), "--vehicle", str(files / "car.yaml"), "--json", str(answers), "--quiet"]
     assert main(arguments) == 0
+    del given["progress"], given["refused"]
+    monkeypatch.setattr(diagnose, "read_case", lambda _: [])
+    monkeypatch.setattr(diagnose, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
+    diagnose.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")
+    assert main(arguments) == 0
     assert main([*arguments, "--again"]) == 0
-    assert asked == [[tuesday], [case, tuesday]]
+    assert asked == [[case, tuesday], [tuesday], [case, tuesday]]
     said = capsys.readouterr()
     assert "1 of 2 cases are answered" in said.err
     assert "monday: steering_lag" in said.out

@@ -10,13 +10,14 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo blind test test-slow lint format clean
+.PHONY: help demo blind test test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
 	@echo "make blind      the diagnosis's blind check on a few new cases (BLIND_CASES=200 for the full one)"
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-slow  the long checks too"
+	@echo "make fuzz       spoilt inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make lint       linters and type checker alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -38,6 +39,11 @@ test: lint
 
 test-slow: lint
 	$(BIN)/python -m pytest -n 2
+
+FUZZ_CASES ?= 10000
+
+fuzz: .venv/installed-all
+	FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest tests/fuzz
 
 lint: .venv/installed-all
 	$(BIN)/ruff check .

@@ -29,6 +29,7 @@ from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, f
 from drift_drake.model.posterior import covariance_norms, state_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_arrays, write_figure
 
 Array = NDArray[np.float64]
 
@@ -145,7 +146,7 @@ def draw(ticks: dict[str, Array], prior_errors: Array, errors: Array, file: Path
     axes[0, 0].set_ylabel("norm of the covariance")
     axes[1, 0].set_ylabel("one-step error")
     axes[1, 0].legend(fontsize=8)
-    figure.savefig(file, dpi=130)
+    write_figure(figure, file, dpi=130)
     plt.close(figure)
 
 
@@ -173,7 +174,7 @@ def main(config: ReplayConfig) -> None:
     write_json(folder / "config.json", config)
     write_versions(folder)
     write_json(folder / "numbers.json", numbers)
-    np.savez(folder / "posterior.npz", mean=ticks["mean"][-1], covariance=ticks["covariance"][-1])
+    write_arrays(folder / "posterior.npz", mean=ticks["mean"][-1], covariance=ticks["covariance"][-1])
     print(f"{numbers['taken']} samples taken, {numbers['refused']} refused; results in {folder}")
 
 

@@ -6,8 +6,9 @@ python -m diagrams.closed_loop --graph    # draws the diagram
 
 import dataclasses
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from pydrake.systems.primitives import LogVectorOutput
 
+from diagrams.change import Change, check_change
 from diagrams.metrics import RunMetrics, run_metrics
 from diagrams.results import write_results
 from drift_drake.actuation import LinearInterpolationActuator
@@ -27,6 +29,7 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.control.tightening import LaneTightening
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
@@ -38,11 +41,13 @@ from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder
 from drift_drake.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.simulation.faults import Fault, faulted, parse_fault
+from drift_drake.simulation.screening import Screen
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, PathPlant
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -83,13 +88,6 @@ class Limits:
     time_factor: float = 1.5  # of the reference's own duration
 
 
-class Change(NamedTuple):
-    """The car becomes another one during a run, as on a slippery stretch."""
-
-    time: float  # [s]
-    effects: Effects  # from then on; of those that act on the plant
-
-
 class ClosedLoop:
     """The diagram with its parts at hand. Built once; each run takes a fresh Context.
 
@@ -109,6 +107,7 @@ class ClosedLoop:
         adapter: BayesianAdapter | None = None,
         detector: OutOfDistributionDetector | None = None,
         plant: PathPlant | None = None,
+        faults: Sequence[Fault] = (),
     ) -> None:
         """Builds the diagram.
 
@@ -118,6 +117,7 @@ class ClosedLoop:
             adapter: if given, `model` (a `BayesianStepModel`) follows it.
             detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
             plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
+            faults: of sensors and plans.
 
         Raises:
             ValueError: a detector, or a tightened lane, without an adapter.
@@ -131,7 +131,7 @@ class ClosedLoop:
         )
         if detector is not None and adapter is None:
             raise ValueError("a detector judges by an adapter's belief; give an adapter too (perhaps a frozen one)")
-        self.parameters, self.reference, self.adapter = parameters, reference, adapter
+        self.parameters, self.reference, self.adapter, self.effects = parameters, reference, adapter, effects
         command = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(command[0]), float(command[1]))
         builder = DiagramBuilder()
@@ -158,8 +158,17 @@ class ClosedLoop:
                 parameters, control.horizon, DT, control.period, initial_command=self.initial_command
             ),
         )
-        measured_state, command_in_force = (
+        received, plan = faulted(
+            builder,
+            faults,
             self.car.GetOutputPort("measured_state"),
+            self.controller.GetOutputPort("plan"),
+            control.period,
+        )
+        self.screen = builder.AddNamedSystem("screen", Screen(control.period))
+        builder.Connect(received, self.screen.GetInputPort("measured_state"))
+        measured_state, command_in_force = (
+            self.screen.GetOutputPort("screened_state"),
             self.actuator.GetOutputPort("command"),
         )
         builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
@@ -188,17 +197,19 @@ class ClosedLoop:
             learners = [system for system in (adapter, detector) if system is not None]
             for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
                 builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
-        builder.Connect(self.controller.GetOutputPort("plan"), self.actuator.GetInputPort("plan"))
+        builder.Connect(plan, self.actuator.GetInputPort("plan"))
         builder.Connect(command_in_force, self.car.GetInputPort("command"))
         logged = [
-            *((self.car, name) for name in ("measured_state", "log_row", "state", "path_position", "pose")),
-            (self.actuator, "command"),
-            (self.controller, "statistics"),
-            *((detector, name) for name in DETECTION if detector is not None),
+            ("measured_state", received),
+            *((name, self.car.GetOutputPort(name)) for name in ("log_row", "state", "path_position", "pose")),
+            *((name, self.actuator.GetOutputPort(name)) for name in ("command", "plan_age", "refused")),
+            ("reading", self.screen.GetOutputPort("reading")),
+            ("statistics", self.controller.GetOutputPort("statistics")),
+            *((name, detector.GetOutputPort(name)) for name in DETECTION if detector is not None),
         ]
         self._loggers = {}
-        for system, name in logged:
-            sink = LogVectorOutput(system.GetOutputPort(name), builder, control.period)
+        for name, port in logged:
+            sink = LogVectorOutput(port, builder, control.period)
             sink.set_name(f"log_{name}")
             self._loggers[name] = sink
         self.diagram: Diagram = builder.Build()
@@ -219,10 +230,11 @@ class ClosedLoop:
         """Simulates until the reference's end, a spin, the lane's edge or the time limit.
 
         Raises:
-            ValueError: a change of a car that was built without effects, whose plant has no states for any.
+            ValueError: a change of a car that was built without effects, whose plant has no states for any, or one
+                that the plant cannot make.
         """
-        if change is not None and not self.car.plant.has_memory:
-            raise ValueError("a car built without effects cannot change; build it with those that it begins with")
+        if change is not None:
+            check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
         simulator = Simulator(self.diagram, context)
         ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
         plant, reference = self.car.plant, self.reference
@@ -242,7 +254,7 @@ class ClosedLoop:
         simulator.set_monitor(monitor)
         simulator.Initialize()
         end = context.get_time() + limits.time_factor * reference.duration
-        status = simulator.AdvanceTo(end if change is None else change.time)
+        status = simulator.AdvanceTo(end if change is None else min(change.time, end))
         if change is not None and not status.message():
             plant_context = plant.GetMyMutableContextFromRoot(context)
             plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
@@ -256,6 +268,9 @@ class ClosedLoop:
             "path_position": ("s",),
             "pose": POSE,
             "command": INPUTS,
+            "plan_age": ("plan_age",),
+            "refused": ("refused_plans",),
+            "reading": ("reading",),
             "measured_state": tuple(f"measured_{name}" for name in MEASURED_STATE),
             "statistics": tuple(f"solve_{name}" for name in SolveStatistics._fields),
         }
@@ -304,6 +319,9 @@ class ClosedLoopConfig:
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
     out: Path | None = None
     """Folder for the results; runs/closed_loop-DATE-TIME without."""
+    fault: tuple[str, ...] = ()
+    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
+    dropout, nan, freeze, spike, bias, delay (of the measured state), lost_plans, late_plans."""
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
@@ -330,7 +348,9 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
     effects = config.effects()
     plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
-    return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant)
+    faults = [parse_fault(text) for text in config.fault]
+    return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
+                      faults=faults)  # fmt: skip
 
 
 def simulate(config: ClosedLoopConfig) -> Run:
@@ -357,12 +377,12 @@ def main(config: ClosedLoopConfig) -> None:
         f"{m.solves} solves, {m.solver_failures} failed, {m.unsolved_qps} QPs cut off; "
         f"{m.solve_ms_median:.1f} ms in the median, "
         f"{m.solve_ms_99:.1f} ms in 99 of 100\n"
-        f"results in {folder}"
+        f"{m.faults()}results in {folder}"
     )
 
 
 if __name__ == "__main__":
     try:
         main(tyro.cli(ClosedLoopConfig))
-    except InvalidVehicleError as error:
+    except DriftDrakeError as error:
         sys.exit(f"error: {error}")

@@ -25,6 +25,7 @@ from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drive import Drive
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.quality import learn, step_model
@@ -64,7 +65,7 @@ class GatheringConfig(LaneDrive):
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
 
 
-class InfeasiblePlanError(RuntimeError):
+class InfeasiblePlanError(DriftDrakeError, RuntimeError):
     """No drive was found that keeps to the lane and the limits; the message says what to change."""
 
 

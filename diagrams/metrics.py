@@ -6,8 +6,11 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.screening import Reading
 
 GRID = 0.5  # [m] along the path
+LATE = 0.1  # [s] from which on a plan in force is late, as the actuator has it
+START = 0.1  # [s] until which there need not be a plan
 STEADY_SIDESLIP = 0.2  # [rad] of the reference from which on it is a drift
 
 
@@ -31,6 +34,35 @@ class RunMetrics:
     unsolved_qps: int  # that stopped at their limit of iterations
     solve_ms_median: float
     solve_ms_99: float
+    missing_readings: int = 0  # control periods in which the sensors gave no finite reading
+    stopped_readings: int = 0  # in which they gave a speed of zero or less
+    jumped_readings: int = 0  # in which a reading was out of reach of the last good one
+    frozen_readings: int = 0  # in which readings repeated themselves
+    late_plans: int = 0  # control periods whose plan in force was older than `LATE`
+    missing_plans: int = 0  # without any plan in force
+    refused_plans: int = 0  # samples of the plan's port that the actuator refused
+
+    def faults(self) -> str:
+        """What was wrong in the loop, a line; empty where nothing was."""
+        counts = {
+            name.replace("_", " "): count
+            for name, count in dataclasses.asdict(self).items()
+            if name.endswith(("_readings", "_plans")) and count
+        }
+        return "faults: " + ", ".join(f"{count} {name}" for name, count in counts.items()) + "\n" if counts else ""
+
+
+def loop_faults(table: pd.DataFrame) -> dict[str, int]:
+    """Counts of bad readings and plans in a run's table; none for a table without these columns."""
+    if "reading" not in table:
+        return {}
+    kinds = table["reading"].to_numpy(dtype=int)
+    age, start = table["plan_age"].to_numpy(dtype=float), table["t"].to_numpy() > START
+    return {f"{kind.name.lower()}_readings": int((kinds == kind).sum()) for kind in Reading if kind != Reading.GOOD} | {
+        "late_plans": int((np.isfinite(age) & (age > LATE)).sum()),
+        "missing_plans": int((~np.isfinite(age) & start).sum()),
+        "refused_plans": int(table["refused_plans"].iloc[-1]),
+    }
 
 
 def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:
@@ -92,4 +124,5 @@ def run_metrics(
         unsolved_qps=int(solves["solve_qp_unsolved"].sum()),
         solve_ms_median=float(np.median(milliseconds)) if len(solves) else float("nan"),
         solve_ms_99=float(np.quantile(milliseconds, 0.99)) if len(solves) else float("nan"),
+        **loop_faults(table),
     )

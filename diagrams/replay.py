@@ -18,6 +18,7 @@ from drift_drake.pictures.side_by_side import side_by_side
 from drift_drake.playback.command import describe, play, prepare, read_cars, write_replay
 from drift_drake.playback.comparison import compare, drawn, wide_table
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table
 from drift_drake.vehicle.parameters import InvalidVehicleError
 
 
@@ -53,10 +54,10 @@ def main(config: ReplayConfig) -> None:
     write_json(folder / "config.json", config)
     write_json(folder / "numbers.json", comparison.to_dict())
     write_versions(folder)
-    wide_table(played).to_csv(folder / "replay.csv", index=False)
+    write_table(wide_table(played), folder / "replay.csv", index=False)
     runs, parameters = drawn(played), cars["nominal"].parameters
-    side_by_side(runs).savefig(folder / "time_series.png")
-    overhead(runs, parameters=parameters, car_every=1.5).savefig(folder / "overhead.png")
+    write_figure(side_by_side(runs), folder / "time_series.png")
+    write_figure(overhead(runs, parameters=parameters, car_every=1.5), folder / "overhead.png")
     write_replay(played, folder / "replay.html", config.log.name, config.restart, parameters)
     print(describe(config.log.name, comparison, config.restart))
     print(f"results in {folder}")

@@ -12,6 +12,7 @@ from drift_drake.pictures.solver_work import solver_work
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -34,10 +35,10 @@ def write_results(
     write_json(folder / "config.json", config)
     write_json(folder / "numbers.json", metrics)
     write_versions(folder)
-    table.to_csv(folder / "run.csv", index=False)
+    write_table(table, folder / "run.csv", index=False)
     runs = {"driven": table}
-    overhead(runs, reference, parameters).savefig(folder / "overhead.png")
-    time_series(runs, reference, parameters).savefig(folder / "time_series.png")
+    write_figure(overhead(runs, reference, parameters), folder / "overhead.png")
+    write_figure(time_series(runs, reference, parameters), folder / "time_series.png")
     statistics = table.filter(regex="^(t$|solve_)").rename(columns=lambda name: str(name).removeprefix("solve_"))
-    solver_work(statistics, period).savefig(folder / "solver.png")
+    write_figure(solver_work(statistics, period), folder / "solver.png")
     replay(runs, folder / "replay.html", reference, parameters)

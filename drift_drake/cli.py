@@ -15,33 +15,29 @@ from tqdm import tqdm
 
 from drift_drake.command_line import command_line
 from drift_drake.diagnosis.another_day import DayDiagnosis
-from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, UnplannableError, read_answer
+from drift_drake.diagnosis.answer import Answer, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import answer_folder, case_folders, diagnose_all
+from drift_drake.diagnosis.diagnose import answer_folder, case_folders, case_name, diagnose_all
+from drift_drake.diagnosis.provenance import all_answered, check_diagnosed
 from drift_drake.drives.command import Simulate, run_simulate
-from drift_drake.identification.calibration_file import CarTrust, InvalidCalibrationError, read_trust
+from drift_drake.errors import DriftDrakeError, InvalidOptionError, one_line
+from drift_drake.identification.calibration_file import LARGEST_SCALE, CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.identification.command import Identify, run_identify
+from drift_drake.interruption import TerminatedError, terminable
 from drift_drake.logs.importing.command import Import, run_import
-from drift_drake.logs.importing.mapping import InvalidMappingError
-from drift_drake.logs.table import OPTIONAL, InvalidLogError
-from drift_drake.model.checkpoint import InvalidCheckpointError
-from drift_drake.model.samples import InvalidSamplesError
-from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
+from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
+from drift_drake.model.command import Train, run_train
 from drift_drake.playback.command import Replay, run_replay
+from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
-
-class MissingTrainingError(ImportError):
-    """Training is asked for where torch is not installed."""
-
-
-BAD_INPUT_ERRORS = (
-    InvalidLogError, InvalidMappingError, InvalidVehicleError, InvalidAnswerError, InvalidCalibrationError,
-    InvalidSamplesError, InvalidCheckpointError, MissingTrainingError, UnplannableError)  # fmt: skip
 BAD_INPUT = 2  # exit code for input that cannot be used
+INTERRUPTED, TERMINATED = 130, 143  # exit codes after Ctrl-C and SIGTERM
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,6 +77,8 @@ class Diagnose:
     """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
     workers: int = 2
     """Threads for one case; a folder of cases is spread over processes."""
+    again: bool = False
+    """Diagnose anew the cases of a folder that --json holds answers to, found from the same logs and files."""
     quiet: bool = False
     """No progress bar."""
 
@@ -121,33 +119,8 @@ class Apply:
     """Where to write the corrected vehicle file."""
     tolerances: bool = True
     """Apply the deviations within tolerance that were found beside the effects, too."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Train:
-    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`.
-
-    drift-drake train --output model.npz --seed 1
-    """
-
-    config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
-    recipe: Recipe = "transfer"
-    """The paper's objective over windows, its plain recipe, or a network that never adapts, in place of tasks."""
-
-
-def run_train(command: Train) -> None:
-    """`drift-drake train`."""
-    try:
-        from drift_drake.model.meta_training import train
-    except ModuleNotFoundError as error:
-        if error.name != "torch":
-            raise
-        raise MissingTrainingError(
-            "training needs torch; install the extra: pip install 'drift_drake[train]'"
-        ) from None
-    config = with_recipe(command.config, command.recipe)
-    model = train(config)
-    print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s")
+    force: bool = False
+    """Apply to a vehicle file that is not the one that was diagnosed."""
 
 
 def trust_in(command: Diagnose) -> CarTrust:
@@ -163,8 +136,8 @@ def trust_in(command: Diagnose) -> CarTrust:
         return read_trust(command.calibration)
     if not 0.0 < factors.row_weight <= 1.0:
         raise InvalidCalibrationError(f"--row-weight {factors.row_weight:g}: give a number above 0, up to 1")
-    if factors.noise_scale <= 0.0 or factors.process_scale <= 0.0:
-        raise InvalidCalibrationError("--noise-scale and --process-scale are factors above 0")
+    if not all(0.0 < factor <= LARGEST_SCALE for factor in (factors.noise_scale, factors.process_scale)):
+        raise InvalidCalibrationError(f"--noise-scale and --process-scale are factors above 0, up to {LARGEST_SCALE:g}")
     return factors
 
 
@@ -203,6 +176,8 @@ def checked_every(every: int) -> int:
 def run_diagnose(command: Diagnose) -> None:
     """`drift-drake diagnose`."""
     vehicle, own = read_vehicle(command.vehicle)
+    if command.workers < 1:
+        raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
     trust = trust_in(command)
     options: dict[str, Any] = {
         "own": own,
@@ -215,8 +190,10 @@ def run_diagnose(command: Diagnose) -> None:
         options |= trust.options()
     folders = case_folders(command.case)
     if folders != [command.case]:
-        _diagnose_many(command, vehicle, len(folders), options)
+        _diagnose_many(command, vehicle, folders, options)
         return
+    inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
+    try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:
@@ -240,12 +217,25 @@ def run_diagnose(command: Diagnose) -> None:
             write_report(diagnosis, command.report)
 
 
-def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int, options: Mapping[str, Any]) -> None:
+def _diagnose_many(
+    command: Diagnose, vehicle: VehicleParameters, folders: Sequence[Path], options: Mapping[str, Any]
+) -> None:
+    """A folder of cases; those that `--json` holds the answers to already are left as they are."""
+    count, before = len(folders), dict[Path, Answer]()
+    if command.report is not None:
+        raise InvalidOptionError(f"--report is for one case; give one of the {count} folders in {command.case}")
     if command.json is not None:
         if command.json == STANDARD_OUTPUT:
             raise InvalidLogError(f"{command.case} holds {count} cases; give --json a folder for their answers")
-        command.json.mkdir(parents=True, exist_ok=True)
-    with tqdm(total=count, disable=command.quiet, file=sys.stderr, unit="case") as bar:
+        try_folder(command.json, "--json")
+        names = {folder: command.json / f"{case_name(folder)}.json" for folder in folders}
+        before = all_answered(names, vehicle, options)
+    if command.again:
+        before = {}
+    if before:
+        print(f"{len(before)} of {count} cases are answered in {command.json}; --again redoes them", file=sys.stderr)
+    only = [folder for folder in folders if folder not in before]
+    with tqdm(total=len(only), disable=command.quiet, file=sys.stderr, unit="case") as bar:
 
         def done(answer: Answer) -> None:
             bar.update()
@@ -253,8 +243,8 @@ def _diagnose_many(command: Diagnose, vehicle: VehicleParameters, count: int, op
                 answer.write(command.json / f"{answer.case}.json")
 
         refused: list[InvalidLogError] = []
-        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, **options)
-    for answer in answers:
+        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, only=only, **options)
+    for answer in [*before.values(), *answers]:
         _say(answer)
     if refused:
         raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
@@ -272,6 +262,8 @@ def run_plan_next(command: PlanNext) -> None:
 
     answer = read_answer(command.answer)
     vehicle, own = read_vehicle(command.vehicle)
+    _check_diagnosed(answer, vehicle, own, command.vehicle)
+    try_outputs({"--out": command.out}, [command.answer, command.vehicle])
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
@@ -282,9 +274,20 @@ def run_apply(command: Apply) -> None:
     """`drift-drake apply`."""
     answer = read_answer(command.answer)
     nominal, own = read_vehicle(command.vehicle)
+    if not command.force:
+        _check_diagnosed(answer, nominal, own, command.vehicle)
     vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
+    check_plausible(vehicle, f"{command.vehicle} with {command.answer}")
+    check_effects(effects, vehicle, f"{command.vehicle} with {command.answer}")
+    try_outputs({"--out": command.out}, [command.answer])
     write_vehicle(command.out, vehicle, effects)
     print(f"{command.out}: {answer.sentence()}")
+
+
+def _check_diagnosed(answer: Answer, vehicle: VehicleParameters, own: Effects, source: Path) -> None:
+    warning = check_diagnosed(answer, vehicle, own, source)
+    if warning:
+        print(f"warning: {warning}", file=sys.stderr)
 
 
 Command = (
@@ -301,28 +304,37 @@ Command = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
-    command = tyro.cli(Command, prog="drift-drake", args=arguments, description=__doc__)  # type: ignore[arg-type]
     try:
-        if isinstance(command, Import):
-            run_import(command)
-        elif isinstance(command, Diagnose):
-            run_diagnose(command)
-        elif isinstance(command, Identify):
-            run_identify(command)
-        elif isinstance(command, Simulate):
-            run_simulate(command)
-        elif isinstance(command, Replay):
-            run_replay(command)
-        elif isinstance(command, PlanNext):
-            run_plan_next(command)
-        elif isinstance(command, Train):
-            run_train(command)
-        else:
-            run_apply(command)
-    except BAD_INPUT_ERRORS as error:
-        print(f"drift-drake: {error}", file=sys.stderr)
+        with terminable():
+            command = tyro.cli(Command, prog="drift-drake", args=arguments, description=__doc__)  # type: ignore[arg-type]
+            _run(command)
+    except DriftDrakeError as error:
+        print(f"drift-drake: {one_line(error)}", file=sys.stderr)
         return BAD_INPUT
+    except (KeyboardInterrupt, TerminatedError) as end:
+        how, code = ("interrupted", INTERRUPTED) if isinstance(end, KeyboardInterrupt) else ("terminated", TERMINATED)
+        print(f"drift-drake: {how}; files are as they were before, or complete", file=sys.stderr)
+        return code
     return 0
+
+
+def _run(command: Any) -> None:
+    if isinstance(command, Import):
+        run_import(command)
+    elif isinstance(command, Diagnose):
+        run_diagnose(command)
+    elif isinstance(command, Identify):
+        run_identify(command)
+    elif isinstance(command, Simulate):
+        run_simulate(command)
+    elif isinstance(command, Replay):
+        run_replay(command)
+    elif isinstance(command, PlanNext):
+        run_plan_next(command)
+    elif isinstance(command, Train):
+        run_train(command)
+    else:
+        run_apply(command)
 
 
 if __name__ == "__main__":

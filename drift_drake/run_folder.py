@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import platform
+import zipfile
 from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import version
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from drift_drake.safe_files import write_text
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
 
@@ -23,12 +26,23 @@ def make_run_folder(name: str, out: Path | None = None) -> Path:
 
 def write_json(path: Path, data: Any) -> None:
     """Anything that `plain` takes, as JSON."""
-    path.write_text(to_json(data) + "\n")
+    write_text(path, to_json(data) + "\n")
 
 
 def to_json(data: Any) -> str:
     """The text that `write_json` writes."""
     return json.dumps(plain(data), indent=2, allow_nan=False)
+
+
+def is_done(path: Path) -> bool:
+    """Whether a file of results (JSON or .npz) is there and whole: an empty or cut one is to be made again."""
+    if path.suffix == ".npz":
+        return path.is_file() and zipfile.is_zipfile(path)
+    try:
+        json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def write_versions(folder: Path) -> None:

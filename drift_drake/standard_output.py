@@ -4,7 +4,10 @@ import sys
 from pathlib import Path
 from typing import TextIO
 
-STANDARD_OUTPUT = Path("-")
+from drift_drake import safe_files
+from drift_drake.safe_files import STANDARD_OUTPUT
+
+__all__ = ["STANDARD_OUTPUT", "said_to", "write_text"]
 
 
 def said_to(json: Path | None) -> TextIO:
@@ -18,5 +21,4 @@ def write_text(path: Path, text: str) -> None:
     if path == STANDARD_OUTPUT:
         sys.stdout.write(text)
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    safe_files.write_text(path, text)

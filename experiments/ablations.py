@@ -37,7 +37,8 @@ from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_arrays, write_text
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drift_report import summarise
 from experiments.drift_runs import (
@@ -164,11 +165,11 @@ def _own_drives(config: DriftConfig, folder: Path) -> dict[Attempt, Samples]:
     jobs = [
         DriveJob(file.stem, {}, "figure_8", config.effects(vehicle), OWN_DRIVE + seed, "oracle", config.control)
         for (vehicle, seed), file in files.items()
-        if not file.exists()
+        if not is_done(file)
     ]
 
     def write(job: DriveJob, samples: Samples) -> None:
-        np.savez(folder / f"{job.name}.npz", **samples._asdict())
+        write_arrays(folder / f"{job.name}.npz", **samples._asdict())
 
     run_jobs(config.run_on, own_samples, jobs, write, "own drive")
     drives = {}
@@ -223,7 +224,7 @@ def main(config: AblationsConfig) -> None:
     errors = belief_errors(learnt, beliefs, folder) if "belief" in config.parts else {}
     write_json(folder / "numbers.json", {"runs": summary, "errors_in_drifts": errors})
     report = table(rows, summary, errors)
-    (folder / "report.md").write_text(report + "\n")
+    write_text(folder / "report.md", report + "\n")
     print(report)
     print(f"results in {folder}")
 

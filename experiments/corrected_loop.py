@@ -30,7 +30,8 @@ from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_table
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
@@ -197,13 +198,13 @@ def main(config: CorrectedLoopConfig) -> None:
     results = []
     for index in tqdm(range(config.vehicles), unit="vehicle"):
         file = folder / f"vehicle-{index:03d}.json"
-        if not file.exists():
+        if not is_done(file):
             write_json(file, one_vehicle(index, config))
         results.append(json.loads(file.read_text()))
     summary = summarise(results)
     write_json(folder / "numbers.json", summary)
     rows = [as_row(result) for result in results]
-    pd.DataFrame(rows).to_csv(folder / "vehicles.csv", index=False)
+    write_table(pd.DataFrame(rows), folder / "vehicles.csv", index=False)
     save(picture(results), folder / "corrected_loop.png")
     print(table(summary))
     print(f"results in {folder}")

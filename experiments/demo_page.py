@@ -27,6 +27,7 @@ from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_report import LABELS
@@ -130,7 +131,7 @@ def write_page(
         machine=machine(),
         seconds=seconds,
     )  # fmt: skip
-    (folder / "index.html").write_text(page)
+    write_text(folder / "index.html", page)
     return folder / "index.html"
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 from drift_drake.pictures.overhead_panels import Panel, overhead_panels
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
+from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_runs import run_name
 
@@ -135,7 +136,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
     present = list(dict.fromkeys(runs["model"]))
     shown = [model for model in pictured if model in present]
     shown = shown if len(shown) > 1 else present[:4]
-    time_series(median_runs(folder, runs, shown), reference, parameters).savefig(folder / "time_series.png")
+    write_figure(time_series(median_runs(folder, runs, shown), reference, parameters), folder / "time_series.png")
     panels = []
     for model in present:
         group = runs[runs["model"] == model]
@@ -144,7 +145,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
         title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} drifted it all"
         tables = [_read(folder, run) for _, run in group.iterrows()]
         panels.append(Panel(title, tables, list(group["outcome"]), median))
-    overhead_panels(panels, reference, parameters).savefig(folder / "overhead.png")
+    write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
 
 
 def _read(folder: Path, run: pd.Series) -> pd.DataFrame:

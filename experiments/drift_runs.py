@@ -32,13 +32,15 @@ from diagrams.information_gathering import (
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import plain, write_json
+from drift_drake.run_folder import is_done, plain, write_json
+from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
@@ -152,16 +154,14 @@ def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -
     """Makes the runs that the folder lacks; one row a run (labels and metrics), in the order of the jobs."""
 
     def write(job: DriveJob, result: DriveResult) -> None:
-        result.table[list(COLUMNS)].to_csv(folder / f"{job.name}.csv", index=False, float_format="%.6g")
-        # Last, and at one stroke: a run is done when its numbers are there.
-        partial = folder / f"{job.name}.partial"
-        write_json(partial, job.labels | result.metrics)
-        partial.rename(folder / f"{job.name}.json")
+        write_table(result.table[list(COLUMNS)], folder / f"{job.name}.csv", index=False, float_format="%.6g")
+        # Last: a run is done when its numbers are there.
+        write_json(folder / f"{job.name}.json", job.labels | result.metrics)
 
-    missing = [job for job in jobs if not (folder / f"{job.name}.json").exists()]
+    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
     run_jobs(run_on, drive, missing, write, "run")
     runs = pd.DataFrame([json.loads((folder / f"{job.name}.json").read_text()) for job in jobs])
-    runs.to_csv(folder / "runs.csv", index=False)
+    write_table(runs, folder / "runs.csv", index=False)
     return runs
 
 
@@ -259,7 +259,7 @@ def gather_all(
                 for name, belief in beliefs.items()
                 for field, value in belief._asdict().items()
             }
-            np.savez(files[job.attempt], wanted=sorted(job.wanted), **arrays)
+            write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
 
         run_jobs(config.run_on, gather_beliefs, jobs, write, "gathering")
     return {attempt: _read_beliefs(file)[1] for attempt, file in files.items()}
@@ -267,7 +267,7 @@ def gather_all(
 
 def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
     """(what was wanted, what was found) by the gathering that wrote a file."""
-    if not path.exists():
+    if not is_done(path):
         return frozenset(), {}
     with np.load(path) as stored:
         names = {key.split(".")[0] for key in stored.files if "." in key}
@@ -275,7 +275,7 @@ def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
         return frozenset(str(name) for name in stored["wanted"]), beliefs
 
 
-class OtherExperimentError(ValueError):
+class OtherExperimentError(DriftDrakeError, ValueError):
     """A folder that holds runs of another experiment; the message names it and what differs."""
 
 
@@ -292,7 +292,7 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     path = folder / "config.json"
     entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load(config.checkpoint))})
-    before = json.loads(path.read_text()) if path.exists() else {}
+    before = json.loads(path.read_text()) if is_done(path) else {}
     differ = [name for name in before if name not in free and before[name] != entry.get(name)]
     if differ:
         raise OtherExperimentError(

@@ -32,8 +32,11 @@ from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, content_hash, load_samples, save_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference, figure_8, loops
+from drift_drake.run_folder import is_done
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.workers import end_with_parent
 
 Array = NDArray[np.float64]
 
@@ -78,7 +81,7 @@ def main(config: DrivesConfig) -> None:
         for index in range(getattr(config, population))
     ]
     # Drake keeps Python systems for ever, so a worker is replaced after a few vehicles.
-    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=4) as pool:
+    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=4) as pool:
         for _ in tqdm(pool.imap_unordered(_drive_vehicle, jobs), total=len(jobs), unit="vehicle"):
             pass
     summary: dict[str, Any] = {"config": dataclasses.asdict(config) | {"output": config.output.name}}
@@ -86,7 +89,7 @@ def main(config: DrivesConfig) -> None:
         folders = [config.output / population / f"vehicle_{i:02d}" for i in range(getattr(config, population))]
         if folders:
             summary[population] = _join(config.output, population, folders)
-    (config.output / "summary.json").write_text(json.dumps(summary, indent=1))
+    write_text(config.output / "summary.json", json.dumps(summary, indent=1))
     print(json.dumps(summary, indent=1))
 
 
@@ -130,7 +133,7 @@ def _drive_vehicle(job: tuple[Path, Population, int, int, int]) -> None:
 def drive_vehicle(output: Path, population: Population, index: int, seed: int, wanted: int) -> None:
     """Drives one vehicle until `wanted` samples have been driven, unless its folder is complete already."""
     folder = output / population / f"vehicle_{index:02d}"
-    if (folder / "samples.npz").exists():
+    if is_done(folder / "samples.npz"):
         return
     folder.mkdir(parents=True, exist_ok=True)
     parameters, effects = VehicleParameters(), draw_effects(population, index, seed)
@@ -156,7 +159,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         write_run(Run(name, **{column: table[column].to_numpy() for column in COLUMNS}), folder / f"{name}.csv")
         rms_e = None if reference is None else float(np.sqrt(np.mean(table["e"] ** 2)))
         drives.append({"kind": kind, "ending": ending, "seconds": len(table) / 100.0, "rms_e": rms_e})
-    (folder / "drives.json").write_text(json.dumps({"effects": effects._asdict(), "drives": drives}, indent=1))
+    write_text(folder / "drives.json", json.dumps({"effects": effects._asdict(), "drives": drives}, indent=1))
     save_samples(all_phases(phases), folder / "phases.npz")
     save_samples(concatenate(phases[0]), folder / "samples.npz")
 

@@ -22,7 +22,7 @@ from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.identification.calibration import Identification
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import Run
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude, make_case
@@ -152,7 +152,7 @@ def main(config: Config) -> None:
     results = []
     for index in tqdm(range(config.vehicles), unit="vehicle"):
         path = folder / "vehicles" / f"{index:03d}.json"
-        if not path.exists():
+        if not is_done(path):
             write_json(path, one_vehicle(config, index))
         results.append(json.loads(path.read_text()))
         write_json(folder / "numbers.json", numbers(results))

@@ -12,12 +12,14 @@ Jobs and results travel as messages and the experiment's own process writes all 
 
 import concurrent.futures
 import dataclasses
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Literal, TypeVar
 
 from tqdm import tqdm
+
+from drift_drake.errors import DriftDrakeError
+from drift_drake.workers import worker_processes
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -34,11 +36,11 @@ class ExecutorConfig:
     """Address of a dask scheduler, such as tcp://HOST:8786; without, dask runs `workers` processes here."""
 
 
-class NoClusterError(RuntimeError):
+class NoClusterError(DriftDrakeError, RuntimeError):
     """A cluster that cannot be used; the message names the mend."""
 
 
-class JobsFailedError(RuntimeError):
+class JobsFailedError(DriftDrakeError, RuntimeError):
     """Some jobs failed; the message says how many, and the first one's error."""
 
 
@@ -50,8 +52,7 @@ def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executo
         NoClusterError: dask.distributed is not installed, or no scheduler answers at the address.
     """
     if config.executor == "processes":
-        # Not forked: a fork would copy Drake's and BLAS's threads in whatever state they are.
-        with concurrent.futures.ProcessPoolExecutor(config.workers, multiprocessing.get_context("spawn")) as pool:
+        with worker_processes(config.workers) as pool:
             yield pool
         return
     try:

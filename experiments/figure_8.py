@@ -13,6 +13,7 @@ import sys
 import tyro
 
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
 from experiments.drift_report import completion_table, draw, paper_table, summarise
 from experiments.drift_runs import REFUSALS, ModelsConfig, open_folder, reference, run_models
 
@@ -31,7 +32,7 @@ def main(config: ModelsConfig) -> None:
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"
     )
-    (folder / "report.md").write_text(report)
+    write_text(folder / "report.md", report)
     draw(folder, runs, reference("figure_8"))
     print(report)
     print(f"results in {folder}")

@@ -18,7 +18,7 @@ import secrets
 import sys
 import zlib
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,8 +28,11 @@ from tqdm import tqdm
 
 from drift_drake.diagnosis.diagnose import diagnose_folder
 from drift_drake.logs.table import write_run
+from drift_drake.run_folder import is_done
+from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import worker_processes
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_truth, make_case
 from experiments.gap_pictures import draw_scores
@@ -112,7 +115,7 @@ def make(command: Make) -> None:
     order = np.random.default_rng(seed).permutation(command.count)
     command.out.mkdir(parents=True, exist_ok=True)
     labels: list[dict[str, Any]] = []
-    with ProcessPoolExecutor(command.workers) as pool:
+    with worker_processes(command.workers) as pool:
         jobs = []
         for place, i in enumerate(order):
             name = hashlib.sha256(f"{seed}-{place}".encode()).hexdigest()[:8]
@@ -121,13 +124,13 @@ def make(command: Make) -> None:
             labels.append(job.result())
     text = json.dumps({"seed": seed, "labels": sorted(labels, key=lambda label: str(label["case"]))})
     sealed = base64.b64encode(zlib.compress(text.encode()))
-    (command.out / "labels.sealed").write_bytes(sealed)
+    write_bytes(command.out / "labels.sealed", sealed)
     VehicleParameters().to_yaml(command.out / "vehicle.yaml")
     manifest = {
         "labels_sha256": hashlib.sha256(sealed).hexdigest(),
         "cases": {label["case"]: {"without": label["without"]} for label in labels},
     }
-    (command.out / "manifest.json").write_text(json.dumps(manifest, indent=1, sort_keys=True))
+    write_text(command.out / "manifest.json", json.dumps(manifest, indent=1, sort_keys=True))
 
 
 def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any]]:
@@ -155,15 +158,15 @@ def answer(command: Respond) -> None:
     manifest = json.loads((command.out / "manifest.json").read_text())
     (command.out / "answers").mkdir(exist_ok=True)
     (command.out / "evidence").mkdir(exist_ok=True)
-    with ProcessPoolExecutor(command.workers) as pool:
+    with worker_processes(command.workers) as pool:
         jobs = {}
         for name, case in sorted(manifest["cases"].items()):
-            if not (command.out / "answers" / f"{name}.json").exists():
+            if not is_done(command.out / "answers" / f"{name}.json"):
                 jobs[pool.submit(answer_one, command.out / "cases" / name, case["without"])] = name
         for job in tqdm(as_completed(jobs), total=len(jobs), unit="case"):
             text, raw = job.result()
-            (command.out / "evidence" / f"{jobs[job]}.json").write_text(json.dumps(raw))
-            (command.out / "answers" / f"{jobs[job]}.json").write_text(text)
+            write_text(command.out / "evidence" / f"{jobs[job]}.json", json.dumps(raw))
+            write_text(command.out / "answers" / f"{jobs[job]}.json", text)
 
 
 def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
@@ -173,7 +176,7 @@ def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
         SystemExit: an answer is missing, or the labels are not those that were sealed.
     """
     manifest = json.loads((out / "manifest.json").read_text())
-    missing = [name for name in manifest["cases"] if not (out / "answers" / f"{name}.json").exists()]
+    missing = [name for name in manifest["cases"] if not is_done(out / "answers" / f"{name}.json")]
     if missing and not partial:
         sys.exit(f"{out}: {len(missing)} cases have no answer yet; run 'answer' before the labels are opened")
     sealed = (out / "labels.sealed").read_bytes()
@@ -194,9 +197,9 @@ def score(command: Score) -> None:
     """Prints and writes the scores, and draws their pictures."""
     pairs = answered(command.out, command.partial)
     result = scores(pairs)
-    (command.out / "scores.json").write_text(json.dumps(result, indent=1))
+    write_text(command.out / "scores.json", json.dumps(result, indent=1))
     text = score_text(result)
-    (command.out / "scores.md").write_text(text)
+    write_text(command.out / "scores.md", text)
     draw_scores(pairs, command.out)
     print(text)
 

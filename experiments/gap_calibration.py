@@ -10,6 +10,7 @@ import numpy as np
 import yaml
 
 from drift_drake.diagnosis.posterior import Calibration, probabilities_of
+from drift_drake.safe_files import write_text
 from experiments.gap_score import UNKNOWNS, true_name
 
 Record = tuple[dict[str, Any], dict[str, Any]]  # (label, evidences)
@@ -58,4 +59,4 @@ def fitted_constants(records: Sequence[Record]) -> Calibration:
 
 def write_constants(c: Calibration, path: Path) -> None:
     """Writes the constants as YAML (`drift_drake/diagnosis/calibration.yaml` is such a file)."""
-    path.write_text(yaml.safe_dump(dataclasses.asdict(c), sort_keys=False))
+    write_text(path, yaml.safe_dump(dataclasses.asdict(c), sort_keys=False))

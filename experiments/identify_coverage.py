@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from drift_drake.identification.identify import identify
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, make_case, true_constants
@@ -143,7 +144,7 @@ def draw(found: dict[str, Any], path: Path) -> None:
     ax.set_xlim(0.6, 1.01)
     ax.set_xlabel(f"share of {found['vehicles']} vehicles whose truth lies in the 95 % interval")
     ax.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=150)
+    write_figure(figure, path, dpi=150)
 
 
 def main(config: Config) -> None:
@@ -155,7 +156,7 @@ def main(config: Config) -> None:
     results = []
     for index in tqdm(range(config.vehicles), unit="vehicle"):
         path = folder / "vehicles" / f"{index:03d}.json"
-        if not path.exists():
+        if not is_done(path):
             write_json(path, one_vehicle(config, index))
         results.append(json.loads(path.read_text()))
         found = numbers(results)

@@ -27,13 +27,16 @@ from diagrams.information_gathering import GatheringConfig, InfeasiblePlanError,
 from drift_drake.control.lane_drive import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_arrays, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import end_with_parent
 from experiments.drifting_errors import drifting_errors, judged_by_halves
 from experiments.information_pictures import draw_all
 from experiments.information_summary import markdown, summarise, summarise_halves
@@ -63,7 +66,7 @@ class InformationConfig:
     out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
 
 
-class MissingDrivesError(ValueError):
+class MissingDrivesError(DriftDrakeError, ValueError):
     """The drives to judge by are not there; the message says how to make them."""
 
 
@@ -198,10 +201,10 @@ class _Vehicle:
             if k < 2:
                 name = ("once", "twice")[k]
                 beliefs[f"{name.capitalize()}-Info"] = belief
-                np.savez(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
+                write_arrays(folder / f"belief-{name}-{self._index:03d}.npz", **belief._asdict())
         for name, table in tables.items():
             file = folder / f"{name.replace(' ', '_').lower()}-{self._index:03d}.csv"
-            table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}).to_csv(file, index=False)
+            write_table(table.rename(columns={"delta_cmd": "delta", "tau_cmd": "tau"}), file, index=False)
         result["halves"] = judged_by_halves(model, beliefs, self._judged)
         return result
 
@@ -210,7 +213,7 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
     """One vehicle; its numbers and logs go into the folder, unless they are there already."""
     config, shared, folder, index = job
     numbers = folder / f"vehicle-{index:03d}.json"
-    if not numbers.exists():
+    if not is_done(numbers):
         write_json(numbers, _Vehicle(config, index).run(shared, folder))
 
 
@@ -224,7 +227,7 @@ def main(config: InformationConfig) -> None:
     indices = range(config.first, config.first + config.vehicles)
     jobs = [(config, shared, folder, index) for index in indices]
     # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
-    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=5) as pool:
+    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=5) as pool:
         for _ in tqdm(pool.imap_unordered(run_vehicle, jobs), total=len(jobs), unit="vehicle"):
             pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
@@ -233,7 +236,7 @@ def main(config: InformationConfig) -> None:
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)
-    (folder / "report.md").write_text(text)
+    write_text(folder / "report.md", text)
     model = load(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
     print(text)

@@ -16,6 +16,7 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.time_series import time_series
+from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.information_summary import MODELS, entry
 from experiments.uncertainties import draw_uncertainties
@@ -41,8 +42,8 @@ def draw_all(
         for label, name in FILES.items()
         if (path := folder / f"{name}-{vehicle:03d}.csv").exists()
     }
-    overhead(tables, lane_for_pictures(config, tables.values()), parameters).savefig(folder / "overhead.png")
-    time_series(tables, reference, parameters, against="t").savefig(folder / "time_series.png")
+    write_figure(overhead(tables, lane_for_pictures(config, tables.values()), parameters), folder / "overhead.png")
+    write_figure(time_series(tables, reference, parameters, against="t"), folder / "time_series.png")
     beliefs = {"prior": model.prior()}
     for name in ("once", "twice"):
         path = folder / f"belief-{name}-{vehicle:03d}.npz"
@@ -84,7 +85,7 @@ def draw_rounds(results: list[dict[str, Any]], file: Path) -> None:
     axes[0].set_yscale("log")
     axes[1].set_yscale("log")
     axes[0].legend(fontsize=8)
-    figure.savefig(file, dpi=110)
+    write_figure(figure, file, dpi=110)
     plt.close(figure)
 
 
@@ -108,5 +109,5 @@ def draw_models(results: list[dict[str, Any]], file: Path) -> None:
         axis.set_yscale("log")
         axis.set_title(title)
         axis.grid(alpha=0.3, axis="y")
-    figure.savefig(file, dpi=110)
+    write_figure(figure, file, dpi=110)
     plt.close(figure)

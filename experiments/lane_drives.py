@@ -38,7 +38,10 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.model.training_config import LANE_ROUND
+from drift_drake.run_folder import is_done
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import end_with_parent
 from experiments.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
@@ -123,7 +126,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     options, population, index, pool = job
     folder = options.output / population / f"vehicle_{index:02d}"
     name = round_name(options.round)
-    if (folder / f"{name}.json").exists():
+    if is_done(folder / f"{name}.json"):
         return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
     parameters, model = VehicleParameters(), load(options.checkpoint)
@@ -156,7 +159,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         belief = learn(model, belief, phases[0][-1])
     save_samples(all_phases(phases), folder / f"{name}_phases.npz")
     save_samples(concatenate(phases[0]), folder / f"{name}.npz")
-    (folder / f"{name}.json").write_text(json.dumps(endings))
+    write_text(folder / f"{name}.json", json.dumps(endings))
     return endings
 
 
@@ -165,7 +168,7 @@ def join_rounds(folders: list[Path], rounds: int, ending: str) -> Samples:
     parts, numbered = [], 0
     for number in range(rounds):
         name = f"{round_name(number)}{ending}"
-        driven = [folder for folder in folders if (folder / f"{name}.npz").exists()]
+        driven = [folder for folder in folders if is_done(folder / f"{name}.npz")]
         if not driven:
             continue
         part = join_vehicles(driven, name, len(SCHEDULE))
@@ -180,7 +183,7 @@ def main(config: LaneDrivesConfig) -> None:
         ("train", range(config.first, config.train)),
         ("validation", range(config.validation)),
     ]
-    with multiprocessing.get_context("spawn").Pool(config.workers, maxtasksperchild=25) as pool:
+    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=25) as pool:
         jobs = [(config, index) for index in range(PLANS)]
         plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
         runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [

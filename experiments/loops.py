@@ -20,6 +20,7 @@ import tyro
 from diagrams.metrics import GRID, STEADY_SIDESLIP
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_table, write_text
 from experiments.drift_report import LABELS, completion_table, draw, summarise
 from experiments.drift_runs import (
     REFUSALS,
@@ -114,7 +115,7 @@ def main(config: LoopsConfig) -> None:
     write_versions(folder)
     course = reference("loops")
     runs = with_initiation(run_models(config, "loops", folder), folder, course)
-    runs.to_csv(folder / "runs.csv", index=False)
+    write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_loops(runs)
     write_json(folder / "numbers.json", summary)
     begin, end = initiation(course)
@@ -122,7 +123,7 @@ def main(config: LoopsConfig) -> None:
         f"{completion_table(summary)}\n\n"
         f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n"
     )
-    (folder / "report.md").write_text(report)
+    write_text(folder / "report.md", report)
     draw(folder, runs, course, PICTURED)
     print(report)
     print(f"results in {folder}")

@@ -40,6 +40,7 @@ from drift_drake.model.quality import (
 )
 from drift_drake.model.samples import concatenate, load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure
 from experiments.uncertainties import draw_uncertainties
 
 Array = NDArray[np.float64]
@@ -155,7 +156,7 @@ def draw_errors(result: dict[str, Any], file: Path) -> None:
     axes[0, 0].set_ylabel("one-step RMS error")
     axes[1, 0].set_ylabel("one-step RMS error")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(file, dpi=130)
+    write_figure(figure, file, dpi=130)
     plt.close(figure)
 
 
@@ -179,7 +180,7 @@ def draw_coverage(result: dict[str, Any], file: Path) -> None:
     for axis in axes[:, 0]:
         axis.set_ylabel("share within 1, 2, 3 s.d. (black: Gaussian)")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(file, dpi=130)
+    write_figure(figure, file, dpi=130)
     plt.close(figure)
 
 
@@ -206,7 +207,7 @@ def draw_rollouts(result: dict[str, Any], file: Path) -> None:
     axes[0, 0].set_ylabel("median rollout error")
     axes[1, 0].set_ylabel("median rollout error")
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(file, dpi=130)
+    write_figure(figure, file, dpi=130)
     plt.close(figure)
 
 

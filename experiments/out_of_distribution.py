@@ -20,7 +20,8 @@ import tyro
 from matplotlib.figure import Figure
 from scipy.stats import beta
 
-from diagrams.closed_loop import Change, ClosedLoop, ControlConfig
+from diagrams.change import Change
+from diagrams.closed_loop import ClosedLoop, ControlConfig
 from diagrams.metrics import before_spin
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
@@ -35,7 +36,8 @@ from drift_drake.model.out_of_distribution import (
 )
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_runs import REFUSALS, DriftConfig, open_folder, reference
@@ -119,10 +121,9 @@ def drives(config: DetectionConfig, folder: Path) -> list[dict[str, Any]]:
             jobs.append(WatchJob(group, vehicle, seed, effects, change, model, config.adapting, config.control))
 
     def write(job: WatchJob, result: dict[str, Any]) -> None:
-        write_json(folder / f"{job.name}.partial", result)
-        (folder / f"{job.name}.partial").rename(folder / f"{job.name}.json")
+        write_json(folder / f"{job.name}.json", result)
 
-    missing = [job for job in jobs if not (folder / f"{job.name}.json").exists()]
+    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
     run_jobs(config.run_on, watch, missing, write, "drive")
     return [json.loads((folder / f"{job.name}.json").read_text()) for job in jobs]
 
@@ -219,10 +220,12 @@ def main(config: DetectionConfig) -> None:
     summary = judge(results, config)
     write_json(folder / "numbers.json", summary)
     text = report(summary, config)
-    (folder / "report.md").write_text(text + "\n")
-    picture(results, summary, config).savefig(folder / "statistic.png")
-    pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]).to_csv(
-        folder / "runs.csv", index=False
+    write_text(folder / "report.md", text + "\n")
+    write_figure(picture(results, summary, config), folder / "statistic.png")
+    write_table(
+        pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]),
+        folder / "runs.csv",
+        index=False,
     )
     print(text)
     print(f"results in {folder}")

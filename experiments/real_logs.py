@@ -30,8 +30,8 @@ from drift_drake.identification.report import write_report
 from drift_drake.logs.importing.command import write_case
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.table import Run, read_case, stated_noise
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, stated_noise
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -77,7 +77,7 @@ def thinned(run: Run, every: int) -> Run:
 def imported(config: Config, folder: Path, name: str, preset: str, source: str, **part: float) -> Path:
     """Imports recordings once; the case folder."""
     out = folder / "logs" / name
-    if not out.exists():
+    if not is_done(out / IMPORT_REPORT):
         mapping = read_mapping(preset)
         if preset == "dart":
             mapping = dataclasses.replace(mapping, formulas={**mapping.formulas, **RIM_SPEED})
@@ -94,7 +94,7 @@ def runs_of(case: Path, config: Config, without: Sequence[str] = ()) -> list[Run
 
 def once(path: Path, work: Callable[..., Any], *arguments: Any) -> Any:
     """What `work` found, from the file if it has been done."""
-    if not path.exists():
+    if not is_done(path):
         began = time.process_time()
         found = work(*arguments)
         write_json(path, {"seconds_of_cpu": time.process_time() - began, "found": found})

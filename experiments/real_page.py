@@ -14,6 +14,9 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
+from drift_drake.run_folder import is_done
+from drift_drake.safe_files import write_figure, write_text
+
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad"}
 CALIBRATED = {"small_car_floor_a": "small car, from floor_a", "small_car_free_driving": "small car, from free_driving",
               "racer": "250 LM, from its first 150 s"}  # fmt: skip
@@ -31,7 +34,7 @@ class Config:
 def read(folder: Path, name: str) -> Any:
     """What a stage found; None if it is not done."""
     path = folder / f"{name}.json"
-    return json.loads(path.read_text())["found"] if path.exists() else None
+    return json.loads(path.read_text())["found"] if is_done(path) else None
 
 
 def parameter_table(found: dict[str, Any]) -> str:
@@ -81,7 +84,7 @@ def draw(found: dict[str, dict[str, Any]], path: Path) -> None:
             ax.tick_params(labelsize=8)
             ax.spines[["top", "right"]].set_visible(False)
     axes[0, 0].legend(fontsize=8)
-    figure.savefig(path, dpi=130)
+    write_figure(figure, path, dpi=130)
 
 
 def main(config: Config) -> None:
@@ -100,7 +103,7 @@ def main(config: Config) -> None:
         warnings = [warning for warning in found["answer"]["warnings"] if "everyday" in warning]
         seconds = f"The diagnosis took {found['diagnosis_seconds_of_cpu']:.0f} s of CPU."
         parts += [f"## {ASKED[name]}", found["sentence"], *warnings, seconds, error_table(found)]
-    (config.out / "numbers.md").write_text("\n\n".join(parts) + "\n")
+    write_text(config.out / "numbers.md", "\n\n".join(parts) + "\n")
     if asked:
         draw({k: {**v, "first_guess": np.array(v["first_guess"], dtype=float),
                   "calibrated": np.array(v["calibrated"], dtype=float)} for k, v in asked.items()},

@@ -14,6 +14,7 @@ from drift_drake.model.bayesian_step import TIME_STEP, euler_step
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
+from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants
 
@@ -79,5 +80,5 @@ def draw_uncertainties(
         axis.grid(alpha=0.3)
     axes[0].legend(fontsize=8)
     figure.suptitle(f"Change over one step; {title}")
-    figure.savefig(file, dpi=110)
+    write_figure(figure, file, dpi=110)
     plt.close(figure)

@@ -31,7 +31,7 @@ from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer, 
 from drift_drake.diagnosis.posterior import UNKNOWN
 from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drive
 from experiments.gap_cases import PERIOD, STEERING_RATE, TORQUE_RATE, drawn_truth, slewed
@@ -218,7 +218,7 @@ def main(config: WhatToDriveConfig) -> None:
             if bar.n == config.ambiguous:
                 break
             file = folder / f"case-{index:03d}.json"
-            if not file.exists():
+            if not is_done(file):
                 write_json(file, one_case(index, config))
             cases.append(json.loads(file.read_text()))
             bar.update(int(cases[-1]["ambiguous"]))

@@ -1,11 +1,16 @@
 """The command line: exit codes, one-sentence errors, the corrected vehicle."""
 
+import errno
 import json
+import os
+import signal
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake import cli
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -89,3 +94,87 @@ def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
     assert len(table) == 451
     assert np.allclose(np.diff(table["t"]), 0.01)
     assert table["e"].abs().max() < 3.0
+
+
+UNKNOWN = ANSWER | {
+    "verdict": "unknown", "causes": [], "posterior": {"unknown": 1.0}, "ambiguity": ["unknown"], "magnitudes": {},
+    "details": {"beliefs": {"noise": [0.1] * 9, "used": [True] * 9, "process": [0.1] * 9, "row_weight": 1.0, "own": {},
+                            "hypotheses": {}}},
+}  # fmt: skip
+
+
+def test_no_plan_follows_an_answer_of_unknown(tmp_path, vehicle_path, capsys):
+    (tmp_path / "answer.json").write_text(json.dumps(UNKNOWN))
+    assert main(["plan-next", str(tmp_path / "answer.json"), "--vehicle", str(vehicle_path)]) == BAD_INPUT
+    *_, error = capsys.readouterr().err.splitlines()
+    assert error.startswith("drift-drake: a: no catalogued hypothesis explains the gap")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["diagnose", "CASE", "--workers", "0"], "--workers 0: give 1 or more"),
+        (["diagnose", "CASE", "--noise-scale", "nan"], "--noise-scale and --process-scale are factors above 0"),
+        (["diagnose", "CASE", "--row-weight", "nan"], "above 0, up to 1"),
+        (["diagnose", "CASE", "--json", "CASE"], "is a folder; give the name of a file"),
+        (["diagnose", "CASE", "--json", "VEHICLE"], "is an input too; give another file"),
+        (["diagnose", "CASE", "--report", "VEHICLE/x.html"], "cannot be written"),
+        (["simulate", "slalom", "--out", "OUT", "--seed", "-1"], "--seed -1: give 0 or more"),
+        (["simulate", "slalom", "--out", "OUT", "--noise", "nan"], "--noise nan: give 0 or more"),
+        (["simulate", "slalom", "--out", "OUT", "--duration", "1e9"], "--duration 1e+09: give seconds"),
+        (["simulate", "slalom", "--out", "OUT", "--steering", "nan"], "--steering nan: give an angle"),
+        (["plan-next", "ANSWER", "--out", "OUT", "--v-start", "1000"], "v_start is 1000 m/s; give 1 to 60"),
+        (["plan-next", "ANSWER", "--out", "OUT", "--half-width", "nan"], "half_width is nan m; give above 0.5"),
+        (["replay", "CASE/run_0.csv", "--html", "VEHICLE/x.html"], "cannot be written"),
+        (["identify", "CASE", "--out", "VEHICLE/x.yaml"], "cannot be written"),
+        (["apply", "PIPE", "--out", "OUT"], "a pipe or device"),
+    ],
+)
+def test_numbers_and_outputs_are_tried_before_the_work(tmp_path, vehicle_path, capsys, arguments, says):
+    (tmp_path / "case").mkdir()
+    (tmp_path / "case" / "run_0.csv").write_text("t\n0\n")
+    (tmp_path / "answer.json").write_text(json.dumps(ANSWER))
+    os.mkfifo(tmp_path / "pipe")
+    places = {"CASE": "case", "VEHICLE": vehicle_path.name, "OUT": "out", "ANSWER": "answer.json", "PIPE": "pipe"}
+    for name, place in places.items():
+        arguments = [a.replace(name, str(tmp_path / place)) for a in arguments]
+    before = vehicle_path.read_text()
+    assert main([*arguments, "--vehicle", str(vehicle_path)]) == BAD_INPUT
+    *_, error = capsys.readouterr().err.splitlines()
+    assert error.startswith("drift-drake: ")
+    assert says in error
+    assert not (tmp_path / "out").exists()
+    assert vehicle_path.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("end", "code", "says"),
+    [
+        (lambda _: os.kill(os.getpid(), signal.SIGTERM), 143, "terminated"),
+        (lambda _: os.kill(os.getpid(), signal.SIGINT), 130, "interrupted"),
+    ],
+)
+def test_signals_end_in_one_line(tmp_path, vehicle_path, capsys, monkeypatch, end, code, says):
+    monkeypatch.setattr(cli, "run_apply", end)
+    before = signal.getsignal(signal.SIGTERM)
+    assert main(["apply", "a.json", "--vehicle", str(vehicle_path), "--out", str(tmp_path / "x.yaml")]) == code
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_a_full_disk_keeps_the_vehicle_file(tmp_path, vehicle_path, capsys, monkeypatch):
+    """In place, as a user would: every write fails."""
+    (tmp_path / "answer.json").write_text(json.dumps(ANSWER))
+    before = vehicle_path.read_text()
+
+    def full(*_args, **_options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    arguments = ["--vehicle", str(vehicle_path), "--out", str(vehicle_path)]
+    assert main(["apply", str(tmp_path / "answer.json"), *arguments]) == BAD_INPUT
+    assert "cannot be written (No space left on device)" in capsys.readouterr().err
+    assert vehicle_path.read_text() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["answer.json", vehicle_path.name]

@@ -165,7 +165,9 @@ class MemoryObserver(LeafSystem):
             return held
         measured, command = self._measured.Eval(context), self._command.Eval(context)
         model = self._model
-        if np.isnan(held[0]):
+        if not np.isfinite(measured).all():  # no reading: go on from the last one
+            measured = held[1:8]
+        if np.isnan(held[0]) or not np.isfinite(held[7:-2]).all():
             memory = np.array(settled_memory(*measured[:4], *command, model.constants, model.effects), dtype=float)
         else:
             x_next = np.empty((1, STATE_SIZE))

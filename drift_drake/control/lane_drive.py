@@ -7,10 +7,13 @@ from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.control.stacked import STATE_SCALE
+from drift_drake.errors import InvalidOptionError
 
 Array = NDArray[np.float64]
 
 DT = 0.1  # [s]
+SLOWEST, FASTEST = 1.0, 60.0  # [m/s] of a plan's ends
+WIDEST = 50.0  # [m] of a lane to either side
 FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs
 SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
 SLIP_SOFTENING = 5.0  # [m/s], likewise
@@ -28,6 +31,15 @@ class LaneDrive:
     min_speed: float = 6.0  # [m/s] in plans: models are unsure of a crawl, and it tells nothing of a drift
     max_slip: float = 8.0  # [m/s] of the rear rim over the ground in plans
     max_sideslip: float = 0.2  # [rad] in plans; the true car's has been up to half as much again
+
+    def __post_init__(self) -> None:
+        for name in ("v_start", "v_end"):
+            if not SLOWEST <= getattr(self, name) <= FASTEST:
+                raise InvalidOptionError(f"{name} is {getattr(self, name):g} m/s; give {SLOWEST:g} to {FASTEST:g}")
+        if not self.margin < self.half_width <= WIDEST:
+            raise InvalidOptionError(
+                f"half_width is {self.half_width:g} m; give above {self.margin:g}, up to {WIDEST:g}"
+            )
 
 
 # How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and

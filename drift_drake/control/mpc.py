@@ -41,7 +41,8 @@ class MpcController(LeafSystem):
     Each `period`, the state is predicted to the time at which the plan will be in force (`delay` later), the OCP is set
     up from there with the command that the last plan has for that time as u_0, and `options.max_iterations` SQP steps
     are made from the last solution, shifted. If the state is not finite or the QP fails, the last plan stays in force
-    (it goes on in time, and the actuator holds its last command beyond its end) and the failure is counted.
+    (it goes on in time, and the actuator holds its last command beyond its end) and the failure is counted; so is an
+    error of the solver.
 
     Input ports:
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
@@ -123,7 +124,10 @@ class MpcController(LeafSystem):
         measured = self._measured.Eval(context)
         result, start = None, context.get_time() + self.delay
         if np.isfinite(measured).all():
-            result = self._solve(context, measured, start)
+            try:
+                result = self._solve(context, measured, start)
+            except (ArithmeticError, IndexError, RuntimeError, ValueError):
+                result = None  # of numbers far off, or of the solver itself: a failure like any other
         if result is None or result.failed:
             failed = last._replace(failed=1.0, failures=last.failures + 1.0)
             discrete.set_value(self._statistics, np.array(failed))

@@ -6,18 +6,22 @@ import math
 from pathlib import Path
 from typing import Any
 
+from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.estimation.interval import Interval
+from drift_drake.plain_files import number, parse_json, read_text
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
+VERDICTS = ("effect", "none", "unknown")
 
 
-class InvalidAnswerError(ValueError):
+class InvalidAnswerError(DriftDrakeError, ValueError):
     """An answer file that cannot be used; the message names the file and the mend."""
 
 
-class UnplannableError(ValueError):
+class UnplannableError(DriftDrakeError, ValueError):
     """An answer that no drive can follow; the message says why."""
 
 
@@ -44,7 +48,7 @@ class Answer:
 
     def write(self, path: str | Path) -> None:
         """Writes the JSON file."""
-        Path(path).write_text(self.to_json() + "\n")
+        write_text(path, self.to_json() + "\n")
 
     def sentence(self) -> str:
         """The verdict in one sentence."""
@@ -150,27 +154,105 @@ def read_answer(path: str | Path) -> Answer:
     """Reads an answer file.
 
     Raises:
-        InvalidAnswerError: unreadable, not JSON, or without a key of the contract.
+        InvalidAnswerError: unreadable, not JSON, or a key of the contract is missing or holds something else.
     """
-    try:
-        data = json.loads(Path(path).read_text())
-    except OSError as error:
-        raise InvalidAnswerError(f"{path}: cannot be read ({error.strerror}); give the path of an answer") from None
-    except json.JSONDecodeError as error:
-        raise InvalidAnswerError(
-            f"{path}: not JSON (line {error.lineno}); write it with 'drift-drake diagnose --json'"
-        ) from None
+    mend = "write it with 'drift-drake diagnose --json'"
+    data = parse_json(
+        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), mend, False
+    )
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
     if missing:
         raise InvalidAnswerError(
             f"{path}: missing {', '.join(missing)}; write the answer with 'drift-drake diagnose --json'"
         )
-    optional = {key: data.get(key, {}) for key in ("tolerances", "details")}
+    try:
+        return _answer(data)
+    except ValueError as error:
+        raise InvalidAnswerError(f"{path}: {error}; {mend}") from None
+
+
+def _answer(data: dict[str, Any]) -> Answer:
+    """An answer from plain data that has the contract's keys; ValueError says what is wrong with one."""
+    verdict = data["verdict"]
+    if verdict not in VERDICTS:
+        raise ValueError(f"verdict is {shown(verdict)}, not one of {', '.join(VERDICTS)}")
+    causes = _names("causes", data["causes"])
+    posterior = {name: _number(f"posterior.{name}", q) for name, q in _entries("posterior", data["posterior"]).items()}
+    magnitudes = {
+        name: _interval(f"magnitudes.{name}", m) for name, m in _entries("magnitudes", data["magnitudes"]).items()
+    }
+    unknown = [name for name in (*causes, *magnitudes) if name not in CATALOGUE]
+    if unknown:
+        raise ValueError(f"it names the cause {shown(unknown[0])}, which the catalogue does not have")
+    lacking = [name for name in causes if name not in magnitudes]
+    if lacking:
+        raise ValueError(f"magnitudes lacks {lacking[0]}")
+    believed = "+".join(sorted(causes)) if verdict == "effect" else verdict
+    if believed not in posterior or bool(causes) != (verdict == "effect"):
+        raise ValueError(f"verdict {verdict}, causes and posterior do not agree")
+    tolerances = _entries("tolerances", data.get("tolerances", {}))
+    warnings = data.get("warnings", [])
     return Answer(
-        **{key: data[key] for key in required if key not in ("magnitudes", "reduction")},
-        magnitudes={name: Interval(**m) for name, m in data["magnitudes"].items()},
-        reduction=Interval(**data["reduction"]),
-        **optional,
-        warnings=data.get("warnings", []),
+        case=_text("case", data["case"]),
+        verdict=verdict,
+        causes=causes,
+        posterior=posterior,
+        ambiguity=_names("ambiguity", data["ambiguity"]),
+        magnitudes=magnitudes,
+        where=_entries("where", data["where"]),
+        reduction=_interval("reduction", data["reduction"], finite=False),
+        seconds=_number("seconds", data["seconds"]),
+        tolerances={name: _number(f"tolerances.{name}", q) for name, q in tolerances.items()},
+        details=_details(data.get("details", {})),
+        warnings=[_text("warnings", text) for text in warnings] if isinstance(warnings, list) else [],
     )
+
+
+def _details(details: Any) -> dict[str, Any]:
+    """What the sentence reads of the details is checked here; beliefs are by whoever plans from them."""
+    details = _entries("details", details)
+    _number("details.row_weight", details.get("row_weight", 1.0))
+    nearest = details.get("nearest")
+    if nearest:
+        found = _entries("details.nearest", nearest)
+        for key in ("removes", "free_forces_remove"):
+            _number(f"details.nearest.{key}", found.get(key), finite=False)
+        for name, m in _entries("details.nearest.magnitudes", found.get("magnitudes")).items():
+            if name not in CATALOGUE:
+                raise ValueError(f"details.nearest names {shown(name)}, which the catalogue does not have")
+            _interval(f"details.nearest.magnitudes.{name}", m)
+    return details
+
+
+def _entries(key: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{key} is {shown(value)}, not an object")
+    return value
+
+
+def _names(key: str, value: Any) -> list[str]:
+    if not isinstance(value, list):
+        raise ValueError(f"{key} is {shown(value)}, not a list of names")
+    return [_text(key, name) for name in value]
+
+
+def _text(key: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{key} holds {shown(value)}, not a text")
+    return value
+
+
+def _number(key: str, value: Any, finite: bool = True) -> float:
+    """A number; where it need not be finite, it may be missing too (NaN)."""
+    if not finite and (value is None or (isinstance(value, float) and not math.isfinite(value))):
+        return math.nan
+    try:
+        return number(value)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+
+
+def _interval(key: str, value: Any, finite: bool = True) -> Interval:
+    entries = _entries(key, value)
+    return Interval(*(_number(f"{key}.{end}", entries.get(end), finite) for end in ("estimate", "low", "high")))

@@ -17,6 +17,7 @@ from drift_drake.diagnosis.detection_limits import RATE_LIMIT
 from drift_drake.diagnosis.manoeuvres import shown_by
 from drift_drake.diagnosis.posterior import UNKNOWN
 from drift_drake.estimation.windows import HORIZONS, STRIDE, regimes
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -152,4 +153,4 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
 
 def write_day_report(diagnosis: DayDiagnosis, path: str | Path, source: Source | None = None) -> None:
     """Writes the report."""
-    Path(path).write_text(report_html(diagnosis, source), encoding="utf-8")
+    write_text(path, report_html(diagnosis, source))

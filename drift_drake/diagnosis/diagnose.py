@@ -1,10 +1,9 @@
 """From runs of a car and the file of its simulator to where the gap is, which effect causes it, how far it shrinks."""
 
 import dataclasses
-import multiprocessing
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +23,10 @@ from drift_drake.diagnosis.posterior import (
     make_posterior,
     read_calibration,
 )
+from drift_drake.diagnosis.provenance import KEY, provenance
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.where import locate
+from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.everyday import applied, traced
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import Regression, misfit
@@ -43,9 +44,14 @@ from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, s
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.workers import worker_processes
 
 Progress = Callable[[str, float], None]
 MOST_REFUSED = 4  # causes that remove nothing
+
+
+class WorkerLostError(DriftDrakeError, RuntimeError):
+    """A worker process was killed; the message names the case that it worked on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,8 +217,16 @@ def find_gap(
 def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int = 2, **options: Any) -> Diagnosis:
     """Diagnoses one case folder (`logs.table.read_case`), with the noise that its import stated."""
     folder = Path(folder)
+    found_from = {KEY: provenance(folder, vehicle, options)}
     options.setdefault("stated", stated_noise(folder))
-    return diagnose(read_case(folder), vehicle, case=folder.resolve().name, workers=workers, **options)
+    found = diagnose(read_case(folder), vehicle, case=case_name(folder), workers=workers, **options)
+    answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)
+    return dataclasses.replace(found, answer=answer)
+
+
+def case_name(folder: Path) -> str:
+    """Name of a case: its folder's own, which is its folder's only even where folders are links."""
+    return folder.name if folder.name not in ("", "..") else folder.resolve().name
 
 
 def answer_folder(
@@ -231,13 +245,19 @@ def answer_folder(
         every: rows of the logs that make one here; options: of `diagnose`.
     """
     folder = Path(folder)
+    given = {"normal": normal, "without": without, "every": every, **options}
+    found_from = {KEY: provenance(folder, vehicle, given)}
     runs = [run.without(*without).thinned(every) for run in read_case(folder)]
-    case = folder.resolve().name
+    case = case_name(folder)
+    found: Diagnosis | DayDiagnosis
     if normal is not None:
         kept = {key: options[key] for key in ("own", "progress", "catalogue") if key in options}
-        return diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
-    options.setdefault("stated", stated_noise(folder))
-    return diagnose(runs, vehicle, case=case, workers=workers, **options)
+        found = diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
+    else:
+        options.setdefault("stated", stated_noise(folder))
+        found = diagnose(runs, vehicle, case=case, workers=workers, **options)
+    answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)
+    return dataclasses.replace(found, answer=answer)
 
 
 def case_folders(folder: str | Path) -> list[Path]:
@@ -267,18 +287,23 @@ def diagnose_all(
     executor: Executor | None = None,
     progress: Callable[[Answer], None] | None = None,
     refused: Callable[[InvalidLogError], None] | None = None,
+    only: Sequence[Path] | None = None,
     **options: Any,
 ) -> list[Answer]:
     """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given).
 
     A case whose logs cannot be used is told to `refused` and left out; without `refused`, its error ends the work.
-    `options` go to `diagnose`.
+    `only` picks some of `case_folders`; `options` go to `diagnose`.
+
+    Raises:
+        WorkerLostError: a worker process was killed.
     """
-    folders = case_folders(folder)
+    folders = list(case_folders(folder) if only is None else only)
+    if not folders:
+        return []
     if executor is None:
-        # Fresh processes: a fork of one that runs threads may hang.
-        with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as own:
-            return diagnose_all(folder, vehicle, own, progress, refused, **options)
+        with worker_processes() as own:
+            return diagnose_all(folder, vehicle, own, progress, refused, folders, **options)
     jobs = {executor.submit(_answer_folder, path, vehicle, options): path for path in folders}
     answers = {}
     for job in as_completed(jobs):
@@ -289,6 +314,11 @@ def diagnose_all(
                 raise
             refused(error)
             continue
+        except BrokenExecutor:
+            raise WorkerLostError(
+                f"{jobs[job]}: its worker process was killed, perhaps for want of memory; run the command again, which "
+                "goes on with what is not answered yet"
+            ) from None
         answers[jobs[job]] = answer
         if progress is not None:
             progress(answer)

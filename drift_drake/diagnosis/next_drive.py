@@ -26,13 +26,15 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.diagnosis.answer import Answer, UnplannableError, without_rivals
-from drift_drake.diagnosis.beliefs import Belief, Sensing, beliefs_from_data
+from drift_drake.diagnosis.answer import Answer, UnplannableError
+from drift_drake.diagnosis.answer_beliefs import beliefs_of
+from drift_drake.diagnosis.beliefs import Belief, Sensing
 from drift_drake.diagnosis.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
+from drift_drake.safe_files import write_table
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -91,7 +93,7 @@ class NextDrive:
 
     def write(self, path: str | Path) -> None:
         """Writes the table as CSV."""
-        self.table().to_csv(path, index=False)
+        write_table(self.table(), path, index=False)
 
     def sentence(self) -> str:
         """What the drive is for and what it promises."""
@@ -118,21 +120,14 @@ def plan_from_answer(
         UnplannableError: the answer does not hold two hypotheses to tell apart, or was found with other effects in the
             vehicle file; also see `plan_next`.
     """
-    data = answer.details.get("beliefs") or {}
-    if not data:
-        raise UnplannableError(without_rivals(answer))
-    sensing, beliefs = beliefs_from_data(data)
+    sensing, beliefs = beliefs_of(answer)
     if own is not None:
-        if "own" in data and not np.allclose(own, sensing.own, rtol=ROUNDING, atol=0.0):
+        if "own" in answer.details["beliefs"] and not np.allclose(own, sensing.own, rtol=ROUNDING, atol=0.0):
             raise UnplannableError(
                 f"{answer.case}: the answer was found with effects of the vehicle file ({listed(sensing.own)}) that "
                 f"are not this file's ({listed(own)}); give the file that was diagnosed with"
             )
         sensing = dataclasses.replace(sensing, own=own)
-    if len(beliefs) < 2:
-        raise UnplannableError(
-            f"{answer.case}: {beliefs[0].name} has no rival left that a drive could tell it from; nothing to plan"
-        )
     return plan_next(vehicle, sensing, beliefs, config)
 
 

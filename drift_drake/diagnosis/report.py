@@ -12,6 +12,7 @@ from drift_drake.diagnosis.posterior import hypothesis_name
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
@@ -84,4 +85,4 @@ def report_html(d: Diagnosis) -> str:
 
 def write_report(d: Diagnosis, path: str | Path) -> None:
     """Writes the report."""
-    Path(path).write_text(report_html(d))
+    write_text(path, report_html(d))

@@ -94,7 +94,7 @@ def overlays(d: Diagnosis) -> str:
                 ax.plot(*nominal_line(nominal, i), color=NOMINAL, lw=1.0, label="nominal")
                 ax.plot(*nominal_line(corrected, i), color=CORRECTED, lw=1.0, ls="--", label="corrected")
                 ax.set_ylabel(f"{state} [{UNITS[state]}]", fontsize=7)
-            axes[0, column].set_title(run.name, fontsize=8)
+            axes[0, column].set_title(run.name, fontsize=8, parse_math=False)
             axes[-1, column].set_xlabel("t [s]", fontsize=7)
         axes[0, 0].legend(fontsize=6, ncols=3)
 
@@ -131,7 +131,7 @@ def time_line(d: Diagnosis, before: Sequence[np.ndarray], after: Sequence[np.nda
             if onset is not None:
                 ax.axvline(onset, color="grey", ls=":", lw=1.0)
                 ax.text(onset, ax.get_ylim()[1], " onset", fontsize=6, va="top")
-            ax.set_title(run.name, fontsize=8)
+            ax.set_title(run.name, fontsize=8, parse_math=False)
             ax.set_xlabel("t [s]", fontsize=7)
         axes[0, 0].set_ylabel("error at 0.5 s [noise levels]", fontsize=7)
         axes[0, 0].legend(fontsize=6)

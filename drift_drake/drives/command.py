@@ -9,17 +9,23 @@ import tyro
 
 from drift_drake.drives.drive import LOG_PERIOD, Drive, Limits
 from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
+from drift_drake.errors import InvalidOptionError
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
 from drift_drake.run_folder import to_json
+from drift_drake.safe_files import try_outputs
 from drift_drake.sensors import NoiseLevels
 from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.effects import Effects, magnitudes_of
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 COMMANDS = ("t", "delta_cmd", "tau_cmd")
 FASTEST = 100.0  # [m/s]
+LONGEST = 3600.0  # [s]
+MOST_NOISE = 1000.0
+STEERED = ("step_steer", "slalom")  # manoeuvres by --steering
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,11 +66,13 @@ def run_simulate(command: Simulate) -> None:
 
     Raises:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidOptionError: a number is out of range.
     """
     logging.getLogger("drake").setLevel(logging.WARNING)
     parameters, effects = read_vehicle(command.vehicle)
+    source = [] if command.drive in MANOEUVRES else [command.drive]
+    try_outputs({"--out": command.out, "--json": command.json}, [command.vehicle, *source])
     run, ending = simulate(command, parameters, effects)
-    command.out.parent.mkdir(parents=True, exist_ok=True)
     write_run(run, command.out)
     end = "as planned" if ending == "time" else f"early: {ending}"
     beta = np.zeros(1) if run.beta is None else run.beta
@@ -79,10 +87,11 @@ def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects)
     """The log of a drive at 100 Hz and how it ended: "time" is as planned, else what limit it met.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: as `run_simulate`.
+        InvalidLogError, InvalidVehicleError, InvalidOptionError: as `run_simulate`.
     """
-    if command.noise < 0.0 or not command.speed > 0.0 or (command.duration is not None and not command.duration > 0.0):
-        raise InvalidLogError("--noise must be zero or more, --speed and --duration above zero; give other numbers")
+    check_options(command, parameters)
+    check_plausible(parameters)
+    check_effects(effects, parameters)
     levels = dataclasses.asdict(NoiseLevels())
     noise = NoiseLevels(**{name: command.noise * level for name, level in levels.items()})
     m = _manoeuvre(command, parameters, effects)
@@ -95,6 +104,27 @@ def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects)
         return make_run(command.out, columns), ending
     except InvalidLogError as error:
         raise InvalidLogError(f"{error} (the drive ended after {table['t'].iloc[-1]:.2f} s: {ending})") from None
+
+
+def check_options(command: Simulate, parameters: VehicleParameters) -> None:
+    """Sees that the numbers of a command can be driven.
+
+    Raises:
+        InvalidOptionError: names the option and its range.
+    """
+    if command.seed < 0:
+        raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
+    if not 0.0 <= command.noise <= MOST_NOISE:
+        raise InvalidOptionError(f"--noise {command.noise:g}: give 0 or more, up to {MOST_NOISE:g}")
+    low = slowest(parameters)
+    if not low <= command.speed <= FASTEST:
+        raise InvalidOptionError(f"--speed {command.speed:g}: give {low:.2g} to {FASTEST:g} m/s for this car")
+    if command.duration is not None and not 0.0 < command.duration <= LONGEST:
+        raise InvalidOptionError(f"--duration {command.duration:g}: give seconds above 0, up to {LONGEST:g}")
+    if command.drive in STEERED and not abs(command.steering) <= parameters.steering_limit:
+        raise InvalidOptionError(
+            f"--steering {command.steering:g}: give an angle within the vehicle's {parameters.steering_limit:g} rad"
+        )
 
 
 def _manoeuvre(command: Simulate, parameters: VehicleParameters, effects: Effects) -> Manoeuvre:

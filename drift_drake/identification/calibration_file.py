@@ -1,15 +1,21 @@
 """What `drift-drake identify --json` wrote of a car, as `diagnose` wants it: how far to trust its sensors and model."""
 
 import dataclasses
-import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drift_drake.errors import DriftDrakeError
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.scores import Normal, normal_from_data
+from drift_drake.plain_files import number, read_json
+
+LARGEST_SCALE = 1e4  # of noise and process: beyond, a number is an error of the file
 
 
-class InvalidCalibrationError(ValueError):
+class InvalidCalibrationError(DriftDrakeError, ValueError):
     """A calibration that cannot be used; the message names the file and the mend."""
 
 
@@ -35,26 +41,48 @@ def read_trust(path: str | Path) -> CarTrust:
         InvalidCalibrationError: unreadable, not JSON, or not what `identify` writes.
     """
     mend = "write it with 'drift-drake identify --json'"
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InvalidCalibrationError(f"{path}: cannot be read ({error.strerror}); {mend}") from None
-    except ValueError:
-        raise InvalidCalibrationError(f"{path}: not JSON; {mend}") from None
+    data = read_json(path, InvalidCalibrationError, mend)
     try:
         return trust_of(data)
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, AttributeError):
         raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {mend}") from None
+    except ValueError as error:
+        raise InvalidCalibrationError(f"{path}: {error}; {mend}") from None
 
 
 def trust_of(data: Any) -> CarTrust:
-    """The same from the JSON's content; KeyError or TypeError where something is missing."""
+    """The same from the JSON's content; KeyError or TypeError where something is missing, ValueError if off."""
     if data.get("normal"):
         return CarTrust(1.0, 1.0, 1.0, None, normal_from_data(data["normal"]))
     everyday = data["everyday"]
     return CarTrust(
-        float(data["trust"]["noise"]),
-        float(data["trust"]["process"]),
-        float(data["row_weight"]),
-        Everyday(everyday["forces"], everyday["offsets"], float(everyday["row_weight"])) if everyday else None,
+        _within("trust.noise", data["trust"]["noise"], LARGEST_SCALE),
+        _within("trust.process", data["trust"]["process"], LARGEST_SCALE),
+        _within("row_weight", data["row_weight"], 1.0),
+        None if everyday is None else _everyday(everyday),
     )
+
+
+def _everyday(data: Mapping[str, Any]) -> Everyday:
+    forces = {name: [_any(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS}
+    if len({len(weights) for weights in forces.values()}) != 1:
+        raise ValueError("everyday.forces has other numbers of weights for one channel than for another")
+    offsets = {str(name): _any(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
+    unknown = sorted(set(offsets) - set(CHANNELS)) + sorted(set(data["forces"]) - set(FORCE_CHANNELS))
+    if unknown:
+        raise ValueError(f"everyday names '{unknown[0][:60]}', which is no channel")
+    return Everyday(forces, offsets, _within("everyday.row_weight", data["row_weight"], 1.0))
+
+
+def _within(name: str, value: Any, high: float) -> float:
+    try:
+        return number(value, lambda q: 0.0 < q <= high)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}, give a number above 0, up to {high:g}") from None
+
+
+def _any(name: str, value: Any) -> float:
+    try:
+        return number(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None

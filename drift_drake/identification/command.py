@@ -10,7 +10,9 @@ from tqdm import tqdm
 from drift_drake.identification.calibration import Identification, Parameter
 from drift_drake.identification.identify import Criterion, identify_folders
 from drift_drake.identification.unknowns import EFFECTS, KNOWN
+from drift_drake.logs.table import run_paths
 from drift_drake.run_folder import to_json
+from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 
@@ -56,6 +58,9 @@ def run_identify(command: Identify) -> None:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
     """
     vehicle, effects = read_vehicle(command.vehicle)
+    outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
+    logs = [path for folder in command.logs if folder.is_dir() for path in run_paths(folder)]
+    try_outputs(outputs, [command.vehicle, *logs])
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:

@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from drift_drake.identification import report_figures as figures
 from drift_drake.identification.calibration import Identification
+from drift_drake.safe_files import write_text
 
 TEMPLATE = Path(__file__).parent / "report.html"
 
@@ -28,4 +29,4 @@ def report_html(found: Identification) -> str:
 
 def write_report(found: Identification, path: str | Path) -> None:
     """Writes the report."""
-    Path(path).write_text(report_html(found), encoding="utf-8")
+    write_text(path, report_html(found))

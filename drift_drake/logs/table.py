@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.plausible import implausible
+from drift_drake.safe_files import write_table
 
 IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
@@ -25,7 +27,7 @@ PERIOD_TOLERANCE = 0.02  # of the period that a row may be early or late
 UNREADABLE = (OSError, ValueError, EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile)
 
 
-class InvalidLogError(ValueError):
+class InvalidLogError(DriftDrakeError, ValueError):
     """A log that cannot be used; the message names the file, the place and the mend."""
 
 
@@ -154,7 +156,7 @@ def write_run(run: Run, path: str | Path) -> None:
     """Writes one run as CSV (nine digits); absent columns are left out."""
     columns = {name: run.column(name) for name in COLUMNS}
     table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
-    table.to_csv(path, index=False, float_format="%.9g")
+    write_table(table, path, index=False, float_format="%.9g")
 
 
 def read_case(folder: str | Path) -> list[Run]:

@@ -9,18 +9,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.features import Network, input_scaling
+from drift_drake.errors import DriftDrakeError, one_line, shown
+from drift_drake.model.features import (
+    FEATURE_COUNT,
+    HIDDEN_COUNT,
+    INPUT_COUNT,
+    MEAN_COUNT,
+    STATE_COUNT,
+    Network,
+    input_scaling,
+)
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
+from drift_drake.plain_files import check_file, parse_json
+from drift_drake.safe_files import replacing
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plausible import check_plausible
 
 Array = NDArray[np.float64]
 
 FORMAT = 1
 PRECISION_FLOOR = 1e-6  # added to the diagonal of Lambda_0 = L L^T, which may be singular while it trains
+LARGEST = 64 * 1024 * 1024  # bytes of a file; today's have 150,000
+LARGEST_NUMBER = 1e12
 WEIGHTS = ("w1", "b1", "w2", "b2", "w_out", "b_out")
+ARRAYS = ("input_offset", "input_scale", *WEIGHTS, "prior_mean", "precision_factor", "sigma", "sample_weight")
 
 
-class InvalidCheckpointError(ValueError):
+class InvalidCheckpointError(DriftDrakeError, ValueError):
     """A file that holds no model; the message names the file and the mend."""
 
 
@@ -55,8 +70,7 @@ class BayesianModel:
         arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in WEIGHTS}
         if self.drifts is not None:
             arrays["drifts"] = self.drifts.astype(np.float32)
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        with Path(path).open("wb") as file:
+        with replacing(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,
                 **arrays,
@@ -77,31 +91,67 @@ def load(path: str | Path | None = None) -> BayesianModel:
         InvalidCheckpointError: names the file and the mend.
     """
     source = Path(str(files("drift_drake") / "data" / "bayesian_model.npz")) if path is None else Path(path)
-    try:
-        with np.load(source, allow_pickle=False) as stored:
-            arrays = {name: np.asarray(stored[name]) for name in stored.files}
-        about = json.loads(str(arrays.pop("about")))
-        weights = {name: np.asarray(arrays[name], dtype=float) for name in ("input_offset", "input_scale", *WEIGHTS)}
-        prior = {name: np.asarray(arrays[name], dtype=float) for name in ("prior_mean", "precision_factor", "sigma")}
-        drifts = np.asarray(arrays["drifts"], dtype=float) if "drifts" in arrays else None  # not in those of old
-        weight = np.full(prior["sigma"].shape, arrays["sample_weight"], dtype=float)  # one number for all, of old
-        if prior["precision_factor"].ndim == 3:  # of states that know nothing of each other
-            prior["precision_factor"] = block_diagonal(prior["precision_factor"])
-    except FileNotFoundError:
-        raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`") from None
-    except (ValueError, KeyError, OSError, EOFError) as error:
-        raise InvalidCheckpointError(f"{source}: not a model checkpoint ({error}); train it anew") from None
+    arrays, about = _stored(source)
     if about.get("format") != FORMAT:
         raise InvalidCheckpointError(
-            f"{source}: checkpoint format {about.get('format')!r}, this version reads {FORMAT}; train it anew"
+            f"{source}: checkpoint format {shown(about.get('format'))}, this version reads {FORMAT}; train it anew"
         )
     vehicle = VehicleParameters.from_dict(about["vehicle"], f"{source} (vehicle)")
-    count = len(weights["input_offset"])
+    check_plausible(vehicle, f"{source} (vehicle)")
+    count = len(np.atleast_1d(arrays["input_offset"]))
     counts = [len(input_scaling(physical)[0]) for physical in (False, True)]
     if count not in counts:
         raise InvalidCheckpointError(
             f"{source}: its network has {count} inputs, this version's have {counts[0]} or {counts[1]}; train it anew"
         )
+    _check_arrays(source, arrays, count)
     physical = count == counts[1]
+    weights = {name: arrays[name] for name in ("input_offset", "input_scale", *WEIGHTS)}
+    prior = {name: arrays[name] for name in ("prior_mean", "precision_factor", "sigma", "sample_weight")}
     network = Network(**weights, nominal=vehicle.constants() if physical else None)
-    return BayesianModel(network, **prior, sample_weight=weight, vehicle=vehicle, record=about["record"], drifts=drifts)
+    return BayesianModel(network, **prior, vehicle=vehicle, record=about["record"], drifts=arrays.get("drifts"))
+
+
+def _stored(source: Path) -> tuple[dict[str, Array], dict[str, Any]]:
+    """The arrays of a file and what it says about itself, in today's form."""
+    mend = "train it anew"
+    try:
+        if not source.exists():
+            raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`")
+        check_file(source, InvalidCheckpointError, mend, LARGEST)
+        with source.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            names = [name for name in (*ARRAYS, "drifts") if name in stored.files or name in ARRAYS]
+            arrays = {name: np.asarray(stored[name], dtype=float) for name in names}
+            about = parse_json(str(stored["about"]), InvalidCheckpointError, str(source), mend, strict=False)
+        arrays["sample_weight"] = np.full(arrays["sigma"].shape, arrays["sample_weight"])  # one number for all, of old
+        if arrays["precision_factor"].ndim == 3:  # of states that know nothing of each other
+            arrays["precision_factor"] = block_diagonal(arrays["precision_factor"])
+        if not isinstance(about["vehicle"], dict) or not isinstance(about["record"], dict):
+            raise ValueError("it does not say how it was made")
+    except InvalidCheckpointError:
+        raise
+    except Exception as error:  # zip, zlib, NumPy and its header's parser raise a dozen kinds on a damaged file
+        raise InvalidCheckpointError(f"{source}: not a model checkpoint ({one_line(error)}); {mend}") from None
+    return arrays, about
+
+
+def _check_arrays(source: Path, arrays: dict[str, Array], inputs: int) -> None:
+    shapes = {
+        "input_offset": (inputs,), "input_scale": (inputs,), "w1": (inputs, HIDDEN_COUNT), "b1": (HIDDEN_COUNT,),
+        "w2": (HIDDEN_COUNT, HIDDEN_COUNT), "b2": (HIDDEN_COUNT,),
+        "w_out": (STATE_COUNT, HIDDEN_COUNT, FEATURE_COUNT), "b_out": (STATE_COUNT, FEATURE_COUNT),
+        "prior_mean": (STATE_COUNT, FEATURE_COUNT), "precision_factor": (MEAN_COUNT, MEAN_COUNT),
+        "sigma": (STATE_COUNT,), "sample_weight": (STATE_COUNT,),
+    }  # fmt: skip
+    if "drifts" in arrays:
+        shapes["drifts"] = (*arrays["drifts"].shape[:1], INPUT_COUNT)
+    for name, shape in shapes.items():
+        array = arrays[name]
+        if array.shape != shape:
+            raise InvalidCheckpointError(f"{source}: {name} has the shape {array.shape}, not {shape}; train it anew")
+        if not (np.abs(array) < LARGEST_NUMBER).all():
+            raise InvalidCheckpointError(f"{source}: {name} holds numbers that are not finite or huge; train it anew")
+    for name, high in (("input_scale", np.inf), ("sigma", np.inf), ("sample_weight", 1.0)):
+        if not ((arrays[name] > 0.0) & (arrays[name] <= high)).all():
+            limit = "above 0" if high == np.inf else f"above 0, up to {high:g}"
+            raise InvalidCheckpointError(f"{source}: {name} must be {limit}; train it anew")

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from drift_drake.errors import one_line
 from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling, network_inputs
 from drift_drake.model.posterior import block_diagonal, state_blocks
@@ -21,7 +23,9 @@ from drift_drake.model.torch_network import Parameters, initial_parameters, para
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
+from drift_drake.safe_files import replacing
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plausible import check_plausible
 
 Array = NDArray[np.float64]
 
@@ -54,6 +58,7 @@ def train(config: TrainingConfig) -> BayesianModel:
     """
     torch.set_num_threads(config.threads)
     vehicle = VehicleParameters() if config.vehicle is None else VehicleParameters.from_yaml(config.vehicle)
+    check_plausible(vehicle, str(config.vehicle))
     objective, tables = _objective(config, vehicle)
     parameters = initial_parameters(
         torch.Generator().manual_seed(config.seed), config.physical_inputs, coupled=config.lane is not None
@@ -196,21 +201,27 @@ def _plain(config: TrainingConfig) -> dict[str, Any]:
 
 def _save_resume(path: Path, config: TrainingConfig, parameters: Parameters, optimizer: Any, schedule: Any,
                  epoch: int, spent: float, history: list[dict[str, Any]]) -> None:  # fmt: skip
-    partial = path.with_name(path.name + ".part")
-    path.parent.mkdir(parents=True, exist_ok=True)
     state = {"config": json.dumps(_plain(config)), "parameters": parameters, "optimizer": optimizer.state_dict(),
              "schedule": schedule.state_dict(), "epoch": epoch, "spent": spent, "history": history}  # fmt: skip
-    torch.save(state, partial)
-    partial.replace(path)
+    with replacing(path) as part:
+        torch.save(state, part)
 
 
 def _resume(path: Path, config: TrainingConfig, parameters: Parameters, optimizer: Any, schedule: Any
             ) -> tuple[int, float, list[dict[str, Any]]]:  # fmt: skip
-    """Restores a broken-off run: (epochs done, seconds spent, history); another configuration starts anew."""
+    """Restores a broken-off run: (epochs done, seconds spent, history); another configuration starts anew.
+
+    So does a file that cannot be read.
+    """
     if not path.exists():
         return 0, 0.0, []
-    state = torch.load(path, weights_only=True)
-    if state["config"] != json.dumps(_plain(config)):
+    try:
+        state = torch.load(path, weights_only=True)
+        same = state["config"] == json.dumps(_plain(config))
+    except Exception as error:  # zip, pickle and torch raise a dozen kinds on a damaged file
+        print(f"{path}: cannot be read ({one_line(error)}); training starts anew", file=sys.stderr)
+        return 0, 0.0, []
+    if not same:
         return 0, 0.0, []
     with torch.no_grad():
         for name, value in state["parameters"].items():

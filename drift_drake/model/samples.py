@@ -7,6 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.errors import DriftDrakeError, one_line
+from drift_drake.plain_files import check_file
+from drift_drake.safe_files import replacing
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -17,7 +21,7 @@ MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT]
 WIDTHS = {"x": MIRROR_STATE.shape, "x_next": MIRROR_STATE.shape, "u": MIRROR_INPUT.shape, "u_next": MIRROR_INPUT.shape}
 
 
-class InvalidSamplesError(ValueError):
+class InvalidSamplesError(DriftDrakeError, ValueError):
     """A table that cannot be used; the message names the file, the place and the mend."""
 
 
@@ -78,9 +82,14 @@ def content_hash(samples: Samples) -> str:
 
 def save_samples(samples: Samples, path: str | Path) -> None:
     """Writes a table as .npz."""
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    with Path(path).open("wb") as file:
+    with replacing(path) as part, part.open("wb") as file:
         np.savez_compressed(file, **samples._asdict())
+
+
+def _numbers(column: NDArray[Any]) -> NDArray[Any]:
+    if column.dtype.kind not in "fiu":
+        raise ValueError(f"a column of {column.dtype}")
+    return column
 
 
 def load_samples(path: str | Path) -> Samples:
@@ -90,11 +99,13 @@ def load_samples(path: str | Path) -> Samples:
         InvalidSamplesError: names the file, the column and the mend.
     """
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        if Path(path).exists():
+            check_file(path, InvalidSamplesError, "give a table of samples")
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             missing = [name for name in Samples._fields if name not in stored.files]
             if missing:
                 raise InvalidSamplesError(f"{path}: no column {', '.join(missing)}; make it with `experiments.drives`")
-            samples = Samples(*(stored[name] for name in Samples._fields))
+            samples = Samples(*(_numbers(stored[name]) for name in Samples._fields))
     except FileNotFoundError:
         raise InvalidSamplesError(
             f"{path}: no such file; make it with `python -m experiments.drives`, "
@@ -102,8 +113,8 @@ def load_samples(path: str | Path) -> Samples:
         ) from None
     except InvalidSamplesError:
         raise
-    except (ValueError, OSError, EOFError) as error:
-        raise InvalidSamplesError(f"{path}: not a table of samples ({error}); make it anew") from None
+    except Exception as error:  # zip, zlib, NumPy and its header's parser raise a dozen kinds on a damaged file
+        raise InvalidSamplesError(f"{path}: not a table of samples ({one_line(error)}); make it anew") from None
     for name, column in zip(Samples._fields, samples, strict=True):
         wanted = (*np.shape(samples.drive), *WIDTHS.get(name, ()))
         if column.shape != wanted:

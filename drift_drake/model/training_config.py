@@ -1,8 +1,11 @@
 """What a meta-training run is asked to do; free of torch, so that the command line can show it without."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Literal
+
+from drift_drake.errors import InvalidOptionError, shown
 
 Recipe = Literal["transfer", "windows", "paper", "fixed"]
 
@@ -90,3 +93,30 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     if recipe == "fixed":
         return dataclasses.replace(windows, adaptive=False, temper=False)
     return windows
+
+
+def check_training(config: TrainingConfig) -> None:
+    """Sees that numbers of a configuration can be trained with.
+
+    Raises:
+        InvalidOptionError: names the option and its range.
+    """
+    for name in ("epoch_batches", "batch_tasks", "epochs", "batch", "threads"):
+        if getattr(config, name) < 1:
+            raise InvalidOptionError(f"--{name.replace('_', '-')} {getattr(config, name)}: give 1 or more")
+    if config.epoch_samples is not None and config.epoch_samples < 1:
+        raise InvalidOptionError(f"--epoch-samples {config.epoch_samples}: give 1 or more, or None for all")
+    if not config.horizons or min(config.horizons) < 1:
+        raise InvalidOptionError(f"--horizons {shown(config.horizons)}: give windows of 1 sample or more")
+    if config.seed < 0:
+        raise InvalidOptionError(f"--seed {config.seed}: give 0 or more")
+    ranges = {
+        "gradient_clip": (0.0, math.inf), "shuffled_share": (-1e-12, 1.0), "learning_rate": (0.0, 1e3),
+        "decay": (0.0, 1.0), "weight_decay": (-1e-12, 1e3), "time_limit": (0.0, math.inf),
+    }  # fmt: skip
+    for name, (low, high) in ranges.items():
+        value = getattr(config, name)
+        if value is not None and not low < value <= high:
+            raise InvalidOptionError(
+                f"--{name.replace('_', '-')} {value:g}: give a number above {low:.0f}, up to {high:g}"
+            )

@@ -24,6 +24,7 @@ from drift_drake.pictures.scene import (
     poses,
 )
 from drift_drake.reference.trajectory import Reference
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -79,14 +80,13 @@ def replay(
     recording.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     meshcat.PublishRecording()
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     cars = [{"name": name, "colour": colour(index)} for index, name in enumerate(runs)]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     panel = environment.from_string(PANEL.read_text()).render(
         cars=cars, home=home, title=title, note=note, camera=camera
     )
     page, end, rest = meshcat.StaticHtml().rpartition("</body>")
-    path.write_text(page + panel + end + rest)
+    write_text(path, page + panel + end + rest)
     return path
 
 

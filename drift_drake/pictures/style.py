@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from drift_drake.safe_files import write_figure
+
 Arguments = ParamSpec("Arguments")
 
 RESOLUTION = 200  # [dots per inch] of pixel pictures
@@ -86,10 +88,9 @@ def new_figure(width: float, height: float) -> Figure:
 def save(figure: Figure, path: str | Path) -> Path:
     """Writes a figure, in the format that the path's ending names; makes the folder."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {"Date": None} if path.suffix == ".svg" else None
     with matplotlib.rc_context(RC):
-        figure.savefig(path, metadata=metadata)
+        write_figure(figure, path, metadata=metadata)
     return path
 
 

@@ -11,6 +11,7 @@ from drift_drake.logs.table import InvalidLogError, read_run
 from drift_drake.playback.comparison import Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, Played, SideBySide
 from drift_drake.run_folder import to_json
+from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
@@ -44,6 +45,8 @@ def run_replay(command: Replay) -> None:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
     """
     cars = read_cars(command.vehicle, command.corrected)
+    others = [command.corrected] if command.corrected is not None else []
+    try_outputs({"--html": command.html, "--json": command.json}, [command.log, command.vehicle, *others])
     played = play(prepare(command.log, cars), command.restart)
     comparison = compare(played)
     print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))

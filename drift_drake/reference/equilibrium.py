@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, MathematicalProgram
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -27,7 +28,7 @@ class DriftEquilibrium(NamedTuple):
     curvature: float
 
 
-class NoEquilibriumError(ValueError):
+class NoEquilibriumError(DriftDrakeError, ValueError):
     """No steady drift exists at the given radius and sideslip."""
 
 

@@ -102,6 +102,8 @@ class Path:
     def curvature(self, s: Any) -> Any:
         """Curvature [1/m] at s [...] [m], positive to the left. A float gives a float, quickly."""
         if isinstance(s, float):
+            if not math.isfinite(s):
+                return math.nan
             if self.closed:
                 s %= self.length
             if s <= 0.0:

@@ -109,6 +109,7 @@ class Reference:
     def _wrapped(self, s: Array) -> tuple[Array, Array]:
         """(s within the grid, laps gone by)."""
         length = self.path.length
+        s = np.where(np.isfinite(s), s, np.nan)
         if not self.path.closed:
             return np.clip(s, 0.0, length), np.zeros_like(s)
         laps = np.floor(s / length)
@@ -117,7 +118,7 @@ class Reference:
     def _lookup(self, s: ArrayLike) -> Array:
         within, _ = self._wrapped(np.asarray(s, dtype=float))
         position = within / self._spacing
-        index = np.minimum(position.astype(np.intp), len(self.s) - 2)
+        index = np.minimum(np.nan_to_num(position).astype(np.intp), len(self.s) - 2)  # no place has no row: NaN
         weight = (position - index)[..., None]
         return (1.0 - weight) * self._table[index] + weight * self._table[index + 1]
 
@@ -155,7 +156,7 @@ class Reference:
     def transition(self, s: ArrayLike) -> NDArray[np.bool_]:
         """Whether s [...] [m] lies in a transition."""
         within, _ = self._wrapped(np.asarray(s, dtype=float))
-        return self.in_transition[np.rint(within / self._spacing).astype(np.intp)]
+        return self.in_transition[np.rint(np.nan_to_num(within) / self._spacing).astype(np.intp)]
 
     def horizon(self, s0: float, dt: float, count: int) -> Horizon:
         """The reference over the next `count` steps of `dt` [s], from path position s0 [m] on."""

@@ -13,6 +13,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -42,7 +43,7 @@ class Transition(NamedTuple):
     """Of the path described [M] [1/m]: course rate over speed."""
 
 
-class NoTransitionError(ValueError):
+class NoTransitionError(DriftDrakeError, ValueError):
     """The car cannot go from the one steady state to the other over the distance."""
 
 

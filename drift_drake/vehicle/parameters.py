@@ -7,10 +7,14 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from drift_drake.errors import DriftDrakeError, shown
+from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
+from drift_drake.safe_files import write_text
+
 OPTIONAL = ("front_coupling", "tolerance")  # keys that a vehicle file may leave out
 
 
-class InvalidVehicleError(ValueError):
+class InvalidVehicleError(DriftDrakeError, ValueError):
     """A vehicle file that cannot be used; the message names the file, the key and the mend."""
 
 
@@ -99,9 +103,9 @@ class VehicleParameters:
             raise InvalidVehicleError(f"steering_limit is {self.steering_limit:g} rad; give it in radians, below pi/2")
         for field in dataclasses.fields(self.tolerance):
             value = getattr(self.tolerance, field.name)
-            if not _is_number(value) or value < 0.0:
+            if not is_number(value) or value < 0.0:
                 raise InvalidVehicleError(
-                    f"tolerance.{field.name} is {value!r}; give a standard deviation, zero or more"
+                    f"tolerance.{field.name} is {shown(value)}; give a standard deviation, zero or more"
                 )
 
     def constants(self) -> Constants:
@@ -131,9 +135,9 @@ class VehicleParameters:
         if not isinstance(tolerance, dict):
             raise InvalidVehicleError(f"{source}: 'tolerance' must hold 'name: standard deviation' lines")
         _check_keys(source, "tolerance.", tolerance, {field.name for field in dataclasses.fields(Tolerance)})
-        values = {key: _number(value) for key, value in data.items() if key != "tolerance"}
+        values = {key: as_number(value) for key, value in data.items() if key != "tolerance"}
         try:
-            return cls(**values, tolerance=Tolerance(**{key: _number(value) for key, value in tolerance.items()}))
+            return cls(**values, tolerance=Tolerance(**{key: as_number(value) for key, value in tolerance.items()}))
         except InvalidVehicleError as error:
             raise InvalidVehicleError(f"{source}: {error}") from None
 
@@ -144,28 +148,24 @@ class VehicleParameters:
         Raises:
             InvalidVehicleError: names the file, the key and the mend.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise InvalidVehicleError(f"{path}: not a text file; give the path of a vehicle file in YAML") from None
-        except OSError as error:
-            raise InvalidVehicleError(
-                f"{path}: cannot be read ({error.strerror}); give the path of a vehicle file"
-            ) from None
-        try:
-            data = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            where = getattr(error, "problem_mark", None)
-            line = f" at line {where.line + 1}" if where else ""
-            raise InvalidVehicleError(f"{path}: not valid YAML{line}; write one 'name: value' a line") from None
-        return cls.from_dict(data, str(path))
+        return cls.from_dict(vehicle_data(path), str(path))
 
     def to_yaml(self, path: str | Path) -> None:
         """Writes a vehicle file that `from_yaml` reads back to the same parameters."""
-        Path(path).write_text(yaml.safe_dump(self.to_dict(), sort_keys=False), encoding="utf-8")
+        write_text(path, yaml.safe_dump(self.to_dict(), sort_keys=False))
 
 
-def _number(value: Any) -> Any:
+def vehicle_data(path: str | Path) -> Any:
+    """What a vehicle file holds, as plain data.
+
+    Raises:
+        InvalidVehicleError: it cannot be read, or is no YAML.
+    """
+    text = read_text(path, InvalidVehicleError, "give the path of a vehicle file", LARGEST_YAML)
+    return parse_yaml(text, InvalidVehicleError, str(path), "write one 'name: value' a line")
+
+
+def as_number(value: Any) -> Any:
     """`1.4e5` is text to YAML 1.1 (it wants `1.4e+5`), but a number to everyone who writes it."""
     if isinstance(value, str):
         try:
@@ -175,8 +175,19 @@ def _number(value: Any) -> Any:
     return value
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def is_number(value: Any) -> bool:
+    """Whether a value is a number that arithmetic in double precision can take."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _key(prefix: str, key: Any) -> str:
+    text = shown(key)
+    return f"'{prefix}{text.strip(chr(39))}'"
 
 
 def check_number(name: str, value: Any, metadata: Any) -> None:
@@ -186,8 +197,8 @@ def check_number(name: str, value: Any, metadata: Any) -> None:
         InvalidVehicleError: not a finite number, or not positive where it must be.
     """
     unit, symbol = metadata["unit"], metadata["symbol"]
-    if not _is_number(value):
-        raise InvalidVehicleError(f"{name} ({symbol}) is {value!r}; give a finite number in {unit}")
+    if not is_number(value):
+        raise InvalidVehicleError(f"{name} ({symbol}) is {shown(value)}; give a finite number in {unit}")
     if metadata["positive"] and value <= 0.0:
         raise InvalidVehicleError(f"{name} ({symbol}) is {value:g}; it must be positive, in {unit}")
 
@@ -198,7 +209,7 @@ def _check_keys(
     for key in data:
         if key not in known:
             raise InvalidVehicleError(
-                f"{source}: unknown key '{prefix}{key}'; known keys are {', '.join(sorted(known))}"
+                f"{source}: unknown key {_key(prefix, key)}; known keys are {', '.join(sorted(known))}"
             )
     missing = sorted((required or set()) - set(data))
     if missing:

@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.cli import BAD_INPUT_ERRORS, Diagnose, run_diagnose
+from drift_drake.cli import Diagnose, run_diagnose
+from drift_drake.errors import DriftDrakeError
 from drift_drake.identification.command import Identify, run_identify
 from drift_drake.identification.identify import Criterion
 from drift_drake.run_folder import write_json
@@ -83,7 +84,7 @@ def recorded(work: Callable[[Path], None], out: Path) -> None:
     began = time.process_time()
     try:
         work(part)
-    except BAD_INPUT_ERRORS as error:
+    except DriftDrakeError as error:
         write_json(failed, {"verdict": REFUSED, "message": str(error)})
         return
     except Exception as error:

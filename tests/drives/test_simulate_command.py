@@ -79,8 +79,8 @@ def test_a_log_drives_again_by_its_commands(vehicle):
     [
         ("donut", [], "donut: no such file or manoeuvre; give a log or one of straight, step_steer, slalom"),
         ("TABLE", [], "table.csv: missing column tau_cmd; driving needs t, delta_cmd, tau_cmd"),
-        ("slalom", ["--noise", "-1"], "--noise must be zero or more"),
-        ("slalom", ["--speed", "1"], "(the drive ended after 0.00 s: speed)"),
+        ("slalom", ["--noise", "-1"], "--noise -1: give 0 or more"),
+        ("slalom", ["--speed", "1"], "--speed 1: give 3 to 100 m/s for this car"),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_2(vehicle, capsys, drive, more, says):

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
+from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.identification.calibration_file import CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.run_folder import to_json
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -20,8 +21,9 @@ def test_what_identify_writes_can_be_read(identified, tmp_path):
 
 
 def test_forces_are_read_if_there_are_any(tmp_path):
+    forces = {name: [1.0] for name in FORCE_CHANNELS}
     data = {"trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
-            "everyday": {"forces": {"yaw moment": [1.0]}, "offsets": {"r": 0.5}, "row_weight": 0.3}}  # fmt: skip
+            "everyday": {"forces": forces, "offsets": {"r": 0.5}, "row_weight": 0.3}}  # fmt: skip
     path = tmp_path / "car.json"
     path.write_text(json.dumps(data))
     assert read_trust(path).everyday.row_weight == 0.3

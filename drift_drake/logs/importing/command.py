@@ -6,11 +6,13 @@ from pathlib import Path
 
 import tyro
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.logs.importing.importer import ImportReport, import_recordings
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.importing.recording import InvalidRecordingError
 from drift_drake.logs.table import IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
+from drift_drake.safe_files import try_folder, try_outputs, writing_together
 from drift_drake.standard_output import said_to, write_text
 
 
@@ -55,6 +57,10 @@ def run_import(command: Import) -> None:
     mapping = read_mapping(command.mapping)
     if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
         raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
+    if not command.start < command.end:
+        raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
+    try_folder(command.out, "--out")
+    try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
     print(summary(report), file=said_to(command.json))
@@ -63,11 +69,11 @@ def run_import(command: Import) -> None:
 
 
 def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: RecorderMapping) -> None:
-    """Writes the runs and the report, which holds the mapping too."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, run in enumerate(runs):
-        write_run(run, folder / f"run_{number}.csv")
-    write_json(folder / IMPORT_REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
+    """Writes the runs and the report, which holds the mapping too: all of them or none."""
+    with writing_together(folder) as part:
+        for number, run in enumerate(runs):
+            write_run(run, part / f"run_{number}.csv")
+        write_json(part / IMPORT_REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
 
 
 def summary(report: ImportReport) -> str:

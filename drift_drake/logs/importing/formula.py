@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.errors import DriftDrakeError
+
 BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -19,9 +21,10 @@ FUNCTIONS: dict[str, np.ufunc] = {
     name: getattr(np, name)
     for name in ("abs", "arctan", "cos", "exp", "maximum", "minimum", "sign", "sin", "sqrt", "tan", "tanh")
 }
+LONGEST = 1000  # characters of a formula
 
 
-class InvalidFormulaError(ValueError):
+class InvalidFormulaError(DriftDrakeError, ValueError):
     """A formula that cannot be used; the message says which part."""
 
 
@@ -43,21 +46,31 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
     Raises:
         InvalidFormulaError: not a formula, a part of it is not allowed, or a name is missing.
     """
-    return _value(_parsed(formula), values, formula)
+    try:
+        value = _value(_parsed(formula), values, formula)
+    except ArithmeticError:
+        raise InvalidFormulaError(f"'{formula}' divides by zero or leaves the range of numbers") from None
+    if np.iscomplexobj(value):
+        raise InvalidFormulaError(f"'{formula}' takes a root of a negative number")
+    return value
 
 
 def _parsed(formula: str) -> ast.expr:
+    if len(formula) > LONGEST:
+        raise InvalidFormulaError(f"'{formula[:LONGEST]} ...' is longer than {LONGEST} characters; write two formulas")
     try:
         return ast.parse(formula, mode="eval").body
-    except SyntaxError:
-        raise InvalidFormulaError(f"'{formula}' is no formula; write one like '0.5 * tanh(2 * steering)'") from None
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise InvalidFormulaError(
+            f"'{formula[:LONGEST]}' is no formula; write one like '0.5 * tanh(2 * steering)'"
+        ) from None
 
 
 def _value(node: ast.expr, values: Mapping[str, Any] | None, formula: str) -> Any:
     """Value of a node; without values, walks it to see that all parts are allowed."""
     match node:
         case ast.Constant(value=int() | float() as number):
-            return number
+            return float(number)  # whole numbers have powers without end
         case ast.Name(id=name):
             if values is None:
                 return 1.0

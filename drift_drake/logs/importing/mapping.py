@@ -6,17 +6,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
 from drift_drake.logs.importing.frames import FRAMES
 from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
+from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
 BETWEEN = ("linear", "hold")
 
 
-class InvalidMappingError(ValueError):
+class InvalidMappingError(DriftDrakeError, ValueError):
     """A mapping file that cannot be used; the message names the file, the key and the mend."""
 
 
@@ -114,21 +114,9 @@ def read_mapping(name: str | Path) -> RecorderMapping:
         file = resources.files("drift_drake.logs.importing") / "presets" / f"{name}.yaml"
         text, source = file.read_text(encoding="utf-8"), f"preset {name}"
     else:
-        source = str(name)
-        try:
-            text = Path(name).read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise InvalidMappingError(f"{source}: not a text file; give a mapping file in YAML") from None
-        except OSError as error:
-            raise InvalidMappingError(
-                f"{source}: cannot be read ({error.strerror}); give a mapping file or a preset ({', '.join(presets())})"
-            ) from None
-    try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        where = getattr(error, "problem_mark", None)
-        line = f" at line {where.line + 1}" if where else ""
-        raise InvalidMappingError(f"{source}: not valid YAML{line}; write 'name: value' lines") from None
+        source, mend = str(name), f"give a mapping file in YAML or a preset ({', '.join(presets())})"
+        text = read_text(name, InvalidMappingError, mend, LARGEST_YAML)
+    data = parse_yaml(text, InvalidMappingError, source, "write 'name: value' lines")
     return mapping_from_dict(data, source)
 
 
@@ -142,6 +130,10 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     for key in ("clocks", "signals"):
         if not isinstance(entries[key], dict) or not entries[key]:
             raise InvalidMappingError(f"{source}: '{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
+    for key in ("clocks", "signals", "constants", "formulas"):
+        for name in entries.get(key) or {} if isinstance(entries.get(key), dict) else {}:
+            if not isinstance(name, str):
+                raise InvalidMappingError(f"{source}: the name {shown(name)} in '{key}' is no text; put it in quotes")
     clocks = {name: _clock(item, source, f"clocks.{name}") for name, item in entries["clocks"].items()}
     first = next(iter(clocks))
     signals = {name: _signal(name, item, first, source) for name, item in entries["signals"].items()}
@@ -153,7 +145,7 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     if not isinstance(point, (list, tuple)) or len(point) != 2:
         raise InvalidMappingError(f"{source}: measured_point must be [ahead, left] of the centre of gravity, in metres")
     derive = entries.get("derive", RecorderMapping.derive)
-    if not isinstance(derive, (list, tuple)) or not set(derive) <= set(DERIVABLE):
+    if not isinstance(derive, (list, tuple)) or not all(name in DERIVABLE for name in derive):
         raise InvalidMappingError(f"{source}: derive must be a list of some of {', '.join(DERIVABLE)}")
     moving = entries.get("moving")
     wheelbase = entries.get("wheelbase")
@@ -186,7 +178,9 @@ def _entries(data: Any, kind: Any, source: str, prefix: str) -> dict[str, Any]:
         raise InvalidMappingError(f"{source}: {where} must hold 'name: value' lines ({', '.join(fields)})")
     for key in data:
         if key not in fields:
-            raise InvalidMappingError(f"{source}: unknown key '{prefix}{key}'; known keys are {', '.join(fields)}")
+            raise InvalidMappingError(
+                f"{source}: unknown key '{prefix}{str(key)[:60]}'; known keys are {', '.join(fields)}"
+            )
     for name, field in fields.items():
         needed = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if needed and name not in data:
@@ -194,34 +188,44 @@ def _entries(data: Any, kind: Any, source: str, prefix: str) -> dict[str, Any]:
     return data
 
 
+def _texts(entries: dict[str, Any], names: tuple[str, ...], source: str, prefix: str) -> None:
+    for name in names:
+        if not isinstance(entries.get(name, ""), str):
+            raise InvalidMappingError(f"{source}: {prefix}{name} is {shown(entries[name])}; give a name, in quotes")
+
+
 def _number(value: Any, source: str, key: str, positive: bool = False) -> float:
     try:
         number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number) or (positive and number <= 0.0):
         kind = "a positive" if positive else "a finite"
-        raise InvalidMappingError(f"{source}: {key} is {value!r}; give {kind} number")
+        raise InvalidMappingError(f"{source}: {key} is {shown(value)}; give {kind} number")
     return number
 
 
 def _choice(value: Any, known: tuple[str, ...] | list[str], source: str, key: str) -> str:
-    if value not in known:
-        raise InvalidMappingError(f"{source}: {key} is {value!r}; known are {', '.join(known)}")
+    if not isinstance(value, str) or value not in known:
+        raise InvalidMappingError(f"{source}: {key} is {shown(value)}; known are {', '.join(known)}")
     return str(value)
 
 
 def _clock(data: Any, source: str, key: str) -> Clock:
     entries = dict(_entries(data, Clock, source, f"{key}."))
+    _texts(entries, ("column",), source, f"{key}.")
     if dimension(str(entries.get("unit", "s"))) != "time":
-        raise InvalidMappingError(f"{source}: {key}.unit is {entries['unit']!r}; give a unit of time: s, ms, us, ns")
+        raise InvalidMappingError(
+            f"{source}: {key}.unit is {shown(entries['unit'])}; give a unit of time: s, ms, us, ns"
+        )
     for name in ("blank", "offset"):
         if entries.get(name) is not None:
             entries[name] = _number(entries[name], source, f"{key}.{name}")
     if not isinstance(entries.get("regular", False), bool):
-        raise InvalidMappingError(f"{source}: {key}.regular is {entries['regular']!r}; write true or false")
+        raise InvalidMappingError(f"{source}: {key}.regular is {shown(entries['regular'])}; write true or false")
     if entries.get("align") is not None:
         align = dict(_entries(entries["align"], Align, source, f"{key}.align."))
+        _texts(align, ("signal", "against"), source, f"{key}.align.")
         align["search"] = _number(align.get("search", Align.search), source, f"{key}.align.search", positive=True)
         entries["align"] = Align(**align)
     return Clock(**entries)
@@ -230,6 +234,7 @@ def _clock(data: Any, source: str, key: str) -> Clock:
 def _signal(name: str, data: Any, first_clock: str, source: str) -> Signal:
     key = f"signals.{name}"
     entries = {"clock": first_clock, **_entries(data, Signal, source, f"{key}.")}
+    _texts(entries, ("column", "clock"), source, f"{key}.")
     _choice(entries["unit"], units_of(name), source, f"{key}.unit")
     for number in ("sign", "scale", "offset"):
         if number in entries:

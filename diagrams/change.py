@@ -1,0 +1,42 @@
+"""A car that becomes another one during a run, as on a slippery stretch."""
+
+import math
+from typing import NamedTuple
+
+from drift_drake.errors import InvalidOptionError
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plausible import check_effects
+
+OUTSIDE_PLANT = tuple(name for name, info in CATALOGUE.items() if info.stage in ("command", "sensor"))
+
+
+class Change(NamedTuple):
+    """When, and to what."""
+
+    time: float  # [s]
+    effects: Effects  # from then on; those outside the plant (a steering delay, sensors' errors) stay as they are
+
+
+def check_change(change: Change, parameters: VehicleParameters, before: Effects, has_memory: bool) -> None:
+    """Sees that a plant can make a change.
+
+    Args:
+        before: the effects that the car was built with; has_memory: whether its plant has the effects' states.
+
+    Raises:
+        ValueError: the car was built without effects, or the change is none that it can make.
+    """
+    if not has_memory:
+        raise ValueError("a car built without effects cannot change; build it with those that it begins with")
+    if not 0.0 <= change.time < math.inf:
+        raise InvalidOptionError(f"the change at {change.time:g} s: give a time of 0 s or more")
+    check_effects(change.effects, parameters, "the change")
+    for name in OUTSIDE_PLANT:
+        old, new = getattr(before, name), getattr(change.effects, name)
+        if old != new:
+            raise InvalidOptionError(
+                f"the change of {name} from {old:g} to {new:g} would do nothing: it acts outside the plant; build the "
+                "car with it"
+            )

@@ -1,0 +1,33 @@
+"""The class above all refusals: input, options and outputs that cannot be used, each said in one sentence."""
+
+import reprlib
+from typing import Any
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+_SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxset = 4
+_SHORT.maxlevel = 2
+LONGEST_LINE = 2000  # characters of a message on one line
+
+
+class DriftDrakeError(Exception):
+    """Something given that cannot be used; the message names it, the place and the mend in one sentence."""
+
+
+class InvalidOptionError(DriftDrakeError, ValueError):
+    """An option of a command out of its range; the message names the option and the range."""
+
+
+class OutputError(DriftDrakeError, OSError):
+    """An output that cannot be written; the message names the file and the mend."""
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: on one line and short, however large or nested it is."""
+    return _SHORT.repr(value)
+
+
+def one_line(error: BaseException) -> str:
+    """An error's message on one line of bounded length."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."

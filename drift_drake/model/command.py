@@ -1,0 +1,43 @@
+"""`drift-drake train`: the Bayesian vehicle model, meta-trained."""
+
+import dataclasses
+
+import tyro
+
+from drift_drake.errors import DriftDrakeError
+from drift_drake.model.training_config import Recipe, TrainingConfig, check_training, with_recipe
+from drift_drake.safe_files import try_outputs
+
+
+class MissingTrainingError(DriftDrakeError, ImportError):
+    """Training is asked for where torch is not installed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Train:
+    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`.
+
+    drift-drake train --output model.npz --seed 1
+    """
+
+    config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
+    recipe: Recipe = "transfer"
+    """The paper's objective over windows, its plain recipe, or a network that never adapts, in place of tasks."""
+
+
+def run_train(command: Train) -> None:
+    """`drift-drake train`."""
+    try:
+        from drift_drake.model.meta_training import train
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        raise MissingTrainingError(
+            "training needs torch; install the extra: pip install 'drift_drake[train]'"
+        ) from None
+    config = with_recipe(command.config, command.recipe)
+    check_training(config)
+    tables = (config.data, config.validation, config.lane, config.validation_lane, config.start, config.vehicle)
+    try_outputs({"--output": config.output}, [table for table in tables if table is not None])
+    model = train(config)
+    print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s")

@@ -1,0 +1,164 @@
+"""Writing that loses nothing: to a temporary file beside the destination, which takes its place once it is complete."""
+
+import contextlib
+import os
+import secrets
+import shutil
+import stat
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.errors import OutputError
+
+PARTIAL = ".part-"  # how names of folders for unfinished files begin; what follows is random
+STANDARD_OUTPUT = Path("-")
+
+
+@contextlib.contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """The path of a temporary file to write, which replaces `path` at the end of the block.
+
+    The folder is made. If the block raises, or the process ends within it, `path` keeps what it held. The temporary
+    file has the same name, which tells many writers the format, in a folder of its own beside `path`. A link is
+    followed; what is no regular file (/dev/null, a pipe) is written to directly.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        target = Path(os.path.realpath(path))
+        if _special(path):
+            yield path
+            return
+        folder = target.with_name(f"{PARTIAL}{secrets.token_hex(4)}")
+        folder.mkdir()
+        part = folder / target.name
+        try:
+            yield part
+            _flush(part)
+            if target.exists():
+                part.chmod(stat.S_IMODE(target.stat().st_mode))
+            part.replace(target)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(_sentence(path, error)) from error
+
+
+@contextlib.contextmanager
+def writing_together(folder: Path) -> Iterator[Path]:
+    """A temporary folder to write files into, which are all moved to `folder` at the end of the block.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    part = folder / f"{PARTIAL}{secrets.token_hex(4)}"
+    try:
+        part.mkdir(parents=True)
+        try:
+            yield part
+            for path in sorted(part.iterdir()):
+                _flush(path)
+            for path in sorted(part.iterdir()):
+                path.replace(folder / path.name)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(_sentence(folder, error)) from error
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Writes a binary file, whole or not at all."""
+    with replacing(path) as part:
+        part.write_bytes(data)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Writes a text file in UTF-8, whole or not at all."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def try_outputs(outputs: Mapping[str, Path | None], inputs: Iterable[str | Path] = ()) -> None:
+    """Sees before a computation that its results can be written, and tells on standard error which files exist.
+
+    Args:
+        outputs: path of the file by option (`--out`); None, and `-` for standard output, are passed over.
+        inputs: files that no output may replace.
+
+    Raises:
+        OutputError: a folder cannot be made or written to, a path is a folder's or an input's, or two are the same.
+    """
+    wanted = {option: path for option, path in outputs.items() if path is not None and path != STANDARD_OUTPUT}
+    taken = {Path(os.path.realpath(path)): "an input" for path in inputs}
+    for option, path in wanted.items():
+        if path.is_dir():
+            raise OutputError(f"{option} {path}: is a folder; give the name of a file")
+        if _special(path):
+            continue
+        real = Path(os.path.realpath(path))
+        if real in taken:
+            raise OutputError(f"{option} {path}: is {taken[real]} too; give another file")
+        taken[real] = f"that of {option}"
+        try_folder(path.parent, option)
+    for option, path in wanted.items():
+        if path.exists() and not _special(path):
+            print(f"{option} {path}: exists and will be replaced", file=sys.stderr)
+
+
+def try_folder(folder: Path, option: str) -> None:
+    """Sees that files can be written to a folder, which is made.
+
+    Raises:
+        OutputError: it cannot be made or written to.
+    """
+    part = folder / f"{PARTIAL}{secrets.token_hex(4)}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        part.touch()
+        part.unlink()
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{option} {_sentence(folder, error)}") from None
+
+
+def _special(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _flush(path: Path) -> None:
+    """Onto the disk: a renamed file whose content is still in memory is empty after a loss of power."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _sentence(path: Path, error: Exception) -> str:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return f"{path}: cannot be written ({reason}); give another place, or make room"
+
+
+def write_table(table: Any, path: str | Path, **options: Any) -> None:
+    """Writes a pandas table as CSV, whole or not at all; options are those of `to_csv`."""
+    with replacing(path) as part:
+        table.to_csv(part, **options)
+
+
+def write_figure(figure: Any, path: str | Path, **options: Any) -> None:
+    """Writes a matplotlib figure, whole or not at all; options are those of `savefig`."""
+    with replacing(path) as part:
+        figure.savefig(part, **options)
+
+
+def write_arrays(path: str | Path, **arrays: Any) -> None:
+    """Writes arrays as .npz, whole or not at all."""
+    with replacing(path) as part, part.open("wb") as file:
+        np.savez(file, **arrays)

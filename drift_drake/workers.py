@@ -1,0 +1,52 @@
+"""Worker processes that end with the process that started them, however it ends."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection, wait
+
+ENDED_WITH_PARENT = 1  # exit code of a worker
+
+
+@contextmanager
+def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """A pool of fresh processes, as many as there are cores if no count is given.
+
+    They end at once if the block raises (Ctrl-C included) or if this process ends, by a signal too. Not forked: a fork
+    would copy Drake's, BLAS's and other threads in whatever state they are.
+    """
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    watched, held = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent, initargs=(watched,))
+    try:
+        with held:  # closed before the pool waits for its workers, if the block raises
+            yield pool
+            pool.shutdown()
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()  # those too that have not begun to watch
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        watched.close()
+
+
+def end_with_parent(*held: Connection) -> None:
+    """What a worker begins with: it ends once the process that started it has ended, or closed one of the pipes given.
+
+    Ctrl-C, which reaches all processes of a terminal, is left to the parent to answer.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    watched: list[Connection | int] = [*held, *([parent.sentinel] if parent is not None else [])]
+
+    def end() -> None:
+        wait(watched)  # readable once their other ends are closed
+        os._exit(ENDED_WITH_PARENT)
+
+    threading.Thread(target=end, daemon=True).start()

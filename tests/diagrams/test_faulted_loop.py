@@ -1,0 +1,124 @@
+"""The closed loop with faults: no wrong number reaches the car, what is wrong is counted, the run goes on."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagrams.change import Change
+from diagrams.closed_loop import ClosedLoop, ClosedLoopConfig, ControlConfig, main
+from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.sqp import LineSearchSqp
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation.faults import parse_fault
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PARAMETERS = VehicleParameters()
+FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
+
+
+@pytest.fixture(scope="module")
+def short() -> Reference:
+    return dataclasses.replace(figure_8(PARAMETERS), distance=30.0)
+
+
+def loop_with(reference: Reference, *faults: str, effects: Effects | None = None) -> ClosedLoop:
+    model = NominalStepModel(PARAMETERS) if effects is None else EffectsStepModel(PARAMETERS, effects)
+    return ClosedLoop(PARAMETERS, reference, model, effects or Effects(), control=FAST,
+                      faults=[parse_fault(text) for text in faults])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fault", "counted", "number"),
+    [
+        ("dropout:1:0.2", "missing_readings", 10),
+        ("nan:1:0.2:0:r", "missing_readings", 10),
+        ("spike:1:0.2:1e6:r", "jumped_readings", 10),
+        ("bias:1:0.2:-30:v", "stopped_readings", 10),
+        ("freeze:1:0.2", "frozen_readings", 8),
+        ("lost_plans:1:0.4", "late_plans", 17),
+        ("lost_plans:0:0.5", "missing_plans", 20),
+        ("late_plans:1:0.3:0.06", "refused_plans", 2),
+    ],
+)
+def test_a_fault_is_counted_and_the_run_goes_on(short: Reference, fault: str, counted: str, number: int) -> None:
+    loop = loop_with(short, fault)
+    run = loop.run(loop.initial_context(0))
+    metrics = run.metrics()
+    assert metrics.outcome == "completed"
+    assert getattr(metrics, counted) == number
+    assert f"{number} {counted.replace('_', ' ')}" in metrics.faults()
+    assert np.isfinite(run.table[["delta", "tau", "e", "v"]].to_numpy()).all()
+
+
+def test_nothing_is_counted_where_nothing_is_wrong(short: Reference) -> None:
+    loop = loop_with(short)
+    assert loop.run(loop.initial_context(0)).metrics().faults() == ""
+
+
+def test_the_model_of_effects_survives_readings_that_are_none(short: Reference) -> None:
+    loop = loop_with(short, "dropout:0.5:0.2", "nan:0:0.1:0:r", effects=Effects(steering_lag=0.05))
+    metrics = loop.run(loop.initial_context(0)).metrics()
+    assert metrics.outcome == "completed"
+    assert metrics.solver_failures == metrics.missing_readings == 15
+
+
+@pytest.mark.parametrize("error", [ValueError("workspace"), ZeroDivisionError(), np.linalg.LinAlgError("singular")])
+def test_an_error_of_the_solver_is_a_failure(
+    short: Reference, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    solve, calls = LineSearchSqp.solve, iter(range(10**6))
+
+    def failing(self: LineSearchSqp, *args: object) -> object:
+        if 20 <= next(calls) < 25:
+            raise error
+        return solve(self, *args)
+
+    monkeypatch.setattr(LineSearchSqp, "solve", failing)
+    loop = loop_with(short)
+    metrics = loop.run(loop.initial_context(0)).metrics()
+    assert metrics.outcome == "completed"
+    assert metrics.solver_failures == 5
+
+
+def test_places_that_are_none_have_no_row(short: Reference) -> None:
+    for s in (np.nan, np.inf, -np.inf):
+        assert np.isnan(short.state(s)[:4]).all()
+        assert np.isnan(short.lane(s)).all()
+        assert np.isnan(short.path.curvature(float(s)))
+    assert np.isfinite(short.state(np.array([1.0, np.nan]))[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (Change(float("nan"), Effects(aero_drag=1.0)), "a time of 0 s or more"),
+        (Change(1.0, Effects(aero_drag=float("nan"))), "effects.aero_drag"),
+        (Change(1.0, Effects(mass_error=-2.0)), "effects.mass_error"),
+        (Change(1.0, Effects(steering_delay=0.1)), "steering_delay from 0 to 0.1 would do nothing"),
+        (Change(1.0, Effects(gyro_bias=0.01)), "gyro_bias from 0 to 0.01 would do nothing"),
+    ],
+)
+def test_a_change_that_is_none_is_refused(short: Reference, change: Change, says: str) -> None:
+    loop = loop_with(short, effects=Effects(aero_drag=1.0))
+    with pytest.raises(ValueError, match=says):
+        loop.run(loop.initial_context(0), change=change)
+
+
+def test_a_change_after_the_end_leaves_the_time_limit(short: Reference) -> None:
+    loop = loop_with(dataclasses.replace(short, distance=8.0), effects=Effects(aero_drag=1.0))
+    run = loop.run(loop.initial_context(0), change=Change(1000.0, Effects(aero_drag=1.0)))
+    assert run.table["t"].iloc[-1] < 5.0
+
+
+def test_main_takes_faults_and_tells_them(
+    short: Reference, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("diagrams.closed_loop.figure_8", lambda _: short)
+    main(ClosedLoopConfig(control=FAST, fault=("dropout:0.5:0.1", "lost_plans:1:0.2"), out=tmp_path))
+    assert "faults: 5 missing readings" in capsys.readouterr().out
+    assert json.loads((tmp_path / "numbers.json").read_text())["missing_readings"] == 5

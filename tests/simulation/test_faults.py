@@ -1,0 +1,152 @@
+"""Faults between the parts of a loop, and the screen that keeps bad readings from the controller."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+
+from drift_drake.errors import InvalidOptionError
+from drift_drake.sensors import MEASURED_STATE
+from drift_drake.simulation.faults import Fault, PlanFaults, SensorFaults, parse_fault
+from drift_drake.simulation.screening import FROZEN, Reading, Screen, judge
+
+PERIOD = 0.01
+GOOD = np.array([0.1, 12.0, -0.1, 13.0, 0.2, 0.05, 3.0])
+
+
+def reading(t: float) -> np.ndarray:
+    """A car that goes straight on and brakes a little."""
+    return GOOD + t * np.array([0.0, -1.0, 0.0, -1.0, 0.0, 0.0, 12.0])
+
+
+class Source(LeafSystem):
+    """Readings, or plans that start now: [t, t]."""
+
+    def __init__(self, values: object, size: int) -> None:
+        LeafSystem.__init__(self)
+        self.DeclareVectorOutputPort(
+            "y", size, lambda context, output: output.SetFromVector(values(context.get_time()))
+        )
+
+
+def logged(source: LeafSystem, system: LeafSystem, ports: int = 1, end: float = 1.0) -> list[np.ndarray]:
+    """What the system gives each period [rows, size], a port each."""
+    builder = DiagramBuilder()
+    builder.AddSystem(source)
+    builder.AddSystem(system)
+    builder.Connect(source.get_output_port(), system.get_input_port())
+    sinks: list[VectorLogSink] = [LogVectorOutput(system.get_output_port(i), builder, PERIOD) for i in range(ports)]
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(end - 0.5 * PERIOD)
+    return [sink.FindLog(simulator.get_context()).data().T for sink in sinks]
+
+
+def faulted(*faults: str) -> np.ndarray:
+    return logged(Source(reading, 7), SensorFaults([parse_fault(text) for text in faults]))[0]
+
+
+def exact() -> np.ndarray:
+    return np.array([reading(PERIOD * k) for k in range(100)])
+
+
+def test_a_fault_acts_in_its_time_alone() -> None:
+    x, good = faulted("dropout:0.2:0.1", "bias:0.5:0.2:0.3:r"), exact()
+    assert np.isnan(x[20:30]).all()
+    np.testing.assert_allclose(x[50:70, 0] - good[50:70, 0], 0.3)
+    good[20:30], good[50:70, 0] = np.nan, x[50:70, 0]
+    np.testing.assert_array_equal(x, good)
+
+
+def test_readings_freeze_come_late_and_lose_a_channel() -> None:
+    x, good = faulted("freeze:0.2:0.1", "delay:0.5:0.2:0.05", "nan:0.8:0.1:0:omega_r"), exact()
+    np.testing.assert_array_equal(x[20:30], np.tile(good[19], (10, 1)))
+    np.testing.assert_array_equal(x[30], good[30])
+    np.testing.assert_array_equal(x[50:70], good[45:65])
+    assert np.isnan(x[80:90, MEASURED_STATE.index("omega_r")]).all()
+    assert np.isnan(x).sum() == 10
+
+
+def test_plans_are_lost_and_late() -> None:
+    plans = Source(lambda t: [t, t], 2)
+    y = logged(plans, PlanFaults(2, [parse_fault("lost_plans:0.2:0.1"), parse_fault("late_plans:0.5:0.2:0.03")]))[0]
+    t = PERIOD * np.arange(100)
+    assert np.isnan(y[20:30]).all()
+    np.testing.assert_allclose(y[50:70, 0], t[47:67])
+    np.testing.assert_allclose(y[70:, 0], t[70:])
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("dropout", "KIND:START:DURATION"),
+        ("dropout:x:1", "KIND:START:DURATION"),
+        ("fire:1:1", "fault 'fire' is unknown; give one of dropout"),
+        ("spike:1:1:5:mass", "'mass' is no channel; give one of r, v"),
+        ("dropout:-1:1", "a start of 0 s or more"),
+        ("dropout:1:nan", "a duration above 0"),
+        ("delay:1:1:1e9", "a delay above 0, up to 10 s"),
+        ("bias:1:1:inf", "a finite size"),
+    ],
+)
+def test_a_fault_that_is_none_is_refused(text: str, says: str) -> None:
+    with pytest.raises(InvalidOptionError, match=says):
+        parse_fault(text)
+
+
+def test_a_fault_is_written_in_short() -> None:
+    assert parse_fault("spike:3:0.02") == Fault("spike", 3.0, 0.02, 1e6, "v")
+    assert parse_fault("bias:1:2:0.05:beta") == Fault("bias", 1.0, 2.0, 0.05, "beta")
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        ({}, Reading.GOOD),
+        ({0: np.nan}, Reading.MISSING),
+        ({6: np.inf}, Reading.MISSING),
+        ({1: 0.0}, Reading.STOPPED),
+        ({1: -3.0}, Reading.STOPPED),
+        ({0: 1e6}, Reading.JUMPED),
+        ({4: 3.0}, Reading.JUMPED),
+        ({6: 900.0}, Reading.GOOD),  # the path's start passed
+    ],
+)
+def test_what_a_reading_is(change: dict[int, float], kind: Reading) -> None:
+    x = GOOD.copy()
+    for channel, value in change.items():
+        x[channel] = value
+    assert judge(x, GOOD, PERIOD, 0) == kind
+
+
+def test_a_reading_is_no_jump_after_a_while_unless_it_is_no_car_s() -> None:
+    x = GOOD + np.array([0.0, 0.0, 0.0, 0.0, 50.0, 0.0, 0.0])
+    assert judge(x, GOOD, 0.1, 0) == Reading.JUMPED
+    assert judge(x, GOOD, 1.0, 0) == Reading.GOOD
+    assert judge(1e6 * x, GOOD, 1.0, 0) == Reading.JUMPED
+    assert judge(x, np.full(7, np.nan), 0.0, 0) == Reading.GOOD
+
+
+def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
+    def spoilt(t: float) -> np.ndarray:
+        k = round(t / PERIOD)
+        if 20 <= k < 25:
+            return np.full(7, np.nan)
+        if k == 40:
+            return reading(t) + 1e6
+        return reading(0.6) if 60 <= k < 70 else reading(t)
+
+    x, kinds, counts = logged(Source(spoilt, 7), Screen(), 3)
+    frozen = np.arange(60 + FROZEN, 70)
+    bad = np.concatenate([np.arange(20, 25), [40], frozen])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(x[:, 0])), bad)
+    good = np.setdiff1d(np.arange(100), bad)
+    np.testing.assert_array_equal(x[good], np.array([spoilt(PERIOD * k) for k in good]))
+    assert [int(kinds[k, 0]) for k in (20, 40, 69, 70)] == [
+        Reading.MISSING,
+        Reading.JUMPED,
+        Reading.FROZEN,
+        Reading.GOOD,
+    ]
+    np.testing.assert_array_equal(counts[-1], [99 - len(bad), 5, 0, 1, len(frozen)])

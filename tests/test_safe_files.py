@@ -1,0 +1,90 @@
+"""Writing: whole or not at all, to where it is possible, and told."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from drift_drake.errors import OutputError
+from drift_drake.safe_files import replacing, try_outputs, write_text, writing_together
+
+
+def test_a_file_is_written_and_nothing_else_is_left(tmp_path: Path) -> None:
+    write_text(tmp_path / "new" / "a.txt", "one\n")
+    write_text(tmp_path / "new" / "a.txt", "two\n")
+    assert (tmp_path / "new" / "a.txt").read_text() == "two\n"
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_what_was_there_stays_where_writing_breaks_off(tmp_path: Path, error: type[BaseException]) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+
+    def write() -> None:
+        with replacing(path) as part:
+            part.write_text("half")
+            raise error
+
+    with pytest.raises(error):
+        write()
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("needs a device that is always full")
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+    with pytest.raises(OutputError, match=r"a\.txt: cannot be written \(No space left"), replacing(path):
+        Path("/dev/full").write_text("much")
+    assert path.read_text() == "before"
+
+
+def test_modes_and_links_are_kept(tmp_path: Path) -> None:
+    path, link = tmp_path / "a.txt", tmp_path / "link.txt"
+    path.write_text("before")
+    path.chmod(0o640)
+    link.symlink_to(path)
+    write_text(link, "after")
+    assert link.is_symlink()
+    assert path.read_text() == "after"
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_device_is_written_to(tmp_path: Path) -> None:
+    write_text(os.devnull, "text")
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_written_together_are_all_there_or_none(tmp_path: Path) -> None:
+    def write(count: int) -> None:
+        with writing_together(tmp_path / "case") as part:
+            for k in range(count):
+                (part / f"run_{k}.csv").write_text("t\n")
+            if count == 1:
+                raise ValueError("broken off")
+
+    with pytest.raises(ValueError, match="broken off"):
+        write(1)
+    assert not list((tmp_path / "case").iterdir())
+    write(2)
+    assert sorted(path.name for path in (tmp_path / "case").iterdir()) == ["run_0.csv", "run_1.csv"]
+
+
+def test_outputs_are_tried_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "file"
+    file.write_text("text")
+    for outputs, says in (
+        ({"--out": tmp_path}, "is a folder"),
+        ({"--out": file / "x.json"}, "cannot be written"),
+        ({"--json": tmp_path / "a", "--report": tmp_path / "a"}, "is that of --json too"),
+        ({"--out": file}, "is an input too"),
+    ):
+        with pytest.raises(OutputError, match=says):
+            try_outputs(outputs, [file])
+    capsys.readouterr()
+    try_outputs({"--out": file, "--json": tmp_path / "new", "--report": None})
+    assert capsys.readouterr().err == f"--out {file}: exists and will be replaced\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

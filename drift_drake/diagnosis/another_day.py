@@ -103,6 +103,7 @@ def diagnose_day(
         seconds=time.perf_counter() - began, tolerances={},
         details={
             "criterion": "prediction",
+            "familiar": float(np.mean(day.weights)),
             "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "reduction_by_state": shrinks.by_state if named else {},
             "reduction_by_horizon": shrinks.by_horizon if named else {},

@@ -12,6 +12,7 @@ from drift_drake.plain_files import number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
+MOSTLY = 0.5  # share of unfamiliar driving that a sentence tells
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
 VERDICTS = ("effect", "none", "unknown")
@@ -79,6 +80,16 @@ class Answer:
             f"{100 * self.reduction.estimate:.0f} % of the gap on parts of runs that were not fitted."
         )
 
+    def _unfamiliar(self) -> str:
+        """That most of the driving is harder than any that the car was calibrated on, where it is."""
+        share = 1.0 - float(self.details.get("familiar", 1.0))
+        if share < MOSTLY:
+            return ""
+        return (
+            f" {100 * share:.0f} % of the driving is harder than any that the car was calibrated on and hardly counts: "
+            "calibrate on such drives too."
+        )
+
     def _could_show(self) -> str:
         """What the logs of a `none` would have shown, by effects that people ask for first."""
         limits = self.details["detection"]
@@ -86,7 +97,8 @@ class Answer:
         blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
         parts = [f"{name} {limits[name]['least']:.2g}{_unit(name)}" for name in shown]
         told = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
-        return told + (f"{', but no' if told else ' These logs cannot show'} {', '.join(blind)}." if blind else ".")
+        ends = f"{', but no' if told else ' These logs cannot show'} {', '.join(blind)}." if blind else "."
+        return f"{self._unfamiliar()}{told}{ends}" if told or blind else self._unfamiliar()
 
     def _nearest(self) -> str:
         """What `unknown` leaves an engineer with (`diagnosis.nearest`); nothing in answers of before."""

@@ -77,7 +77,7 @@ def test_an_answer_survives_json(late_day, tmp_path):
 
 def test_the_corrected_car_is_the_hypothesis(late_day, other_car):
     day, h = late_day.search.day, late_day.ranked.leading
-    vehicle, effects = corrected_vehicle(other_car.fit.vehicle, late_day.answer, own=other_car.fit.effects)
+    vehicle, effects = corrected_vehicle(other_car.found.vehicle, late_day.answer, own=other_car.found.effects)
     again = dataclasses.replace(day, constants=vehicle.constants(), own=effects)
     np.testing.assert_allclose(again.errors_with({}), day.errors_with(h.effects(day)), atol=1e-9)
 
@@ -94,15 +94,15 @@ def test_stiffnesses_that_follow_the_load_are_applied_too(late_day, other_car, n
                     for name, q in zip(names, h.magnitudes, strict=True)},
     )  # fmt: skip
     answer.write(tmp_path / "answer.json")
-    vehicle, effects = corrected_vehicle(other_car.fit.vehicle, read_answer(tmp_path / "answer.json"),
-                                         own=other_car.fit.effects)  # fmt: skip
+    vehicle, effects = corrected_vehicle(other_car.found.vehicle, read_answer(tmp_path / "answer.json"),
+                                         own=other_car.found.effects)  # fmt: skip
     again = dataclasses.replace(day, constants=vehicle.constants(), own=effects)
     np.testing.assert_allclose(again.errors_with({}), day.errors_with(h.effects(day)), atol=1e-6)
 
 
 def test_no_drive_is_planned_from_it_and_why(late_day, other_car):
     with pytest.raises(UnplannableError, match=r"late: .* calibrated by prediction") as error:
-        plan_from_answer(late_day.answer, other_car.fit.vehicle)
+        plan_from_answer(late_day.answer, other_car.found.vehicle)
     assert "older answer" not in str(error.value)
 
 

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.estimation.windows import windowed
-from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
+from drift_drake.estimation.scores import Normal
+from drift_drake.identification import identify as identification
+from drift_drake.identification.calibration import Identification
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap_cases import Truth, make_case
 from experiments.other_worlds.double_track import Days, first_guess, make_day
@@ -24,11 +23,16 @@ OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
 
 @dataclasses.dataclass(frozen=True)
 class OtherCar:
-    """A car that no single-track model follows, calibrated by prediction on a short day."""
+    """A car that no single-track model follows, calibrated on a short day."""
 
     runs: list[Run]  # of the day of calibration
     guess: VehicleParameters
-    fit: PredictionFit
+    found: Identification
+
+    @property
+    def normal(self) -> Normal:
+        assert self.found.calibration.normal is not None
+        return self.found.calibration.normal
 
     def day(self, effects: dict[str, float], index: int) -> list[Run]:
         """Runs of another day of the same car with effects."""
@@ -37,13 +41,15 @@ class OtherCar:
 
 @pytest.fixture(scope="session")
 def other_car():
-    """Calibrated by its grip, its inertia and two further effects alone, which is quick."""
+    """Some parameters known, some effects left out: which is quick."""
     runs, guess = make_day(OTHER_CAR, {}, DAY_ONE, 0), first_guess(CARS[OTHER_CAR.car])
-    own = ("friction_level", "front_stiffness_error", "rear_stiffness_error", "yaw_inertia_error", "torque_gain_error")
-    found = fit_by_prediction(
-        [windowed(run) for run in runs], guess, Effects(), own, ("tyre_relaxation", "longitudinal_load_transfer"),
-        frozenset({"yaw_inertia", "torque"}), tuple(CATALOGUE), lambda _stage, _share: None,
-    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identification, "FURTHER", ())
+        found = identification.identify(
+            runs, guess, case="short", names=("tyre_relaxation", "longitudinal_load_transfer"),
+            known=("mass", "front_axle_distance", "rear_axle_inertia", "steering_offset"),
+            tolerances=frozenset({"yaw_inertia", "torque"}),
+        )  # fmt: skip
     return OtherCar(runs, guess, found)
 
 

@@ -21,8 +21,8 @@ def diagnosed(other_car):
     """A function: runs of another day to their diagnosis, with few effects considered."""
 
     def diagnosis(runs, case="day", catalogue=CONSIDERED):
-        fit = other_car.fit
-        return diagnose_day(runs, fit.vehicle, fit.normal, fit.effects, case, 1, catalogue=catalogue)
+        car = other_car.found
+        return diagnose_day(runs, car.vehicle, other_car.normal, car.effects, case, 1, catalogue=catalogue)
 
     return diagnosis
 

@@ -23,8 +23,8 @@ def files(other_car, tmp_path_factory):
     """The calibrated car as `identify` writes it, and a late day's logs."""
     folder = tmp_path_factory.mktemp("days")
     write_day(folder / "late", other_car.day({"steering_delay": 0.08}, 1))
-    write_vehicle(folder / "car.yaml", other_car.fit.vehicle, other_car.fit.effects)
-    (folder / "car.json").write_text(to_json({"normal": other_car.fit.normal}))
+    write_vehicle(folder / "car.yaml", other_car.found.vehicle, other_car.found.effects)
+    (folder / "car.json").write_text(to_json({"normal": other_car.normal}))
     return folder
 
 
@@ -109,7 +109,7 @@ def test_bad_input_is_one_sentence(files, capsys, options, says):
 
 
 def test_a_calibration_of_another_shape_is_refused(files, other_car, tmp_path, capsys):
-    (tmp_path / "car.json").write_text(json.dumps({"normal": other_car.fit.normal.as_data() | {"mean": [0.0]}}))
+    (tmp_path / "car.json").write_text(json.dumps({"normal": other_car.normal.as_data() | {"mean": [0.0]}}))
     code = main(["diagnose", str(files / "late"), "--vehicle", str(files / "car.yaml"), "--calibration",
                  str(tmp_path / "car.json"), "--quiet"])  # fmt: skip
     error = capsys.readouterr().err

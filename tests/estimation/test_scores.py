@@ -30,8 +30,8 @@ def runs(other_car):
 
 @pytest.fixture(scope="module")
 def day(other_car, runs):
-    n, fit = other_car.fit.normal, other_car.fit
-    return make_day(runs, fit.vehicle.constants(), fit.effects, n.names, n.units, n.scales, n.covered)
+    n, car = other_car.normal, other_car.found
+    return make_day(runs, car.vehicle.constants(), car.effects, n.names, n.units, n.scales, n.covered)
 
 
 def test_blocks_are_of_one_run_each_and_follow_without_gaps(runs):
@@ -52,7 +52,7 @@ def test_clipped_errors_are_no_larger_than_the_clip():
 
 
 def test_what_is_normal_survives_json(other_car):
-    normal = other_car.fit.normal
+    normal = other_car.normal
     again = normal_from_data(json.loads(json.dumps(normal.as_data())))
     assert again.names == normal.names
     assert again.blocks == normal.blocks
@@ -66,20 +66,20 @@ def test_what_is_normal_survives_json(other_car):
 )
 def test_another_shape_is_refused(other_car, key, value):
     with pytest.raises(ValueError, match=f"'{key}' must hold"):
-        normal_from_data(other_car.fit.normal.as_data() | {key: value})
+        normal_from_data(other_car.normal.as_data() | {key: value})
 
 
 def test_numbers_that_are_not_finite_or_missing_are_refused(other_car):
-    data = other_car.fit.normal.as_data()
+    data = other_car.normal.as_data()
     with pytest.raises(ValueError, match="'mean' must hold"):
-        normal_from_data(data | {"mean": [float("nan")] * len(other_car.fit.normal.names)})
+        normal_from_data(data | {"mean": [float("nan")] * len(other_car.normal.names)})
     del data["units"]
     with pytest.raises(KeyError):
         normal_from_data(data)
 
 
 def test_the_day_of_calibration_is_normal(other_car, day):
-    normal = other_car.fit.normal
+    normal = other_car.normal
     np.testing.assert_allclose(np.mean(day.weights < 1.0), 0.0, atol=0.1)
     # All its windows have a weight of one where its own normal was learnt.
     whole = dataclasses.replace(day, weights=np.ones(len(day.weights)))
@@ -91,7 +91,7 @@ def test_the_day_of_calibration_is_normal(other_car, day):
 
 
 def test_a_score_is_the_slope_of_half_the_squared_errors(other_car, day):
-    normal = other_car.fit.normal
+    normal = other_car.normal
     # Small errors, none of which is clipped.
     mild = dataclasses.replace(day, errors=0.05 * np.clip(day.errors / normal.scales, -3.0, 3.0) * normal.scales)
     scores = summed(mild, normal, mild.errors)
@@ -119,7 +119,7 @@ def test_windows_beyond_what_calibration_drove_count_less(runs):
 
 
 def test_a_longer_day_scatters_more(other_car, day):
-    normal = other_car.fit.normal
+    normal = other_car.normal
     sizes = []
     for part in (day.block < 4, day.block >= 0):
         some = dataclasses.replace(day, errors=day.errors[part], jacobian=day.jacobian[part], block=day.block[part],

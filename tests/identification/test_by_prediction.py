@@ -37,14 +37,21 @@ def test_no_fitted_window_reaches_into_a_held_out_block(runs):
         assert np.all(is_held(judge_run, judge_run.starts))
 
 
+def test_runs_of_three_seconds_are_held_out_too(other_car):
+    fitted, judged = split([windowed(run.rows(0, 300)) for run in other_car.runs])
+    counts = [sum(len(run.starts) for run in part) for part in (fitted, judged)]
+    assert min(counts) > 0
+    assert sum(counts) < 2 * sum(len(windowed(run.rows(0, 300)).starts) for run in other_car.runs)
+
+
 def test_the_calibrated_car_predicts_held_out_parts_better(other_car):
-    held = other_car.fit.held_out
+    held = other_car.found.calibration.held_out
     assert held.low <= held.ratio <= held.high < 1.0
     assert np.shape(held.before) == np.shape(held.after) == (HORIZONS, 4)
 
 
 def test_the_calibrated_car_is_near_the_true_one_where_it_has_such_parameters(other_car):
-    truth, found = CARS["coupe"], other_car.fit.vehicle
+    truth, found = CARS["coupe"], other_car.found.vehicle
     assert found.yaw_inertia == pytest.approx(truth.yaw_inertia, rel=0.2)
     assert found.gear_ratio == pytest.approx(truth.gear_ratio, rel=0.1)
     assert found.mass == other_car.guess.mass  # which was not asked for
@@ -65,19 +72,8 @@ def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_c
     assert prior_of("mass_error", other_car.guess, frozenset({"mass"})) == pytest.approx(0.02)
 
 
-@pytest.fixture(scope="module")
-def identified(other_car):
-    """Through `identify`, with most parameters known and no further effects."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(identification, "FURTHER", ())
-        return identify(
-            other_car.runs, other_car.guess, case="short", names=("tyre_relaxation",),
-            tolerances=frozenset({"friction"}),
-            known=("mass", "front_axle_distance", "rear_axle_inertia", "torque", "steering_offset", "yaw_inertia"),
-        )  # fmt: skip
-
-
-def test_logs_of_another_kind_of_car_choose_prediction(other_car, identified):
+def test_logs_of_another_kind_of_car_choose_prediction(other_car):
+    identified = other_car.found
     c = identified.calibration
     assert c.criterion == "prediction"
     assert c.normal is not None

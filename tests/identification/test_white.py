@@ -28,7 +28,7 @@ def test_of_a_wrong_car_they_are_not(nominal_runs):
 
 
 def test_of_another_kind_of_car_they_are_not(other_car):
-    assert not whiteness(other_car.runs, other_car.fit.vehicle, other_car.fit.effects, None).is_white
+    assert not whiteness(other_car.runs, other_car.found.vehicle, other_car.found.effects, None).is_white
 
 
 def test_a_filter_that_diverges_is_not_white(nominal_runs, monkeypatch):

@@ -27,6 +27,8 @@ def draw_rows(rows: Sequence[Row]) -> Figure:
     draw_said(left, rows, truths, says)
     draw_worlds(right, rows, truths, worlds)
     left.set_yticks(range(len(truths)), truths)
+    colours = [Patch(color=colour, label=name) for name, colour in OUTCOMES.items()]
+    figure.legend(handles=colours, loc="outside upper right", ncols=len(colours))
     return figure
 
 
@@ -60,8 +62,6 @@ def draw_worlds(ax: Axes, rows: Sequence[Row], truths: Sequence[str], worlds: Se
     ax.grid(visible=False)
     ax.set_xticks(range(len(worlds)), worlds, rotation=90)
     ax.set(xlabel="world", title="by world")
-    ax.legend(handles=[Patch(color=c, label=name) for name, c in OUTCOMES.items()], loc="lower right",
-              bbox_to_anchor=(1.0, 1.06), ncols=1, fontsize=6)  # fmt: skip
 
 
 def outcome(row: Row) -> int:

@@ -209,6 +209,19 @@ def test_a_case_of_a_car_that_failed_is_told(tmp_path):
     assert answer_of(job.out)["verdict"] == jobs.NO_CAR
 
 
+def test_what_the_commands_refuse_is_told_with_their_sentence(tmp_path):
+    (tmp_path / "start.yaml").write_text(START)
+    car = Calibrate((tmp_path / "day_one",), tmp_path / "start.yaml", tmp_path / "car")
+    jobs.calibrate(car)
+    assert "no such folder" in answer_of(car.out)["message"]
+    (car.folder / "car.yaml").write_text(START)
+    car.out.write_text("{}")
+    job = jobs.Ask(tmp_path / "case", car.folder, tmp_path / "case.json")
+    jobs.ask(job)
+    assert answer_of(job.out)["verdict"] == REFUSED
+    assert "drift-drake identify --json" in answer_of(job.out)["message"]
+
+
 def test_worlds_have_a_name_each(tmp_path):
     config = Worlds(tmp_path, cars=("coupe", "saloon"), seeds=(3, 4), smooth=(0.0, 8.0))
     worlds = worlds_of(config)

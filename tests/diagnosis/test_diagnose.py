@@ -47,6 +47,7 @@ def test_the_cause_is_found_with_its_magnitude(diagnosis, stiffness_case):
     interval = answer.magnitudes["rear_stiffness_error"]
     assert interval.low < truth < interval.high
     assert "rear_stiffness_error" in answer.sentence()
+    assert answer.details["suspicions"] == []
 
 
 def test_the_answer_follows_the_contract(diagnosis, tmp_path):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
+PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "piqp", "matplotlib")
 
 
 def make_run_folder(name: str, out: Path | None = None) -> Path:

@@ -59,7 +59,7 @@ class ControlConfig:
     horizon: int = 25  # N, steps of 0.1 s
     period: float = 0.01  # [s] between plans
     delay: float = 0.01  # [s] from a measurement until its plan is in force
-    iterations: int = 3  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
+    iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     # Steering is smoother than under the OCP's own weights, which lost cars whose front tyre slides (chosen on the
     # training population; the same for every model).

@@ -40,7 +40,7 @@ class SqpOptions:
     min_step: float = 1e-4
 
     @classmethod
-    def real_time(cls, iterations: int = 3) -> "SqpOptions":
+    def real_time(cls, iterations: int = 2) -> "SqpOptions":
         """One Gauss-Newton iteration, and up to `iterations` where the dynamics' defect asks for more.
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
@@ -54,7 +54,7 @@ class SqpOptions:
             max_iterations=iterations,
             tolerance=0.0,
             qp_tolerance=1e-4,
-            qp_max_iterations=50,
+            qp_max_iterations=30,
             qp_polish=False,
             qp_rho=1.0,
             qp_feasible=True,

@@ -354,9 +354,9 @@ def main(config: ClosedLoopConfig) -> None:
     print(
         f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
         f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"
-        f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations each, "
-        f"{m.qp_fallbacks} QPs by interior point, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the median, "
-        f"{m.solve_ms_99:.1f} ms in 99 of 100\n"
+        f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations "
+        f"each, {m.qp_fallbacks} QPs by interior point, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the "
+        f"median, {m.solve_ms_99:.1f} ms in 99 of 100\n"
         f"results in {folder}"
     )
 

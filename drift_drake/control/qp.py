@@ -196,9 +196,7 @@ class QpWorkspace:
         if self._fallback:
             self._fallback.hessian.data = values
 
-    def solve(
-        self, gradient: Array, low: Array, high: Array, z: Array, y: Array, interior: bool = False
-    ) -> QpSolution:
+    def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array, interior: bool = False) -> QpSolution:
         """Solves with the Jacobian last set, the given gradient at zero and row bounds, OSQP starting from (z, y).
 
         With `interior` the interior-point method goes first, where there is one; what the one does not solve, the other

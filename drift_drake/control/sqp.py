@@ -193,7 +193,9 @@ class LineSearchSqp:
                 status, last = "feasible", True
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
-    def _step(self, point: _Point, penalty: float, interior: bool) -> tuple[float, Array, Array, Array, float, QpSolution]:
+    def _step(
+        self, point: _Point, penalty: float, interior: bool
+    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
         """The step to the QP's solution, halved until the merit function falls enough.
 
         Returns:

@@ -46,7 +46,7 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
 
 
 def workspace(reference: Reference) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
-    """A workspace whose OSQP is cut off at once, and the arguments of QPs at several places of a reference, Jacobian first."""
+    """A workspace whose OSQP is cut off at once, and QPs' arguments (first the Jacobian) at places of a reference."""
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, LENGTH)
     part = LinearQuadraticPart(problem.program)

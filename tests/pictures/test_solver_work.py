@@ -9,8 +9,8 @@ from drift_drake.pictures.style import save
 
 STATISTICS = pd.DataFrame({
     "t": [0.0, 0.01, 0.02, 0.03], "seconds": [0.002, 0.004, 0.012, 0.003], "iterations": [1.0, 2.0, 3.0, 1.0],
-    "qp_iterations": [25.0, 50.0, 100.0, 25.0], "qp_fallbacks": [0.0, 1.0, 2.0, 0.0], "qp_unsolved": [0.0, 0.0, 1.0, 0.0],
-    "failed": [0.0, 0.0, 1.0, 0.0]})  # fmt: skip
+    "qp_iterations": [25.0, 50.0, 100.0, 25.0], "qp_fallbacks": [0.0, 1.0, 2.0, 0.0],
+    "qp_unsolved": [0.0, 0.0, 1.0, 0.0], "failed": [0.0, 0.0, 1.0, 0.0]})  # fmt: skip
 
 
 def test_times_are_in_milliseconds_and_late_and_failed_plans_marked(tmp_path):

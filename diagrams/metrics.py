@@ -31,7 +31,10 @@ class RunMetrics:
     solves: int
     solver_failures: int
     line_search_failures: int
-    unsolved_qps: int  # that stopped at their limit of iterations
+    sqp_iterations: float  # per solve, in the mean
+    qp_fallbacks: int  # QPs that went to the interior-point method
+    unsolved_qps: int  # that neither method solved
+    late_solves: int  # that took longer than the control period
     solve_ms_median: float
     solve_ms_99: float
     missing_readings: int = 0  # control periods in which the sensors gave no finite reading
@@ -121,7 +124,10 @@ def run_metrics(
         solves=len(solves),
         solver_failures=int(table["solve_failures"].iloc[-1]),
         line_search_failures=int((solves["solve_step"] == 0.0).sum()),
+        sqp_iterations=float(solves["solve_iterations"].mean()),
+        qp_fallbacks=int(solves["solve_qp_fallbacks"].sum()),
         unsolved_qps=int(solves["solve_qp_unsolved"].sum()),
+        late_solves=int((milliseconds > 1e3 * table["t"].diff().median()).sum()),
         solve_ms_median=float(np.median(milliseconds)) if len(solves) else float("nan"),
         solve_ms_99=float(np.quantile(milliseconds, 0.99)) if len(solves) else float("nan"),
         **loop_faults(table),

@@ -27,8 +27,10 @@ class SolveStatistics(NamedTuple):
     primal_residual: float
     dual_residual: float
     step: float  # of the last line search; 0 when it failed
-    qp_iterations: float  # of all QPs together
-    qp_unsolved: float  # QPs that stopped at their limit of iterations
+    iterations: float  # SQP iterations
+    qp_iterations: float  # OSQP's, of all QPs together
+    qp_fallbacks: float  # QPs that went to the interior-point method
+    qp_unsolved: float  # QPs that neither method solved
     slack: float  # [m] the largest planned excursion from the lane
     failed: float  # 1 if this solve failed
     failures: float  # solves that failed since the start
@@ -39,10 +41,12 @@ class MpcController(LeafSystem):
     """Model predictive control along a reference: measured state in, plan and predicted trajectory out.
 
     Each `period`, the state is predicted to the time at which the plan will be in force (`delay` later), the OCP is set
-    up from there with the command that the last plan has for that time as u_0, and `options.max_iterations` SQP steps
-    are made from the last solution, shifted. If the state is not finite or the QP fails, the last plan stays in force
-    (it goes on in time, and the actuator holds its last command beyond its end) and the failure is counted; so is an
-    error of the solver.
+    up from there with the command that the last plan has for that time as u_0, and SQP steps are made from the last
+    solution, shifted: one, and up to `options.max_iterations` while the defect of the dynamics is above its tolerance.
+    Each is taken only if the merit function is below that of the last plan, shifted to now and judged by the model of
+    now; where no step is, that plan is the new one. If the state is not finite or the first QP fails, the last plan
+    stays in force (it goes on in time, and the actuator holds its last command beyond its end) and the failure is
+    counted, and so is an error of the solver; if a later one fails, the plan is that of the steps before.
 
     Input ports:
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
@@ -63,7 +67,7 @@ class MpcController(LeafSystem):
         reference: what to drive.
         horizon: N, steps of 0.1 s.
         weights: of the cost.
-        options: of the solver; one real-time iteration by default.
+        options: of the solver; real-time iterations by default.
         period: [s] between plans.
         delay: [s] from a measurement until its plan is in force: one period, which the solve may use up.
         initial_command: (delta [rad], tau [N m]) in force before the first plan.
@@ -128,7 +132,7 @@ class MpcController(LeafSystem):
                 result = self._solve(context, measured, start)
             except (ArithmeticError, IndexError, RuntimeError, ValueError):
                 result = None  # of numbers far off, or of the solver itself: a failure like any other
-        if result is None or result.failed:
+        if result is None or not result.iterations or (result.failed and result.iterations[0].step == 0.0):
             failed = last._replace(failed=1.0, failures=last.failures + 1.0)
             discrete.set_value(self._statistics, np.array(failed))
             return
@@ -142,7 +146,9 @@ class MpcController(LeafSystem):
             primal_residual=result.primal_residual,
             dual_residual=iterations[-1].dual_residual,
             step=iterations[-1].step,
+            iterations=float(len(iterations)),
             qp_iterations=float(sum(iteration.qp_iterations for iteration in iterations)),
+            qp_fallbacks=float(sum(iteration.interior_iterations > 0 for iteration in iterations)),
             qp_unsolved=float(sum(iteration.qp_status != "solved" for iteration in iterations)),
             slack=float(solution.slack.max()),
             failed=0.0,

@@ -2,9 +2,11 @@
 
 The workspace has a fixed sparsity; each subproblem updates numbers only. The program's variables are of order one, so
 OSQP's own scaling is off. Its step length rho is fixed and the start is given with each solve, so that a solution
-depends on nothing but its arguments and a run replays to the bit.
+depends on nothing but its arguments and a run replays to the bit. Where OSQP stops at its limit of iterations, an
+interior-point method may solve the QP instead, which bounds the time that a QP takes.
 """
 
+import time
 import warnings
 from typing import Any, NamedTuple
 
@@ -14,6 +16,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
+from drift_drake.control.interior_point import InteriorPointSolver
 from drift_drake.control.stacked import StackedDynamics
 
 Array = NDArray[np.float64]
@@ -76,12 +79,14 @@ class LinearQuadraticPart:
 
 
 class QpSolution(NamedTuple):
-    """A QP's primal and dual solution, and how OSQP ended."""
+    """A QP's primal and dual solution, and how it was found."""
 
     z: Array
     y: Array
-    status: str
-    iterations: int
+    status: str  # in OSQP's words
+    iterations: int  # OSQP's
+    interior_iterations: int = 0  # of the interior-point method, where that was called
+    cpu: float = 0.0  # [s] of CPU time; with the wall times the one number that does not replay
 
     @property
     def usable(self) -> bool:
@@ -120,7 +125,7 @@ class QpWorkspace:
     """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the numbers of both change from call to call.
 
     Starts with the Hessian P of the given stage blocks [N, n+4, n+4]. `feasible`: each QP is known to have a feasible
-    point.
+    point. `fallback`: a QP at which OSQP stops at `max_iterations` goes to the interior-point method.
     """
 
     def __init__(
@@ -133,6 +138,7 @@ class QpWorkspace:
         polish: bool,
         rho: float,
         feasible: bool = False,
+        fallback: bool = False,
     ) -> None:
         rows, columns = dynamics.sparsity()
         self.dynamics_rows = dynamics.size
@@ -154,13 +160,16 @@ class QpWorkspace:
         self.hessian = BlockHessian(dynamics.layout.block_columns, linear_quadratic.size)
         _, _, low, high = linear_quadratic.data()
         zeros = np.zeros(dynamics.size)
+        low, high = np.concatenate([zeros, low]), np.concatenate([zeros, high])
+        upper = self.hessian.matrix(blocks)
+        self._fallback = InteriorPointSolver(upper, entries, low, high) if fallback else None
         self._solver = osqp.OSQP()
         self._solver.setup(
-            self.hessian.matrix(blocks),
+            upper,
             np.zeros(linear_quadratic.size),
             entries,
-            np.concatenate([zeros, low]),
-            np.concatenate([zeros, high]),
+            low,
+            high,
             verbose=False,
             scaling=0,
             rho=rho,
@@ -182,13 +191,45 @@ class QpWorkspace:
 
     def set_hessian(self, blocks: Array) -> None:
         """Takes the Hessian as the sum of positive semidefinite stage blocks [N, n+4, n+4]."""
-        self._solver.update(Px=self.hessian.values(blocks))
+        values = self.hessian.values(blocks)
+        self._solver.update(Px=values)
+        if self._fallback:
+            self._fallback.hessian.data = values
 
-    def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
-        """Solves with the Jacobian last set, the given gradient at zero and row bounds, starting from (z, y)."""
+    def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array, interior: bool = False) -> QpSolution:
+        """Solves with the Jacobian last set, the given gradient at zero and row bounds, OSQP starting from (z, y).
+
+        With `interior` the interior-point method goes first, where there is one; what the one does not solve, the other
+        may. Where neither does, the iterate is OSQP's.
+        """
+        start = time.thread_time()
+        arguments = gradient, low, high
+        if self._fallback is None:
+            solution = self._first_order(*arguments, z, y)
+        elif interior:
+            solution = self._interior(*arguments)
+            if solution.status != "solved":
+                tried, solution = solution, self._first_order(*arguments, z, y)
+                solution = solution._replace(interior_iterations=tried.interior_iterations)
+        else:
+            solution = self._first_order(*arguments, z, y)
+            if solution.status != "solved":
+                first, solution = solution, self._interior(*arguments)
+                if solution.status == "solved":
+                    solution = solution._replace(iterations=first.iterations)
+                else:
+                    solution = first._replace(interior_iterations=solution.interior_iterations)
+        return solution._replace(cpu=time.thread_time() - start)
+
+    def _first_order(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
         self._solver.update(Ax=self._matrix.data, q=gradient, l=low, u=high)
         self._solver.warm_start(x=z, y=y)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             result = self._solver.solve(raise_error=False)
         return QpSolution(np.array(result.x), np.array(result.y), result.info.status, int(result.info.iter))
+
+    def _interior(self, gradient: Array, low: Array, high: Array) -> QpSolution:
+        assert self._fallback is not None
+        z, y, solved, count = self._fallback.solve(self._matrix.data, gradient, low, high)
+        return QpSolution(z, y, "solved" if solved else "maximum iterations reached", 0, count)

@@ -2,7 +2,9 @@
 
 Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
 Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
-are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36).
+are globalised by backtracking on the l1 merit function cost + mu |violation|_1, with mu from equation (18.36) and, in
+real time, no less than the largest multiplier of the QP: only then is the merit function exact, its minimum that of the
+program (theorem 17.3). Over many iterations mu grows to that by itself; a real-time solve has few, and begins anew.
 """
 
 import dataclasses
@@ -29,14 +31,21 @@ class SqpOptions:
     qp_polish: bool = True
     qp_rho: float = 0.1
     qp_feasible: bool = False  # every QP is known to have a feasible point
+    qp_fallback: bool = False  # an interior-point method solves those at which OSQP stops at its limit of iterations
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
+    exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
+    defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
     sufficient_decrease: float = 1e-4
     shrink: float = 0.5
     min_step: float = 1e-4
 
     @classmethod
-    def real_time(cls, iterations: int = 1) -> "SqpOptions":
-        """Always the same number of Gauss-Newton iterations, with QPs solved to a controller's accuracy.
+    def real_time(cls, iterations: int = 2) -> "SqpOptions":
+        """One Gauss-Newton iteration, and up to `iterations` where the dynamics' defect asks for more.
+
+        The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
+        it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
+        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`).
 
         `qp_rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took thousands
         of OSQP's iterations. The controller's lane is soft, so each of its QPs has a feasible point.
@@ -45,11 +54,14 @@ class SqpOptions:
             max_iterations=iterations,
             tolerance=0.0,
             qp_tolerance=1e-4,
-            qp_max_iterations=400,
+            qp_max_iterations=30,
             qp_polish=False,
             qp_rho=1.0,
             qp_feasible=True,
+            qp_fallback=True,
             gauss_newton=True,
+            exact_merit=True,
+            defect_tolerance=0.01,
         )
 
 
@@ -63,14 +75,16 @@ class SqpIteration(NamedTuple):
     penalty: float
     qp_status: str
     qp_iterations: int
-    seconds: float
+    interior_iterations: int  # 0 where OSQP solved the QP
+    qp_cpu: float  # [s]
+    seconds: float  # wall time of the whole iteration
 
 
 class SqpResult(NamedTuple):
     """A solve's outcome.
 
-    `status` is "converged", "iterations" (all were used), "line search failed", "qp failed: (OSQP's words)", or "not
-    finite" where the model has no finite value at the start.
+    `status` is "converged", "feasible" (the dynamics' defect is within its tolerance), "iterations" (all were used),
+    "line search failed", "qp failed: (OSQP's words)", or "not finite" where the model has no finite value at the start.
     """
 
     z: Array
@@ -120,6 +134,7 @@ class LineSearchSqp:
             self.options.qp_polish,
             self.options.qp_rho,
             self.options.qp_feasible,
+            self.options.qp_fallback,
         )
         self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
 
@@ -131,9 +146,10 @@ class LineSearchSqp:
         y = np.zeros(self.multiplier_count) if y_guess is None else y_guess
         penalty, status = 0.0, "iterations"
         iterations: list[SqpIteration] = []
+        last = False
         while True:
             start = time.perf_counter()
-            if len(iterations) < options.max_iterations:
+            if not last:
                 residual, jacobian = self._dynamics.linearize(z)
             bent = part.hessian @ z
             gradient = bent + gradient_at_zero
@@ -143,7 +159,7 @@ class LineSearchSqp:
             cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
             linear = part.matrix @ z
             primal_residual = float(max(np.abs(residual).max(), _outside(linear, low, high).max()))
-            if len(iterations) == options.max_iterations:
+            if last:
                 break
             if not np.isfinite(jacobian).all():
                 status = "not finite"
@@ -162,17 +178,24 @@ class LineSearchSqp:
             rows = np.concatenate([target, low]), np.concatenate([target, high])
             violation = _violation(residual, linear, low, high)
             point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
-            step, z, y, residual, penalty, qp = self._step(point, penalty)
+            # Where OSQP was too slow once, it will be again.
+            interior = bool(iterations) and iterations[-1].interior_iterations > 0
+            step, z, y, residual, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
             iterations.append(
-                SqpIteration(step, cost, primal_residual, dual_residual, penalty, qp.status, qp.iterations, seconds)
+                SqpIteration(step, cost, primal_residual, dual_residual, penalty, *qp[2:], seconds=seconds)
             )
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
+            last = len(iterations) == options.max_iterations
+            if options.defect_tolerance is not None and np.abs(residual).max() <= options.defect_tolerance:
+                status, last = "feasible", True
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
-    def _step(self, point: _Point, penalty: float) -> tuple[float, Array, Array, Array, float, QpSolution]:
+    def _step(
+        self, point: _Point, penalty: float, interior: bool
+    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
         """The step to the QP's solution, halved until the merit function falls enough.
 
         Returns:
@@ -181,7 +204,7 @@ class LineSearchSqp:
         """
         part, options, extra = self._part, self.options, self.problem.extra_cost
         offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
-        qp = self._workspace.solve(offset, *point.rows, point.z, point.y)
+        qp = self._workspace.solve(offset, *point.rows, point.z, point.y, interior)
         if not qp.usable:
             return 0.0, point.z, point.y, point.residual, penalty, qp
         direction = qp.z - point.z
@@ -189,6 +212,8 @@ class LineSearchSqp:
         quadratic_slope = float(point.quadratic_gradient @ direction)
         model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
         if point.violation > 1e-12:
+            if options.exact_merit:
+                penalty = max(penalty, float(np.abs(qp.y).max()))
             penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
         merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
         # Near the solution the decrease drowns in the merit's rounding error.

@@ -1,5 +1,7 @@
 """MpcController alone: ports, plans, failures, replay."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from pydrake.systems.framework import Context
@@ -7,6 +9,7 @@ from pydrake.systems.framework import Context
 from drift_drake.actuation import interpolate_plan
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import MpcController, SolveStatistics
+from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -162,3 +165,38 @@ def test_it_runs_at_its_period(controller: MpcController) -> None:
     events = controller.GetUniquePeriodicDiscreteUpdateAttribute()
     assert events.period_sec() == pytest.approx(0.01)
     assert events.offset_sec() == 0.0
+
+
+class BrokenOnceMoved(NominalStepModel):
+    """A model whose Jacobian is not finite but where it is asked for it first."""
+
+    calls = 0
+
+    def linearize(self, *arguments: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        self.calls += 1
+        x_next, a, b, b_next = super().linearize(*arguments)
+        return x_next, (np.nan * a if self.calls > 1 else a), b, b_next
+
+    def step(self, *arguments: np.ndarray) -> np.ndarray:
+        return super().linearize(*arguments)[0]
+
+
+def test_a_later_iteration_that_fails_leaves_the_plan_of_those_before(references: dict[str, Reference]) -> None:
+    command = references["figure_8"].input(START)
+    controller = MpcController(
+        BrokenOnceMoved(PARAMETERS),
+        PARAMETERS,
+        references["figure_8"],
+        HORIZON,
+        options=dataclasses.replace(SqpOptions.real_time(3), defect_tolerance=0.0),
+        initial_command=(float(command[0]), float(command[1])),
+    )
+    context = controller.CreateDefaultContext()
+    tick(controller, context, 0.0, measured(controller))
+    assert np.isfinite(plan(controller, context)).all()
+    assert statistics(controller, context).failed == 0.0
+    assert statistics(controller, context).iterations == 1.0
+    before = plan(controller, context).copy()
+    tick(controller, context, 0.01, measured(controller))  # now the first one fails
+    np.testing.assert_array_equal(plan(controller, context), before)
+    assert statistics(controller, context).failures == 1.0

@@ -1,13 +1,20 @@
-"""The SQP's quadratic programs: what OSQP is told of them."""
+"""The SQP's quadratic programs: what OSQP is told of them, and the interior-point method behind it."""
+
+from typing import Any
 
 import numpy as np
+import pytest
+from control_problems import ocp_data
 
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.qp import LinearQuadraticPart, QpSolution, QpWorkspace
 from drift_drake.control.step_model import NominalStepModel
+from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
 HORIZON = 2
+LENGTH = 10  # of the QPs along a reference
+STAGE_HESSIAN = OptimalControlProblem(NominalStepModel(VehicleParameters()), VehicleParameters(), 1).stage_hessian()
 FAR = 1e5  # where the first states have to go: so far that the way there looks like a proof that there is none
 
 
@@ -36,3 +43,68 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
     assert solution.status == "maximum iterations reached"
     assert solution.usable
     assert solution.z[: 6 * (HORIZON + 1)].min() < -1.0  # on its way
+
+
+def workspace(reference: Reference) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
+    """A workspace whose OSQP is cut off at once, and QPs' arguments (first the Jacobian) at places of a reference."""
+    vehicle = VehicleParameters()
+    problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, LENGTH)
+    part = LinearQuadraticPart(problem.program)
+    blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
+    qps = QpWorkspace(part, problem.dynamics, blocks, 1e-4, 1, False, 1.0, True, True)
+    arguments = []
+    for s in (20.0, 40.0, 70.0):
+        data = ocp_data(reference, s, LENGTH, np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05]))  # outside the lane
+        problem.set(data)
+        z = problem.initial_guess(data)
+        residual, jacobian = problem.dynamics.linearize(z)
+        gradient, _, low, high = part.data()
+        target = (qps.set_jacobian(jacobian) @ z)[: residual.size] - residual
+        start = np.zeros(part.size), np.zeros(target.size + low.size)
+        arguments.append((jacobian, gradient, np.append(target, low), np.append(target, high), *start))
+    return qps, arguments
+
+
+def solve(qps: QpWorkspace, arguments: tuple[Any, ...], interior: bool = False) -> QpSolution:
+    qps.set_jacobian(arguments[0])
+    return qps.solve(*arguments[1:], interior)
+
+
+@pytest.mark.parametrize("interior", [False, True])
+def test_the_interior_point_method_meets_the_optimality_conditions(
+    references: dict[str, Reference], interior: bool
+) -> None:
+    """Karush, Kuhn and Tucker's, with OSQP's signs of the multipliers."""
+    qps, problems = workspace(references["figure_8"])
+    for arguments in problems:
+        found = solve(qps, arguments, interior)
+        assert (found.status, found.iterations) == ("solved", 0 if interior else 1)
+        assert 0 < found.interior_iterations < 40
+        matrix = qps.set_jacobian(arguments[0])
+        gradient, low, high = arguments[1:4]
+        rows = matrix @ found.z
+        blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
+        stationary = qps.hessian.times(blocks, found.z) + gradient + matrix.T @ found.y
+        np.testing.assert_allclose(stationary, 0.0, atol=1e-5)
+        assert np.maximum(low - rows, rows - high).max() < 1e-5
+        # A multiplier pushes from the bound that holds.
+        assert (np.minimum(np.maximum(found.y, 0.0), high - rows) < 1e-3).all()
+        assert (np.minimum(np.maximum(-found.y, 0.0), rows - low) < 1e-3).all()
+        assert np.abs(found.y).max() > 1.0
+
+
+def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Reference]) -> None:
+    qps, problems = workspace(references["figure_8"])
+    first = [solve(qps, arguments) for arguments in problems]
+    for index in (2, 0, 0, 1, 2, 1):
+        again = solve(qps, problems[index])
+        np.testing.assert_array_equal(again.z, first[index].z)
+        np.testing.assert_array_equal(again.y, first[index].y)
+
+
+def test_a_qp_without_a_solution_stays_unsolved(references: dict[str, Reference]) -> None:
+    qps, problems = workspace(references["figure_8"])
+    jacobian, gradient, low, high, *start = problems[0]
+    low[0] = high[0] = 1.0  # of a row without entries
+    for interior in (False, True):
+        assert solve(qps, (0.0 * jacobian, gradient, low, high, *start), interior).status != "solved"

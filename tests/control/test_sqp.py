@@ -1,5 +1,6 @@
 """The line-search SQP against Drake's SNOPT and IPOPT on the same programs."""
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -103,7 +104,7 @@ def test_merit_falls_and_statistics_are_complete(references: dict[str, Reference
 def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, Reference]) -> None:
     """One iteration at a time from its own result, as in the loop, ends where the converged mode ends."""
     exact = solver(15)
-    real_time = LineSearchSqp(exact.problem, SqpOptions.real_time())
+    real_time = LineSearchSqp(exact.problem, SqpOptions.real_time(1))
     data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
     exact.problem.set(data)
     z, y = exact.problem.initial_guess(data), None
@@ -113,6 +114,51 @@ def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, 
         assert result.iterations[0].qp_status == "solved"
         z, y = result.z, result.y
     assert result.cost == pytest.approx(exact.solve(exact.problem.initial_guess(data)).cost, rel=1e-3)
+
+
+def test_a_second_iteration_is_made_where_the_defect_asks_for_it(references: dict[str, Reference]) -> None:
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.initial_guess(data)
+    options = SqpOptions.real_time(8)
+    assert options.defect_tolerance is not None
+    result = LineSearchSqp(exact.problem, options).solve(guess)
+    assert result.status == "feasible"
+    assert 1 < len(result.iterations) < 8
+    defects = [iteration.primal_residual for iteration in result.iterations[1:]]
+    assert min(defects) > options.defect_tolerance >= result.primal_residual
+    once = LineSearchSqp(exact.problem, SqpOptions.real_time(1)).solve(guess)
+    assert (once.status, len(once.iterations)) == ("iterations", 1)
+    # From its own result one iteration will do.
+    again = LineSearchSqp(exact.problem, options).solve(result.z, result.y)
+    assert (again.status, len(again.iterations)) == ("feasible", 1)
+
+
+def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[str, Reference]) -> None:
+    """Its penalty is at least the largest multiplier from the first iteration on, as theorem 17.3 asks."""
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.initial_guess(data)
+    result = LineSearchSqp(exact.problem, SqpOptions.real_time(1)).solve(guess)
+    assert result.iterations[0].step == 1.0  # so that y is the QP's
+    assert result.iterations[0].penalty >= np.abs(result.y).max()
+    weak = dataclasses.replace(SqpOptions.real_time(1), exact_merit=False)
+    assert LineSearchSqp(exact.problem, weak).solve(guess).iterations[0].penalty < np.abs(result.y).max()
+
+
+def test_qps_that_osqp_leaves_unsolved_go_to_the_interior_point_method(references: dict[str, Reference]) -> None:
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.initial_guess(data)
+    short = dataclasses.replace(SqpOptions.real_time(2), qp_max_iterations=1, defect_tolerance=None)
+    first, second = LineSearchSqp(exact.problem, short).solve(guess).iterations
+    assert first.qp_status == second.qp_status == "solved"
+    assert (first.qp_iterations, second.qp_iterations) == (1, 0)  # not tried again
+    assert first.interior_iterations > 0
+    assert second.interior_iterations > 0
 
 
 def test_a_solve_depends_on_its_arguments_alone(references: dict[str, Reference]) -> None:

@@ -142,6 +142,16 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "closed_loop.svg" in capsys.readouterr().out
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 5, 6, 7, 13, 19])
+def test_the_nominal_car_stays_on_its_lane_while_the_belief_moves(seed: int) -> None:
+    """Seeds that were lost while the line search's merit function was not exact."""
+    run = simulate(ClosedLoopConfig(seed=seed, model="online"))
+    assert run.outcome == "completed"
+    assert run.table["e"][run.table["t"] > 2.0].abs().max() < 0.5
+    assert run.metrics().unsolved_qps == 0
+
+
 def test_a_delay_after_which_no_plan_would_come_into_force_is_refused() -> None:
     with pytest.raises(ValueError, match="at most two periods"):
         ControlConfig(period=0.01, delay=0.03)

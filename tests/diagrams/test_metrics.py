@@ -20,7 +20,8 @@ def on_the_reference(reference: Reference, share: float = 1.0) -> pd.DataFrame:
     """A run without any error over the first part of the reference."""
     s = np.linspace(0.0, share * reference.distance, 2000)
     columns = dict(zip(("r", "v", "beta", "omega_r", "e", "dphi"), reference.state(s).T, strict=True))
-    zeros = {f"solve_{name}": np.zeros(len(s)) for name in ("failures", "step", "qp_unsolved")}
+    work = ("failures", "step", "iterations", "qp_fallbacks", "qp_unsolved")
+    zeros = {f"solve_{name}": np.zeros(len(s)) for name in work}
     return pd.DataFrame({"t": reference.time(s), "s": s, **columns, **zeros, "solve_seconds": 1e-3})
 
 
@@ -59,3 +60,13 @@ def test_drifting_counts_the_steady_drifts_wanted(reference: Reference) -> None:
     assert half == pytest.approx(0.5, abs=0.02)
     straight = straight_line(10.0, 12.0, 4.0)
     assert np.isnan(drifting_share(on_the_reference(straight), straight))
+
+
+def test_late_plans_and_those_of_the_fallback_are_counted(reference: Reference) -> None:
+    table = on_the_reference(reference).assign(t=0.01 * np.arange(2000), solve_iterations=1.0)
+    table.loc[100:102, "solve_seconds"] = 0.011
+    table.loc[100:101, ["solve_qp_fallbacks", "solve_iterations"]] = [2.0, 3.0]
+    table.loc[101, "solve_qp_unsolved"] = 1.0
+    metrics = run_metrics(table, "completed", reference, PARAMETERS.steering_limit)
+    assert (metrics.late_solves, metrics.qp_fallbacks, metrics.unsolved_qps) == (3, 4, 1)
+    assert metrics.sqp_iterations == pytest.approx(1.002)

@@ -8,23 +8,32 @@ from drift_drake.pictures.solver_work import solver_work
 from drift_drake.pictures.style import save
 
 STATISTICS = pd.DataFrame({
-    "t": [0.0, 0.01, 0.02, 0.03], "seconds": [0.002, 0.004, 0.012, 0.003], "qp_iterations": [25.0, 50.0, 100.0, 25.0],
-    "failed": [0.0, 0.0, 1.0, 0.0]})  # fmt: skip
+    "t": [0.0, 0.01, 0.02, 0.03], "seconds": [0.002, 0.004, 0.012, 0.003], "iterations": [1.0, 2.0, 3.0, 1.0],
+    "qp_iterations": [25.0, 50.0, 100.0, 25.0], "qp_fallbacks": [0.0, 1.0, 2.0, 0.0],
+    "qp_unsolved": [0.0, 0.0, 1.0, 0.0], "failed": [0.0, 0.0, 1.0, 0.0]})  # fmt: skip
 
 
-def test_times_are_in_milliseconds_and_failures_marked(tmp_path):
+def test_times_are_in_milliseconds_and_late_and_failed_plans_marked(tmp_path):
     figure = solver_work(STATISTICS, 0.01, title="Solver")
     assert save(figure, tmp_path / "work.png").stat().st_size > 10_000
     time = figure.axes[0]
-    solve, period, failed = time.get_lines()
+    solve, period, late, failed = time.get_lines()
     np.testing.assert_allclose(solve.get_ydata(), [2.0, 4.0, 12.0, 3.0])
     assert period.get_ydata()[0] == 10.0
+    np.testing.assert_allclose(late.get_ydata(), [12.0])
     np.testing.assert_allclose(failed.get_ydata(), [12.0])
+    assert (late.get_label(), failed.get_label()) == ("late (1)", "failed (1)")
 
 
 def test_a_table_without_failures_has_no_marks():
-    figure = solver_work(STATISTICS.assign(failed=0.0), 0.01)
+    figure = solver_work(STATISTICS.assign(failed=0.0), 0.02)
     assert len(figure.axes[0].get_lines()) == 2
+
+
+def test_which_method_solved_the_qps_is_told():
+    solved = {line.get_label(): line.get_ydata() for line in solver_work(STATISTICS, 0.01).axes[1].get_lines()}
+    assert {name: list(count) for name, count in solved.items()} == {
+        "OSQP (2)": [1.0, 1.0], "interior point (1)": [2.0], "unsolved (1)": [3.0]}  # fmt: skip
 
 
 def test_missing_statistics_are_named():

@@ -1,0 +1,49 @@
+"""The MPC's benchmark, on a few short problems; what it times is not judged."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
+
+CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3)
+
+
+def test_a_benchmark_names_machine_parts_counts_and_referees(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(BenchmarkConfig(**{**vars(CONFIG), "out": tmp_path}))
+    numbers = json.loads((tmp_path / "numbers.json").read_text())
+    assert set(numbers["horizons"]) == {"3", "5"}
+    for found in numbers["horizons"].values():
+        assert set(found["ms"]) == set(PARTS)
+        for values in found["ms"].values():
+            assert 0.0 < values["median"] <= values["99.9 %"] <= values["worst"]
+        assert found["iterations"] >= CONFIG.problems
+        assert found["unsolved"] == found["failed"] == 0
+        assert found["plan_over_floor"] > 1.0
+    (answer,) = numbers["referees"]["3"]
+    assert all(found["solved"] for found in answer.values())
+    np.testing.assert_allclose([found["cost"] for found in answer.values()], answer["sqp"]["cost"], atol=1e-4)
+    assert numbers["machine"] in capsys.readouterr().out
+
+
+def test_a_timed_model_is_the_model() -> None:
+    model = NominalStepModel(VehicleParameters())
+    timed = TimedModel(model)
+    arguments = np.tile([0.1, 12.0, -0.2, 14.0, 0.1, 0.2], (2, 1)), np.ones((2, 2)), np.ones((2, 2)), np.zeros(2)
+    np.testing.assert_array_equal(timed.step(*arguments), model.step(*arguments))
+    for given, wanted in zip(timed.linearize(*arguments), model.linearize(*arguments), strict=True):
+        np.testing.assert_array_equal(given, wanted)
+    assert timed.linearise > 0.0
+    assert timed.step_time > 0.0
+
+
+def test_statistics_are_in_milliseconds() -> None:
+    found = statistics([0.001] * 998 + [0.002, 0.010])
+    assert (found["median"], found["worst"]) == pytest.approx((1.0, 10.0))
+    assert 1.0 < found["99.9 %"] < 10.0

@@ -22,13 +22,14 @@ from drift_drake.estimation.scores import Day, Normal, make_day
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable
-from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, windowed
+from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
+MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
@@ -78,6 +79,7 @@ def diagnose_day(
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
         )
+    windows = thinned(windows, MOST_WINDOWS)
     tell("errors and their derivatives", 0.0)
     day = make_day(
         windows, vehicle.constants(), own, normal.names, normal.units, normal.scales, normal.covered, workers

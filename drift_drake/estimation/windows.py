@@ -44,6 +44,7 @@ class WindowedRun:
     tau: np.ndarray
     starts: np.ndarray  # [windows] rows
     fed: bool  # speeds are fed as measured: no torque is logged
+    used: np.ndarray  # [5] bool: channels that are measured and predicted
 
     @property
     def stride(self) -> int:
@@ -81,7 +82,8 @@ def windowed(run: Run, left_out: np.ndarray | None = None) -> WindowedRun:
         clean = bad[starts + HORIZONS * stride + 1] == bad[np.maximum(starts - margin, 0)]
         starts = starts[clean]
     start_y = np.stack([smoothed(y[:, i], run.period) for i in range(len(PREDICTED))], axis=1)
-    return WindowedRun(run.name, run.period, y, start_y, data.delta, data.tau, starts, fed)
+    used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
+    return WindowedRun(run.name, run.period, y, start_y, data.delta, data.tau, starts, fed, used)
 
 
 @compiled
@@ -187,12 +189,13 @@ def predict(
 
 
 def run_errors(run: WindowedRun, constants: Constants, effects: Effects) -> np.ndarray:
-    """Prediction errors [windows, HORIZONS, 5] of one run under a car."""
+    """Prediction errors [windows, HORIZONS, 5] of one run under a car; zero where a channel is not measured."""
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), HORIZONS, len(PREDICTED)))
     predict(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
             without_actuators(effects), run.fed, out)  # fmt: skip
+    out[..., ~run.used] = 0.0
     return out
 
 
@@ -214,3 +217,9 @@ def regimes(run: WindowedRun) -> np.ndarray:
     r, v, beta, omega_r = (run.start_y[rows, i] for i in range(4))
     parts = (v, np.abs(r * v), np.abs(beta), np.abs(omega_r - v * np.cos(beta)) / np.maximum(v, 1.0))
     return np.stack([part.max(axis=1) for part in parts], axis=-1)
+
+
+def thinned(runs: Sequence[WindowedRun], most: int) -> list[WindowedRun]:
+    """The runs with at most so many windows, evenly chosen."""
+    every = max(int(np.ceil(sum(len(run.starts) for run in runs) / most)), 1)
+    return [dataclasses.replace(run, starts=run.starts[::every]) for run in runs]

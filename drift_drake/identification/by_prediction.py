@@ -8,7 +8,7 @@ import numpy as np
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import Normal, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
-from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors
+from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -42,12 +42,6 @@ class PredictionFit:
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
 
 
-def thinned(runs: Sequence[WindowedRun], most: int = MOST_WINDOWS) -> list[WindowedRun]:
-    """The runs with at most so many windows, evenly chosen."""
-    every = max(int(np.ceil(sum(len(run.starts) for run in runs) / most)), 1)
-    return [dataclasses.replace(run, starts=run.starts[::every]) for run in runs]
-
-
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
     """Whether rows lie in a block that is held out."""
     return np.asarray((rows * run.period / HELD_OUT).astype(int) % FOLDS == 1)
@@ -79,7 +73,7 @@ def fit_by_prediction(
     constants = vehicle.constants()
     base = [unknown(name, vehicle, stated, 0.0) for name in own]
     more = [unknown(name, vehicle, stated, 0.0) for name in candidates]
-    fitted, judged = split(thinned(runs))
+    fitted, judged = split(thinned(runs, MOST_WINDOWS))
 
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
@@ -100,11 +94,11 @@ def fit_by_prediction(
     chosen, best = ([*base, *more], full) if asked_for else (base, alone)
     held_out = compared(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
     progress("all windows", 0.5)
-    fit = fitted_to(thinned(runs), chosen, best.theta)
+    fit = fitted_to(thinned(runs, MOST_WINDOWS), chosen, best.theta)
     kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * EVERYDAY * u.unit]
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
-        fit = fitted_to(thinned(runs), kept, fit.theta[at])
+        fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
     progress("what is normal", 0.85)
     car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
     steps = units(seen, vehicle)
@@ -133,7 +127,7 @@ def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: 
 
     The ratio is the states' geometric mean half a second ahead, its interval from resampled blocks of ten windows.
     """
-    shown = [i for i, s in enumerate(STATES) if not (any(run.fed for run in judged) and s in ("v", "omega_r"))]
+    shown = [i for i in range(len(STATES)) if all(run.used[i] for run in judged)]
     one, two = (np.abs(errors(judged, vehicle.constants(), car))[..., shown] for car in (before, after))
 
     def ratio(rows: np.ndarray) -> float:

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.estimation.windows import HORIZONS, windowed
+from drift_drake.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.identification import identify as identification
-from drift_drake.identification.by_prediction import compared, is_held, prior_of, split, thinned
+from drift_drake.identification.by_prediction import compared, is_held, prior_of, split
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.double_track.cars import CARS

@@ -129,11 +129,12 @@ def believed(
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
     kept = [none, *(h for h in others if tells_from_zero(h))]
     refused: set[tuple[str, ...]] = set()
-    found = ranked(kept, len(search.ranges), constants)
+    counts = len(search.ranges), constants, len(search.normal.names)
+    found = ranked(kept, *counts)
     shrinks = reduction(search, found.leading, found.leading)
     while found.leading.names and shrinks.estimate <= 0.0:
         refused.add(found.leading.names)
-        found = ranked([h for h in kept if h.names not in refused], len(search.ranges), constants)
+        found = ranked([h for h in kept if h.names not in refused], *counts)
         shrinks = reduction(search, found.leading, found.leading)
     return found, shrinks
 

@@ -32,16 +32,18 @@ class Ranked:
     leading: Hypothesis  # of those that are known
 
 
-def ranked(hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration) -> Ranked:
+def ranked(
+    hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration, scores: int = len(CATALOGUE)
+) -> Ranked:
     """Probabilities of hypotheses and of `unknown`.
 
     Args:
         hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing.
-        catalogue: number of effects that were considered.
+        catalogue: number of effects that were considered; scores: number of scores that judge them.
     """
     none = next(h for h in hypotheses if not h.names)
     least = min(h.nats for h in hypotheses)
-    tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / catalogue
+    tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / scores
     values = {
         hypothesis_name(h.names): h.log_evidence
         + h.nats * (1.0 - 1.0 / tempered)
@@ -50,7 +52,7 @@ def ranked(hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibrat
         - SECOND * (len(h.names) > 1)
         for h in hypotheses
     }
-    price = 0.5 * catalogue * np.log(WIDE)
+    price = 0.5 * scores * np.log(WIDE)
     values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
     names, v = list(values), np.array(list(values.values()))
     p = np.exp(v - np.max(v))

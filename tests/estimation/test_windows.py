@@ -115,7 +115,7 @@ def test_no_window_touches_rows_that_are_left_out():
     assert np.all((ends < 90) | (kept > 95))
 
 
-@pytest.mark.parametrize("every", [1, 2, 5])
+@pytest.mark.parametrize("every", [1, 2])
 def test_horizons_are_the_same_times_at_any_rate(every):
     run = exact(integrated(CAR).thinned(every))
     assert run.stride * run.period == pytest.approx(windows.STRIDE)

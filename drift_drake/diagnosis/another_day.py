@@ -129,7 +129,7 @@ def believed(
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
     kept = [none, *(h for h in others if tells_from_zero(h))]
     refused: set[tuple[str, ...]] = set()
-    counts = len(search.ranges), constants, len(search.normal.names)
+    counts = len(search.ranges), constants, len(search.normal.names), float(np.mean(search.day.weights))
     found = ranked(kept, *counts)
     shrinks = reduction(search, found.leading, found.leading)
     while found.leading.names and shrinks.estimate <= 0.0:

@@ -69,7 +69,7 @@ class Answer:
         if self.verdict == "unknown":
             return (
                 f"{self.case}: there is a gap that no catalogued effect explains "
-                f"(probability {self.posterior['unknown']:.2f})." + self._nearest()
+                f"(probability {self.posterior['unknown']:.2f}).{self._unfamiliar()}" + self._nearest()
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]

@@ -86,11 +86,12 @@ def test_the_corrected_car_is_the_hypothesis(late_day, other_car):
 @pytest.mark.parametrize("names", [("mass_error",), ("mass_error", "rear_stiffness_error")])
 def test_stiffnesses_that_follow_the_load_are_applied_too(late_day, other_car, names, tmp_path):
     day = late_day.search.day
-    h = Hypothesis(names, np.array([0.12, -0.2][: len(names)]), np.eye(len(names)), 0.0, 0.0, follows_load=True)
+    h = Hypothesis(names, np.array([0.12, -0.2][: len(names)]), np.eye(len(names)), 0.0, 0.0, follows_load=1.0)
     along = brought_along(h, day)
     assert along == pytest.approx({"front_stiffness_error": 0.12, "rear_stiffness_error": 0.12})
     answer = dataclasses.replace(
-        late_day.answer, causes=list(names), details=late_day.answer.details | {"with": along},
+        late_day.answer, verdict="effect", causes=list(names), posterior={"+".join(sorted(names)): 1.0},
+        details=late_day.answer.details | {"with": along},
         magnitudes={name: dataclasses.replace(late_day.answer.reduction, estimate=float(q))
                     for name, q in zip(names, h.magnitudes, strict=True)},
     )  # fmt: skip
@@ -162,7 +163,7 @@ def test_parts_without_a_window_are_refused_as_too_short(other_car, diagnosed):
         columns = {name: np.interp(t, run.t, run.column(name)) for name in ("r", "v", "beta", "omega_r", "psi")}
         commands = {name: np.interp(t, run.t, run.column(name)) for name in ("delta_cmd", "tau_cmd")}
         fast.append(dataclasses.replace(run, t=t, x=None, y=None, ax=None, ay=None, **columns, **commands))
-    with pytest.raises(InvalidLogError, match=r"0\.0 s of driving can be used"):
+    with pytest.raises(InvalidLogError, match=r"0 s in all are too little"):
         diagnosed(fast, "short")
 
 

@@ -52,7 +52,7 @@ def test_a_wide_tolerance_is_no_gap():
 
 
 def test_clipping_keeps_within_bounds_and_away_from_no_gap():
-    r = Range(-0.5, 0.3, 0.1)
+    r = Range(-0.5, 0.3, 0.1, (-0.5, 0.3))
     assert [clipped(q, r) for q in (-0.9, 0.9, 0.2, 0.02, -0.02, 0.0)] == [-0.5, 0.3, 0.2, 0.1, -0.1, 0.1]
 
 
@@ -70,7 +70,7 @@ class Linear:
     def __init__(self, slope, truth):
         self.slope, self.truth = np.array(slope), truth
         self.scatter = SimpleNamespace(inverse=np.eye(len(slope)))
-        self.ranges = {"mass_error": Range(-0.2, 0.3, 0.02)}
+        self.ranges = {"mass_error": Range(-0.2, 0.3, 0.02, (-0.2, 0.3))}
         self.day = SimpleNamespace(constants=CAR.constants())
 
     def scores(self, effects):
@@ -102,7 +102,7 @@ def test_a_curve_never_says_a_magnitude_that_is_no_gap():
 
 
 def test_evidence_pays_for_width_and_is_never_above_the_fit():
-    r = Range(-0.2, 0.3, 0.02)
+    r = Range(-0.2, 0.3, 0.02, (-0.2, 0.3))
     sharp, blunt = (concluded(("mass_error",), np.array([0.1]), np.array([[s**2]]), 2.0, [r], False)
                     for s in (0.001, 0.01))  # fmt: skip
     width = 0.5 - 2.0 * 0.02

@@ -29,6 +29,10 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
+LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
+GROSS = 5.0  # times its scale on the day of calibration that a channel's median error may be, whatever is added
+MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
+CERTAIN = 0.98  # probability of `unknown` then
 MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
@@ -129,13 +133,16 @@ def believed(
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
     kept = [none, *(h for h in others if tells_from_zero(h))]
     refused: set[tuple[str, ...]] = set()
-    counts = len(search.ranges), constants, len(search.normal.names), float(np.mean(search.day.weights))
+    counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
     found = ranked(kept, *counts)
     shrinks = reduction(search, found.leading, found.leading)
     while found.leading.names and shrinks.estimate <= 0.0:
         refused.add(found.leading.names)
         found = ranked([h for h in kept if h.names not in refused], *counts)
         shrinks = reduction(search, found.leading, found.leading)
+    if gross(search, found.leading) > GROSS:
+        doubted = max(counts[-1], CERTAIN)
+        found = ranked([h for h in kept if h.names not in refused], *counts[:-1], doubted)
     return found, shrinks
 
 
@@ -143,6 +150,20 @@ def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
     """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
     own = magnitudes(h.names, h.magnitudes)
     return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
+
+
+def doubt_of(search: Search) -> float:
+    """Probability that nothing can be judged: too little of the driving is known from the calibration."""
+    return max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
+
+
+def gross(search: Search, h: Hypothesis) -> float:
+    """The largest median error of a channel half a second ahead under a hypothesis, in its scale on calibration day.
+
+    Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say.
+    """
+    e = np.abs(search.day.errors_with(h.effects(search.day)))[:, -1] / search.normal.scales[-1]
+    return float(np.max(np.median(e, axis=0)) / MEDIAN_OF_NORMAL)
 
 
 def nearest(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:

@@ -11,7 +11,6 @@ from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
-LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
 WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
 SECOND = (
     8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not the equations' either
@@ -35,14 +34,14 @@ class Ranked:
 
 def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration, scores: int = len(CATALOGUE),
-    familiar: float = 1.0,
+    doubt: float = 0.0,
 ) -> Ranked:  # fmt: skip
     """Probabilities of hypotheses and of `unknown`.
 
     Args:
         hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing.
         catalogue: number of effects that were considered; scores: number of scores that judge them;
-        familiar: share of the driving that the calibration knows: of too little, nothing can be said.
+        doubt: probability that no hypothesis can be judged at all, which is `unknown`'s.
     """
     none = next(h for h in hypotheses if not h.names)
     least = min(h.nats for h in hypotheses)
@@ -60,7 +59,6 @@ def ranked(
     names, v = list(values), np.array(list(values.values()))
     p = np.exp(v - np.max(v))
     p /= np.sum(p)
-    doubt = max(1.0 - familiar / LEAST_FAMILIAR, 0.0)
     p = (1.0 - doubt) * p + doubt * np.array([name == UNKNOWN for name in names])
     probabilities = {names[i]: float(p[i]) for i in np.argsort(-p, kind="stable")}
     ambiguity, held = [], 0.0

@@ -39,6 +39,12 @@ class Range:
     least: float  # of the absolute value
     usual: tuple[float, float]  # practical range, beyond which it is less and less likely
 
+    @property
+    def width(self) -> float:
+        """Of all magnitudes that would be a gap; a wide tolerance may leave none on one side of zero."""
+        below = max(-self.low - self.least, 0.0) if self.low < 0.0 else 0.0
+        return max(self.high - self.least, 0.0) + below
+
 
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
@@ -206,7 +212,11 @@ class Search:
 def clipped(q: float, r: Range) -> float:
     """The nearest magnitude that is within bounds and a gap."""
     q = float(np.clip(q, r.low, r.high))
-    return q if abs(q) >= r.least else float(np.copysign(r.least, q if q != 0.0 else 1.0))
+    if abs(q) >= r.least:
+        return q
+    # A wide tolerance may leave one side without a gap.
+    up = r.least <= r.high and (q >= 0.0 or r.least > -r.low)
+    return r.least if up else -r.least
 
 
 def concluded(
@@ -214,7 +224,7 @@ def concluded(
     follows: float,
 ) -> Hypothesis:  # fmt: skip
     """A fitted hypothesis with its Laplace evidence under flat priors over the ranges."""
-    widths = np.array([r.high - r.low - (2.0 * r.least if r.low < 0.0 else 0.0) for r in ranges])
+    widths = np.array([r.width for r in ranges])
     sign, logdet = np.linalg.slogdet(covariance)
     occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
     beyond = [max(x - r.usual[1], r.usual[0] - x if r.low < 0.0 else 0.0, 0.0) / (FADES * r.usual[1])

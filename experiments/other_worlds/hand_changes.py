@@ -127,7 +127,7 @@ def magnitudes_of(answer: dict[str, Any]) -> tuple[dict[str, list[float]], dict[
         elif limits[name]["least"] is None:
             skipped[name] = "these logs have no detection limit"
         else:
-            q = TIMES * limits[name]["least"]
+            q = float(f"{TIMES * limits[name]['least']:.3g}")
             chosen[name] = [q, -q] if CATALOGUE[name].signed else [q]
     return chosen, skipped
 
@@ -149,7 +149,7 @@ def changed_cases(study: Study, logs: Path, folder: Path) -> tuple[dict[str, dic
     cases = {}
     for name, magnitudes in chosen.items():
         for q in magnitudes:
-            case = f"{study.asked}-{name}{'-minus' if q < 0.0 else ''}"
+            case = f"{study.asked}-{name}{q:+.3g}"
             write_changed(logs / study.asked, folder / study.name / "logs" / case, name, q)
             cases[case] = {name: q}
     return cases, skipped

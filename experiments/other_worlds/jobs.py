@@ -5,6 +5,7 @@ The commands' own functions run, with their own defaults, so that an experiment 
 
 import contextlib
 import dataclasses
+import io
 import json
 import time
 import traceback
@@ -50,9 +51,11 @@ def calibrate(job: Calibrate) -> None:
     """Calibrates; the car is written also where it predicts worse than the first guess, which its scores show."""
 
     def work(out: Path) -> None:
-        with (job.folder / "car.txt").open("w") as text, contextlib.redirect_stdout(text):
+        told = io.StringIO()
+        with contextlib.redirect_stdout(told):
             run_identify(Identify(job.logs, job.start, job.folder / "car.yaml", out, criterion=job.criterion,
                                   force=True, quiet=True))  # fmt: skip
+        (job.folder / "car.txt").write_text(told.getvalue().replace(str(out), str(job.out)))
 
     recorded(work, job.out)
 

@@ -189,7 +189,8 @@ def scores_text(result: dict[str, Any]) -> str:
     lines = ["| figure | value (95 %) |", "| --- | --- |"]
     lines += [f"| {name} | {said_value(value)} |" for name, value in result["all"].items()]
     for title in ("by car", "by world", "by effect", "by size"):
-        lines += ["", table_text(title.removeprefix("by "), result[title])]
+        if result[title]:
+            lines += ["", table_text(title.removeprefix("by "), result[title])]
     lines += ["", "Not right:"]
     for m in result["not right"]:
         size = "" if m["size"] is None else f", {m['size']:.1f} limits"

@@ -152,3 +152,13 @@ def test_an_interval_that_holds_zero_is_no_cause(sigma, tells):
 def test_a_magnitude_at_an_end_of_its_range_is_a_bound(magnitude, bound):
     r = range_of("mass_error", CAR)
     assert at_bound(single("mass_error", magnitude, 0.01), {"mass_error": r}) == (["mass_error"] if bound else [])
+
+
+def test_a_tolerance_wider_than_one_side_of_a_range_leaves_the_other():
+    r = Range(-0.525, 0.3, 0.42, (-0.35, 0.2))
+    assert r.width == pytest.approx(0.105)
+    assert clipped(0.1, r) == pytest.approx(-0.42)
+    assert clipped(0.9, r) == pytest.approx(-0.42)
+    h = concluded(("friction_level",), np.array([-0.45]), np.array([[0.01]]), 3.0, [r], False)
+    assert np.isfinite(h.log_evidence)
+    assert r.width == pytest.approx(dataclasses.replace(r, low=-0.3, high=0.525).width)

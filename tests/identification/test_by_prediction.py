@@ -62,7 +62,7 @@ def test_a_comparison_with_itself_is_one(other_car, runs):
     same = compared(judged, other_car.guess, Effects(), Effects())
     assert same.ratio == same.low == same.high == 1.0
     assert same.before == same.after
-    fed = [dataclasses.replace(run, fed=True) for run in judged]
+    fed = [dataclasses.replace(run, fed=True, used=np.array([True, False, True, False, True])) for run in judged]
     assert compared(fed, other_car.guess, Effects(), Effects()).states == ("r", "beta")
 
 

@@ -135,7 +135,8 @@ def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     unit = _unit(name)
     numbers = [f"{q:.{significant_digits(m)}g}" for q in (m.estimate, m.low, m.high)]
     if at_least:
-        return f"{name} of {numbers[0]}{unit} at least"
+        # A rate limit acts the more the lower it is.
+        return f"{name} of {numbers[0]}{unit} at {'most' if name == 'steering_rate_limit' else 'least'}"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
 
 

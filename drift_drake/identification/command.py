@@ -90,7 +90,7 @@ def summary(found: Identification, json: Path | None = None) -> str:
     c = found.calibration
     lines = [c.sentence()]
     for name, p in c.parameters.items():
-        lines.append(f"  {name:<26}{row(p)}")
+        lines.append(f"  {name:<28}{row(p)}")
     if c.left_out:
         lines.append(f"Not told from zero, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not told: {direction.sentence()}." for direction in c.untold]

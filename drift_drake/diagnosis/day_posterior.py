@@ -6,15 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.day_hypotheses import Hypothesis, Range
-from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name, log_prior
+from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, ambiguity_set, hypothesis_name, log_prior
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
 WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
-SECOND = (
-    8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not the equations' either
-)
+SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
 SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
 STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.12}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
@@ -61,12 +59,7 @@ def ranked(
     p /= np.sum(p)
     p = (1.0 - doubt) * p + doubt * np.array([name == UNKNOWN for name in names])
     probabilities = {names[i]: float(p[i]) for i in np.argsort(-p, kind="stable")}
-    ambiguity, held = [], 0.0
-    for name, q in probabilities.items():
-        ambiguity.append(name)
-        held += q
-        if held >= 0.95:
-            break
+    ambiguity = ambiguity_set(probabilities)
     leader = next(iter(probabilities))
     by_name = {hypothesis_name(h.names): h for h in hypotheses}
     known = by_name[next(name for name in probabilities if name != UNKNOWN)]

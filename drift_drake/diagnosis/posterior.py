@@ -1,7 +1,7 @@
 """From evidences to a posterior over `none`, singles, pairs and `unknown`."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ import yaml
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.problem import TOLERANCES
 
+HELD = 0.95  # of the posterior, by the ambiguity set
 NONE, UNKNOWN = "none", "unknown"
 CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 
@@ -87,6 +88,17 @@ def probabilities_of(
     return {names[i]: float(weights[i]) for i in np.argsort(-weights, kind="stable")}
 
 
+def ambiguity_set(probabilities: Mapping[str, float]) -> list[str]:
+    """The smallest set of hypotheses that holds 95 %, of probabilities largest first."""
+    out, held = [], 0.0
+    for name, p in probabilities.items():
+        out.append(name)
+        held += p
+        if held >= HELD:
+            break
+    return out
+
+
 def make_posterior(
     hypotheses: Sequence[tuple[Fit, float]], unexplained: float, catalogue: int, c: Calibration
 ) -> Posterior:
@@ -99,12 +111,7 @@ def make_posterior(
     """
     gain = max(unexplained, 0.0) + implausibility(hypotheses[0][0], c)
     probabilities = probabilities_of({f.names: e for f, e in hypotheses}, gain, catalogue, c)
-    ambiguity, held = [], 0.0
-    for name, p in probabilities.items():
-        ambiguity.append(name)
-        held += p
-        if held >= 0.95:
-            break
+    ambiguity = ambiguity_set(probabilities)
     leader = next(iter(probabilities))
     by_name = {hypothesis_name(f.names): f for f, _ in hypotheses}
     known = next(name for name in probabilities if name != UNKNOWN)

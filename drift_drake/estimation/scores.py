@@ -14,7 +14,7 @@ import numpy as np
 
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
-from drift_drake.estimation.windows import WindowedRun, errors, regimes
+from drift_drake.estimation.windows import WindowedRun, errors, errors_of_all, regimes
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -135,7 +135,7 @@ def make_day(
     scales = robust_scales(at) if scales is None else scales
     cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
     with ThreadPoolExecutor(threads) as pool:
-        moved = list(pool.map(lambda effects: errors(runs, constants, effects), cars))
+        moved = errors_of_all(runs, constants, cars, pool)
     columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if covered is None else familiarity(runs, covered)

@@ -14,7 +14,15 @@ import numpy as np
 
 from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, actuated, without_actuators
-from drift_drake.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, SIZE, between, rates_of, wheel_rate
+from drift_drake.estimation.filter_state import (
+    CHANNELS,
+    MIN_FILTER_SPEED,
+    SIZE,
+    between,
+    rates_of,
+    runge_kutta,
+    wheel_rate,
+)
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects, settled_memory
@@ -105,28 +113,11 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
     for step in range(steps):
         at = STAGES * (row + step / steps)
         end = STAGES * (row + (step + 1) / steps)
-        middle = 0.5 * (at + end)
         if fed:
             share = step / steps
             z[1] = fed_from[1] + share * (fed_to[1] - fed_from[1])
             z[3] = fed_from[3] + share * (fed_to[3] - fed_from[3])
-        rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] = k[i]
-            w[0, i] = z[i] + 0.5 * h * k[i]
-        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + 0.5 * h * k[i]
-        rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-        for i in range(SIZE):
-            w[1, i] += 2.0 * k[i]
-            w[0, i] = z[i] + h * k[i]
-        rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
-        for i in range(SIZE):
-            z[i] += h / 6.0 * (w[1, i] + k[i])
-        z[1] = max(z[1], MIN_FILTER_SPEED)
-        z[3] = max(z[3], 0.0)
+        runge_kutta(z, delta, torque, at, end, h, constants, effects, push, k, w)
 
 
 @compiled

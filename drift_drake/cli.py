@@ -5,6 +5,7 @@ code 2.
 """
 
 import dataclasses
+import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +24,7 @@ from drift_drake.drives.command import Simulate, run_simulate
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, one_line
 from drift_drake.identification.calibration_file import LARGEST_SCALE, CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.identification.command import Identify, run_identify
-from drift_drake.interruption import TerminatedError, terminable
+from drift_drake.interruption import ENDS, TerminatedError, terminable
 from drift_drake.logs.importing.command import Import, run_import
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.model.command import Train, run_train
@@ -37,7 +38,6 @@ from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 BAD_INPUT = 2  # exit code for input that cannot be used
-INTERRUPTED, TERMINATED = 130, 143  # exit codes after Ctrl-C and SIGTERM
 
 
 @dataclasses.dataclass(frozen=True)
@@ -312,7 +312,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"drift-drake: {one_line(error)}", file=sys.stderr)
         return BAD_INPUT
     except (KeyboardInterrupt, TerminatedError) as end:
-        how, code = ("interrupted", INTERRUPTED) if isinstance(end, KeyboardInterrupt) else ("terminated", TERMINATED)
+        how, code = ENDS[signal.SIGINT if isinstance(end, KeyboardInterrupt) else signal.SIGTERM]
         print(f"drift-drake: {how}; files are as they were before, or complete", file=sys.stderr)
         return code
     return 0

@@ -1,10 +1,14 @@
-"""SIGTERM as an exception, so that worker processes and unfinished files are cleaned up before the process ends."""
+"""Ctrl-C and SIGTERM: clean up first, once something was begun; before that, end at once."""
 
 import contextlib
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from types import FrameType
+
+ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
+"""What a command says when it is ended by a signal, and its exit code."""
 
 
 class TerminatedError(BaseException):
@@ -13,7 +17,10 @@ class TerminatedError(BaseException):
 
 @contextlib.contextmanager
 def terminable() -> Iterator[None]:
-    """Within the block, SIGTERM raises `TerminatedError`; only the main thread can ask for it."""
+    """Within the block, SIGTERM raises `TerminatedError`, so that worker processes and unfinished files are cleaned up.
+
+    Only the main thread can ask for it.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -26,3 +33,23 @@ def terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@contextlib.contextmanager
+def ended_at_once(name: str) -> Iterator[None]:
+    """Within the block, which must have begun nothing, Ctrl-C and SIGTERM end the process in one line.
+
+    For imports: an exception raised within those of compiled modules is lost, or becomes another one.
+    """
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        how, code = ENDS[signal.Signals(number)]
+        os.write(2, f"{name}: {how} before anything was begun\n".encode())
+        os._exit(code)
+
+    before = {number: signal.signal(number, end) for number in ENDS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -83,7 +83,7 @@ def test_diagnose_writes_an_answer(tmp_path, vehicle_path):
 @pytest.mark.slow
 def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
     truth = Truth({"steering_lag": 0.06}, {}, {"friction": 0.01})
-    run = make_case(truth, VehicleParameters(), np.random.default_rng(2), 3.0)[1]
+    run = make_case(truth, VehicleParameters(), np.random.default_rng(2), 6.0)[1]
     write_run(run, tmp_path / "run_0.csv")
     answer, plan = tmp_path / "answer.json", tmp_path / "plan.csv"
     given = ["--vehicle", str(vehicle_path)]

@@ -7,9 +7,13 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from drift_drake.logs.table import write_run
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import worker_processes
+from experiments.gap_cases import Truth, make_case
 
 PARENT = """
 import sys, time
@@ -68,6 +72,38 @@ def test_a_worker_does_not_outlive_its_parent(tmp_path: Path, number: signal.Sig
         parent.send_signal(number)
         parent.wait(PATIENCE)
         assert waited_for(lambda: not running(worker))
+    finally:
+        parent.kill()
+        parent.wait()
+
+
+def children(process: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="looks processes up in /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_diagnosis_of_a_folder_leaves_no_worker(tmp_path: Path, number: signal.Signals) -> None:
+    runs = make_case(Truth({"rear_stiffness_error": -0.3}, {}, {}), VehicleParameters(), np.random.default_rng(2), 3.0)
+    for run in runs:
+        write_run(run, tmp_path / "cases" / "a" / f"{run.name}.csv")
+        write_run(run, tmp_path / "cases" / "b" / f"{run.name}.csv")
+    vehicle = tmp_path / "car.yaml"
+    VehicleParameters().to_yaml(vehicle)
+    command = [sys.executable, "-m", "drift_drake", "diagnose", str(tmp_path / "cases"), "--vehicle", str(vehicle)]
+    parent = subprocess.Popen([*command, "--quiet"], env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+                              stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)  # fmt: skip
+    try:
+        assert waited_for(lambda: len(children(parent.pid)) >= 2)
+        workers = children(parent.pid)
+        time.sleep(4.0)  # into their work
+        assert all(running(worker) for worker in workers)
+        parent.send_signal(number)
+        _, error = parent.communicate(timeout=PATIENCE)
+        assert parent.returncode == 128 + number
+        assert error.count("\n") == 1
+        assert waited_for(lambda: not any(running(worker) for worker in workers))
     finally:
         parent.kill()
         parent.wait()

@@ -44,8 +44,8 @@ class Answer:
     warnings: list[str]
 
     def to_json(self) -> str:
-        """The answer as JSON text."""
-        return json.dumps(_rounded(dataclasses.asdict(self)), indent=2)
+        """The answer as JSON text; a number that is not finite, which JSON has none of, is null."""
+        return json.dumps(_rounded(dataclasses.asdict(self)), indent=2, allow_nan=False)
 
     def write(self, path: str | Path) -> None:
         """Writes the JSON file."""
@@ -159,7 +159,7 @@ def _rounded(data: Any) -> Any:
     if isinstance(data, (list, tuple)):
         return [_rounded(value) for value in data]
     if isinstance(data, float):
-        return float(f"{data:.6g}")
+        return float(f"{data:.6g}") if math.isfinite(data) else None
     return data
 
 
@@ -171,7 +171,7 @@ def read_answer(path: str | Path) -> Answer:
     """
     mend = "write it with 'drift-drake diagnose --json'"
     data = parse_json(
-        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), mend, False
+        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), mend
     )
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
@@ -214,7 +214,7 @@ def _answer(data: dict[str, Any]) -> Answer:
         ambiguity=_names("ambiguity", data["ambiguity"]),
         magnitudes=magnitudes,
         where=_entries("where", data["where"]),
-        reduction=_interval("reduction", data["reduction"], finite=False),
+        reduction=_interval("reduction", data["reduction"], finite=verdict == "effect"),
         seconds=_number("seconds", data["seconds"]),
         tolerances={name: _number(f"tolerances.{name}", q) for name, q in tolerances.items()},
         details=_details(data.get("details", {})),
@@ -258,7 +258,7 @@ def _text(key: str, value: Any) -> str:
 
 def _number(key: str, value: Any, finite: bool = True) -> float:
     """A number; where it need not be finite, it may be missing too (NaN)."""
-    if not finite and (value is None or (isinstance(value, float) and not math.isfinite(value))):
+    if not finite and value is None:
         return math.nan
     try:
         return number(value)

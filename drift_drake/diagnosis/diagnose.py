@@ -35,7 +35,7 @@ from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.noise import refined_levels
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
-from drift_drake.estimation.reduction import Reduction, errors_of, reduction, without_effects
+from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, reduction, without_effects
 from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
@@ -210,7 +210,8 @@ def find_gap(
     excess = [b - f for b, f in zip(before, floor, strict=True)]
     rows = [start_rows(run) for run in problem.runs]
     where = dataclasses.asdict(locate(problem, excess, rows, lacking))
-    where["horizons"] = {f"{h:g} s": float(np.nanmean(np.concatenate(before)[:, i])) for i, h in enumerate(HORIZONS)}
+    means = zip(HORIZONS, mean_squares(np.concatenate(before)), strict=True)
+    where["horizons"] = {f"{h:g} s": mean for h, mean in means if np.isfinite(mean)}
     return where
 
 

@@ -14,8 +14,9 @@ from drift_drake.estimation.commands import without_actuators
 from drift_drake.estimation.everyday import coarse
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.estimation.fit import Fit
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, roll_out, start_rows
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, roll_out, start_rows
 from drift_drake.estimation.problem import Problem, car, filter_case, observe, run_commands
+from drift_drake.estimation.reduction import errors_of
 
 REAL, NOMINAL, CORRECTED = "#222222", "#d1495b", "#00798c"
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}
@@ -108,13 +109,10 @@ def nominal_line(predicted: tuple[np.ndarray, np.ndarray], i: int) -> tuple[np.n
 
 def squares(problem: Problem, fit: Fit) -> list[np.ndarray]:
     """Mean square half-second errors [starts] of each run, in noise variances; NaN where the run ends sooner."""
-    rough = coarse(problem)
-    gains = filter_case(rough, fit.theta, fit.names)
-    out = []
-    for i, run in enumerate(rough.runs):
-        judged = predictions(rough, fit.theta, fit.names, i, gains).squares[:, JUDGED]
-        out.append(np.mean(judged[:, run.used[: len(STATES)]], axis=-1))
-    return out
+    errors = errors_of(problem, fit.theta, fit.names)
+    return [
+        np.mean(e[:, JUDGED][:, run.used[: len(STATES)]], axis=-1) for run, e in zip(problem.runs, errors, strict=True)
+    ]
 
 
 def time_line(d: Diagnosis, before: Sequence[np.ndarray], after: Sequence[np.ndarray]) -> str:

@@ -23,7 +23,9 @@ class Predictions:
     """Squared prediction errors of one run, in noise variances."""
 
     rows: np.ndarray  # [starts] first rows
-    squares: np.ndarray  # [starts, horizons, states]; NaN beyond the run's end or where a channel is missing
+    # [starts, horizons, states]; NaN beyond the run's end or where a channel is missing, infinite where the prediction
+    # diverged
+    squares: np.ndarray
 
 
 def start_rows(run: RunData) -> np.ndarray:
@@ -79,6 +81,7 @@ def predictions(
     for h, step in enumerate(steps):
         inside = starts + step < len(run.y)
         measured[inside, h] = run.y[starts[inside] + step]
+    out[np.isfinite(measured) & ~np.isfinite(out)] = np.inf  # no number is no prediction, not a missing measurement
     errors = (measured - out) / problem.noise
     errors[..., ~run.used] = np.nan
     return Predictions(starts, np.asarray(errors[..., : len(STATES)] ** 2))

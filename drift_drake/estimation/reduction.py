@@ -26,7 +26,7 @@ class Reduction:
     high: float
     by_state: dict[str, float]
     by_horizon: dict[str, float]
-    before: list[float]  # mean squares by horizon, in noise variances
+    before: list[float]  # mean squares by horizon, in noise variances; NaN where no run is so long
     after: list[float]
     floor: list[float]
 
@@ -95,12 +95,22 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> R
         if np.any(np.isfinite(whole[0][:, JUDGED, i]))
     }
     by_horizon = {
-        f"{h:g} s": _share(np.array([np.nansum(part[:, i]) for part in whole])) for i, h in enumerate(HORIZONS)
+        f"{h:g} s": _share(np.array([np.nansum(part[:, i]) for part in whole]))
+        for i, h in enumerate(HORIZONS)
+        if np.any(np.isfinite(whole[0][:, i]))
     }
-    means = [[float(np.nanmean(part[:, i])) for i in range(len(HORIZONS))] for part in whole]
+    means = [mean_squares(part) for part in whole]
     low, high = np.quantile(shares, [0.025, 0.975])
     estimate = _share(blocks.sum(axis=0))
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
+
+
+def mean_squares(errors: np.ndarray) -> list[float]:
+    """Mean squared error of each horizon from errors [starts, horizons, states]; NaN where no run is so long."""
+    there = np.isfinite(errors)
+    counts = there.sum(axis=(0, 2))
+    sums = np.where(there, errors, 0.0).sum(axis=(0, 2))
+    return [float(total / count) if count else float("nan") for total, count in zip(sums, counts, strict=True)]
 
 
 def share_removed(before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> float:

@@ -12,9 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.errors import shown
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
-from drift_drake.estimation.windows import WindowedRun, errors, errors_of_all, regimes
+from drift_drake.estimation.windows import HORIZONS, PREDICTED, WindowedRun, errors, errors_of_all, regimes
+from drift_drake.plain_files import number
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -30,6 +32,8 @@ BETWEEN_DAYS = 8.0  # by how much scores scatter more between days than between 
 COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is known
 GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
 BEYOND = 0.15  # share beyond, at which a window counts half
+LARGEST_NUMBER = 1e100  # of a calibration's file: beyond, its squares are not finite
+ROUNDED = 1e-6  # of a matrix's largest entry, by which rounding may make an eigenvalue negative
 CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
 
 
@@ -87,17 +91,37 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     """What `Normal.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
     names = tuple(str(name) for name in arrays.pop("names"))  # type: ignore[attr-defined]
-    blocks = int(arrays.pop("blocks"))  # type: ignore[call-overload]
-    out = Normal(names, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()})
-    n, m = len(names), out.scales.size
-    if out.modes.ndim != 2 or out.modes.shape[1] != n:
-        raise ValueError(f"'modes' must hold {n} numbers a run")
-    shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m)}
-    shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
-    for key, shape in shapes.items():
-        if getattr(out, key).shape != shape or not np.all(np.isfinite(getattr(out, key))):
-            raise ValueError(f"'{key}' must hold {shape} finite numbers")
+    blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
+    try:
+        out = Normal(names, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()})
+    except OverflowError:
+        raise ValueError("normal holds a number that is out of range") from None
+    _check_normal(out)
     return out
+
+
+def _check_normal(normal: Normal) -> None:
+    """ValueError where numbers are missing, not finite or of a wrong sign, or a name is no effect's."""
+    names, n, m = normal.names, len(normal.names), HORIZONS * len(PREDICTED)
+    unknown = [name for name in names if name not in CATALOGUE]
+    if unknown or not n or len(set(names)) < n:
+        raise ValueError(f"'names' must be different effects of the catalogue, not {shown(unknown or list(names))}")
+    shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m), "scales": (HORIZONS, len(PREDICTED))}
+    shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
+    shapes["modes"] = (max(len(np.atleast_1d(normal.modes)), 1), n)
+    for key, shape in shapes.items():
+        if getattr(normal, key).shape != shape or not np.all(np.abs(getattr(normal, key)) < LARGEST_NUMBER):
+            raise ValueError(f"'{key}' must hold {shape} finite numbers")
+    for key in ("units", "scales"):
+        if np.min(getattr(normal, key)) <= 0.0:
+            raise ValueError(f"'{key}' must be above zero")
+    for key in ("information", "covered"):
+        if np.min(getattr(normal, key)) < 0.0:
+            raise ValueError(f"'{key}' must be zero or more")
+    for key, least in (("precision", 0.0), ("covariance", -ROUNDED), ("unknown", -ROUNDED)):
+        matrix = getattr(normal, key)
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= least * np.max(np.abs(matrix)):
+            raise ValueError(f"'{key}' must be symmetric, without negative directions")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import shutil
 import subprocess
 
@@ -12,6 +13,7 @@ from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import case_folders, diagnose
 from drift_drake.diagnosis.report import write_report
+from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.logs.table import InvalidLogError, write_run
@@ -133,6 +135,20 @@ def test_none_says_how_little_a_row_was_worth(diagnosis):
     assert answer.sentence().endswith("tolerances and the sensors' noise.")
     light = dataclasses.replace(answer, details={"row_weight": 0.0011})
     assert "everyday misfit, with a row worth 0.0011 (probability 0.60)" in light.sentence()
+
+
+def test_a_number_that_is_none_is_written_as_null_and_no_reduction_of_an_effect(diagnosis, tmp_path):
+    where = diagnosis.answer.where | {"horizons": {"2 s": math.nan}}
+    path = tmp_path / "answer.json"
+    dataclasses.replace(diagnosis.answer, where=where).write(path)
+    assert json.loads(path.read_text())["where"]["horizons"] == {"2 s": None}
+    assert read_answer(path).causes == diagnosis.answer.causes
+    dataclasses.replace(diagnosis.answer, reduction=Interval(math.nan, 0.0, 1.0)).write(path)
+    with pytest.raises(InvalidAnswerError, match=r"reduction.estimate: None is no number"):
+        read_answer(path)
+    path.write_text(path.read_text().replace("null", "NaN"))
+    with pytest.raises(InvalidAnswerError, match="holds 'NaN', which is no finite number"):
+        read_answer(path)
 
 
 @pytest.mark.parametrize(

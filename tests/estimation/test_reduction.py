@@ -3,9 +3,23 @@
 import numpy as np
 import pytest
 
+from drift_drake.diagnosis.diagnose import find_gap
+from drift_drake.estimation import horizons
+from drift_drake.estimation.fit import fit
+from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, predictions, start_rows
 from drift_drake.estimation.problem import make_problem
-from drift_drake.estimation.reduction import FOLDS, HELD_OUT, fold_of, share_removed
+from drift_drake.estimation.reduction import (
+    FOLDS,
+    HELD_OUT,
+    WORST,
+    errors_of,
+    fold_of,
+    mean_squares,
+    reduction,
+    share_removed,
+    without_effects,
+)
 from drift_drake.vehicle.parameters import VehicleParameters
 
 NAMES = ("rear_stiffness_error",)
@@ -42,3 +56,27 @@ def test_a_right_model_predicts_to_the_noise(problem, stiffness_case):
     assert 0.8 < one_step < 1.5
     assert np.nanmean(wrong.squares[:, 2]) > 2.0 * np.nanmean(right.squares[:, 2])
     assert np.isnan(right.squares[-1, 3]).all()
+
+
+def test_a_horizon_that_no_run_reaches_has_no_number(stiffness_case):
+    runs = [run.rows(0, 180) for run in stiffness_case[1]]
+    short = make_problem(runs, VehicleParameters())
+    found = fit(short, NAMES, np.append(np.zeros(short.nuisances), -0.2))
+    shrinks = reduction(short, found, found)
+    assert list(shrinks.by_horizon) == ["0.01 s", "0.1 s", "0.5 s"]
+    assert np.isnan(shrinks.before[3])
+    where = find_gap(short, without_effects(short, None), errors_of(short, found.theta, NAMES), misfit(short, found))
+    assert list(where["horizons"]) == ["0.01 s", "0.1 s", "0.5 s"]
+    assert np.isfinite(list(where["horizons"].values())).all()
+
+
+def test_a_prediction_without_a_number_is_the_worst_not_a_missing_one(problem, monkeypatch):
+    def lost(*arguments):
+        roll_out(*arguments)
+        arguments[-1][0] = np.nan
+
+    roll_out = horizons.roll_out
+    monkeypatch.setattr(horizons, "roll_out", lost)
+    squares = errors_of(problem, np.zeros(problem.nuisances), ())[0]
+    assert (squares[0, :3] == WORST).all()
+    assert mean_squares(squares[:1])[:3] == [WORST] * 3

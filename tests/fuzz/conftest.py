@@ -10,6 +10,6 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
         return
     terminalreporter.section("fuzzed inputs")
     for target, counts in fuzzing.COUNTS.items():
-        terminalreporter.line(f"{target:<14}" + ", ".join(f"{count} {what}" for what, count in counts.items()))
+        terminalreporter.line(f"{target:<28}" + ", ".join(f"{count} {what}" for what, count in counts.items()))
     total = sum(counts["tried"] for counts in fuzzing.COUNTS.values())
-    terminalreporter.line(f"{'all':<14}{total} tried")
+    terminalreporter.line(f"{'all':<28}{total} tried")

@@ -23,12 +23,15 @@ from drift_drake.diagnosis.answer_beliefs import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import NUISANCES
+from drift_drake.estimation.scores import Normal
+from drift_drake.estimation.windows import HORIZONS, PREDICTED
 from drift_drake.identification.calibration_file import read_trust
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import read_run
 from drift_drake.model.checkpoint import load
 from drift_drake.model.samples import load_samples
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -55,6 +58,21 @@ CALIBRATION: dict[str, Any] = {
     "trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
     "everyday": {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "row_weight": 0.3},
 }  # fmt: skip
+CALIBRATION_BY_PREDICTION: dict[str, Any] = {
+    "normal": Normal(
+        ("aero_drag", "steering_lag"),
+        np.ones(2),
+        np.ones((HORIZONS, len(PREDICTED))),
+        np.eye(HORIZONS * len(PREDICTED)),
+        9,
+        np.zeros(2),
+        np.eye(2),
+        np.zeros((3, 2)),
+        np.ones(2),
+        np.ones(4),
+        np.eye(2),
+    ).as_data(),
+}
 MAPPING = yaml.safe_load("""
 clocks: {main: {column: time, unit: ms}, other: {column: stamp, align: {signal: gyro, against: r}}}
 signals:
@@ -143,6 +161,17 @@ def test_beliefs(folder: Path, beliefs: Any) -> None:
 @given(content=either(CALIBRATION, as_json))
 def test_calibrations(folder: Path, content: bytes) -> None:
     tried("calibrations", read_trust, written(folder / "calibration.json", content))
+
+
+@cases(0.05)
+@given(content=either(CALIBRATION_BY_PREDICTION, as_json))
+def test_calibrations_by_prediction(folder: Path, content: bytes) -> None:
+    trust = tried("calibrations by prediction", read_trust, written(folder / "calibration.json", content))
+    if trust is not None and trust.normal is not None:
+        normal = trust.normal
+        assert all(name in CATALOGUE for name in normal.names)
+        assert np.linalg.eigvalsh(normal.precision).min() > 0.0
+        assert min(normal.units.min(), normal.scales.min(), normal.blocks) > 0.0
 
 
 @cases(0.1)

@@ -1,4 +1,4 @@
-"""Draws the diagram of a drive (`drift_drake.drives.drive`), here that of an LQR hold.
+"""Draws the diagram of a drive (`drift_drake.simulation.drive`), here that of an LQR hold.
 
 python -m diagrams.drive
 """
@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.run_folder import make_run_folder
+from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters
 
 

@@ -28,7 +28,6 @@ import numpy as np
 import pandas as pd
 import tyro
 
-from diagrams.closed_loop import ControlConfig
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population
@@ -39,6 +38,7 @@ from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays, write_text
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drift_report import summarise
 from experiments.drift_runs import (

@@ -24,7 +24,6 @@ from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import spearmanr
 from tqdm import tqdm
 
-from diagrams.closed_loop import ClosedLoop
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import diagnose
@@ -32,6 +31,7 @@ from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
+from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case

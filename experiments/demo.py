@@ -19,23 +19,16 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import (
-    Gathered,
-    GatheringConfig,
-    InfeasiblePlanError,
-    Trajectory,
-    plan,
-    plan_again,
-    taught,
-)
 from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.gather import Gathered, taught
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import end_with_parent
 from experiments.demo_log import FOLDER, TRUTH

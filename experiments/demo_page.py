@@ -13,11 +13,11 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from diagrams.information_gathering import lane_for_pictures
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.report_figures import posterior_bars
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.gather import lane_for_pictures
 from drift_drake.logs.table import read_case
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay

@@ -19,9 +19,9 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import LogVectorOutput
 
-from drift_drake.car import Car
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.sensors import LOG_ROW
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.sensors import LOG_ROW
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from experiments.gap_cases import MANOEUVRES, PERIOD, SPIN, Driver, Truth, true_constants

@@ -19,20 +19,12 @@ import numpy as np
 import pandas as pd
 import tyro
 
-from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.information_gathering import (
-    GatheringConfig,
-    InfeasiblePlanError,
-    Trajectory,
-    gather,
-    learn_drive,
-    plan,
-    plan_again,
-)
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
+from drift_drake.gathering.gather import gather, learn_drive
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
@@ -41,6 +33,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, plain, write_json
 from drift_drake.safe_files import write_arrays, write_table
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs

@@ -25,7 +25,6 @@ from tqdm import tqdm
 from drift_drake.control.mpc import DT, MpcController
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
-from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.logs.table import COLUMNS, Run, write_run
@@ -34,6 +33,7 @@ from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
+from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.workers import end_with_parent

@@ -10,8 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from diagrams.information_gathering import GatheringConfig, lane, lane_for_pictures
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.gathering.gather import lane, lane_for_pictures
+from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead

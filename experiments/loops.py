@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 import tyro
 
-from diagrams.metrics import GRID, STEADY_SIDESLIP
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table, write_text
+from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
 from experiments.drift_report import LABELS, completion_table, draw, summarise
 from experiments.drift_runs import (
     REFUSALS,

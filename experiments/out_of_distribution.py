@@ -20,9 +20,6 @@ import tyro
 from matplotlib.figure import Figure
 from scipy.stats import beta
 
-from diagrams.change import Change
-from diagrams.closed_loop import ClosedLoop, ControlConfig
-from diagrams.metrics import before_spin
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP
@@ -38,6 +35,9 @@ from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
+from drift_drake.simulation.change import Change
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drift_runs import REFUSALS, DriftConfig, open_folder, reference

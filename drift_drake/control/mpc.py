@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.actuation import interpolate_plan, plan_size
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening, lateral_deviation, tightened
 from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
 from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.actuation import interpolate_plan, plan_size
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 
-from drift_drake.actuation import plan_size
 from drift_drake.control.step_model import StepModel
+from drift_drake.simulation.actuation import plan_size
 
 Array = NDArray[np.float64]
 

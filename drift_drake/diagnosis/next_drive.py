@@ -23,7 +23,6 @@ from drift_drake.control.discrimination import (
     gains_and_biases,
 )
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.lane_drive import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answer import Answer, UnplannableError
@@ -34,6 +33,7 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
+from drift_drake.gathering.lane import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.safe_files import write_table
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters

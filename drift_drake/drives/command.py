@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from drift_drake.drives.drive import LOG_PERIOD, Drive, Limits
 from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
 from drift_drake.errors import InvalidOptionError
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
 from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.sensors import NoiseLevels
+from drift_drake.simulation.drive import LOG_PERIOD, Drive, Limits
+from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.effects import Effects, magnitudes_of
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

@@ -11,11 +11,11 @@ from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, Leaf
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.car import Car
 from drift_drake.logs.driving import SPUN, driven, slowest
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
-from drift_drake.sensors import LOG_ROW, NoiseLevels
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.sensors import LOG_ROW, NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE_AT

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.sensors import MEASURED_STATE
+from drift_drake.simulation.sensors import MEASURED_STATE
 
 Array = NDArray[np.float64]
 

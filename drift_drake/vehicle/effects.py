@@ -3,7 +3,7 @@
 All effects live in one function, `motion_with_effects`, in which a magnitude of zero switches an effect off; with all
 at zero it is `bicycle.motion`. Effects with memory (lags, relaxation, heat, filtered load transfer) own the states of
 `Memory`. The transport delay of steering acts on the command before it enters here, and the sensors' effects act on
-what is measured (`measured`); delays of either are systems of their own (`drift_drake.delay`).
+what is measured (`measured`); delays of either are systems of their own (`drift_drake.simulation.delay`).
 """
 
 from typing import Any, NamedTuple

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Context
 
-from drift_drake.actuation import interpolate_plan
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import MpcController, SolveStatistics
 from drift_drake.control.sqp import SqpOptions
@@ -18,6 +17,7 @@ from drift_drake.model.command_lag import LAGGED, lag_factors
 from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.actuation import interpolate_plan
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

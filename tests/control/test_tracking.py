@@ -6,8 +6,8 @@ from scipy.linalg import solve_discrete_are
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import INPUT_WEIGHT, STATE_WEIGHT, TrackingController, lqr_gains, tracking_gains
-from drift_drake.drives.drive import Drive
 from drift_drake.reference.trajectory import straight_line
+from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters
 
 PARAMETERS = VehicleParameters()

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import GatheringConfig
+from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import ablations, drift_runs
 from experiments.ablations import AblationsConfig, main, variants

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.closed_loop import ControlConfig
-from diagrams.information_gathering import GatheringConfig
+from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import drift_runs
 from experiments.drift_runs import ModelsConfig, OtherExperimentError

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.information_gathering import GatheringConfig, Trajectory
+from drift_drake.gathering.plan import GatheringConfig, Trajectory
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load
 from drift_drake.model.command_lag import LAGGED, lagged_commands

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.information_gathering import GatheringConfig, Trajectory
+from drift_drake.gathering.plan import GatheringConfig, Trajectory
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import adapted

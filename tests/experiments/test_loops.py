@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import ControlConfig
 from drift_drake.reference.trajectory import Reference, loops
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import drift_runs
 from experiments.executors import ExecutorConfig

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagrams.closed_loop import ControlConfig
 from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments import drift_runs, out_of_distribution
 from experiments.executors import ExecutorConfig

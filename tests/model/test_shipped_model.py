@@ -5,7 +5,6 @@ import pytest
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.drives.drive import Drive
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load
@@ -14,6 +13,7 @@ from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import adapted, coverage, rollout_errors, standardized_errors, step_model
 from drift_drake.model.samples import MIRROR_STATE, Samples, concatenate, mirrored
 from drift_drake.reference.equilibrium import drift_equilibrium
+from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters
 
 

@@ -7,9 +7,9 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.sensors import MEASURED_STATE
 from drift_drake.simulation.faults import Fault, PlanFaults, SensorFaults, parse_fault
 from drift_drake.simulation.screening import FROZEN, Reading, Screen, judge
+from drift_drake.simulation.sensors import MEASURED_STATE
 
 PERIOD = 0.01
 GOOD = np.array([0.1, 12.0, -0.1, 13.0, 0.2, 0.05, 3.0])

@@ -9,8 +9,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.car import Car
-from drift_drake.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from control_problems import check_against_referees, check_gradient, lane_ocp, stages
 
-from drift_drake.control.information import InformationCost
-from drift_drake.control.predictive_information import PredictiveInformationCost
+from drift_drake.gathering.information import InformationCost
+from drift_drake.gathering.predictive_information import PredictiveInformationCost
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import predict, update_all

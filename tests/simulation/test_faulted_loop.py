@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.change import Change
-from diagrams.closed_loop import ClosedLoop, ClosedLoopConfig, ControlConfig, main
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation.change import Change
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -118,7 +119,7 @@ def test_a_change_after_the_end_leaves_the_time_limit(short: Reference) -> None:
 def test_main_takes_faults_and_tells_them(
     short: Reference, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("diagrams.closed_loop.figure_8", lambda _: short)
+    monkeypatch.setattr("drift_drake.simulation.drive_command.figure_8", lambda _: short)
     main(ClosedLoopConfig(control=FAST, fault=("dropout:0.5:0.1", "lost_plans:1:0.2"), out=tmp_path))
     assert "faults: 5 missing readings" in capsys.readouterr().out
     assert json.loads((tmp_path / "numbers.json").read_text())["missing_readings"] == 5

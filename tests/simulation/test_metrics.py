@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.metrics import before_spin, drifting_share, run_metrics
 from drift_drake.reference.trajectory import Reference, figure_8, straight_line
+from drift_drake.simulation.metrics import before_spin, drifting_share, run_metrics
 from drift_drake.vehicle.parameters import VehicleParameters
 
 PARAMETERS = VehicleParameters()

@@ -9,11 +9,11 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput
 
-from drift_drake.actuation import LinearInterpolationActuator
-from drift_drake.car import Car
 from drift_drake.drives.drivers import interpolate_knots
 from drift_drake.reference.trajectory import Reference
-from drift_drake.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
+from drift_drake.simulation.actuation import LinearInterpolationActuator
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -10,7 +10,7 @@ from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
 from pydrake.systems.primitives import Multiplexer, RandomSource
 
-from drift_drake.delay import TransportDelay
+from drift_drake.simulation.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects, measured
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.control.information import after_others, covariance_after, stage_gradient
+from drift_drake.gathering.information import after_others, covariance_after, stage_gradient
 from drift_drake.model.features import Network, features, features_and_pullback, network_inputs
 from drift_drake.model.posterior import spread_of_features, weighed
 

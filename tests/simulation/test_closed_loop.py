@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import ClosedLoop, ClosedLoopConfig, ControlConfig, Limits, Run, build, main, simulate
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Limits, Run
+from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, simulate
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects

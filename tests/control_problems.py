@@ -5,11 +5,11 @@ import pytest
 from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
-from diagrams.information_gathering import GatheringConfig
-from drift_drake.control.lane_drive import problem_data
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.stacked import StageCost
+from drift_drake.gathering.lane import problem_data
+from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import LAGGED

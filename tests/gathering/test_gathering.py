@@ -8,27 +8,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams import information_gathering
-from diagrams.information_gathering import (
+from diagrams.information_gathering import Options, main
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering import plan as planning
+from drift_drake.gathering.gather import gather, lane_for_pictures, learn_drive
+from drift_drake.gathering.lane import ENDS, problem_data
+from drift_drake.gathering.plan import (
     GatheringConfig,
     InfeasiblePlanError,
     Objective,
-    Options,
     Trajectory,
-    gather,
     information_cost,
     information_expected,
     information_gained,
-    lane_for_pictures,
-    learn_drive,
-    main,
     plan,
     plan_again,
     round_alpha,
 )
-from drift_drake.control.lane_drive import ENDS, problem_data
-from drift_drake.drives.dataset import samples_from_log
-from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
@@ -145,7 +142,7 @@ def test_later_rounds_plan_for_the_drifts_to_come(
     model: BayesianModel, info: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(information_gathering, "plan", lambda *arguments: calls.append(arguments) or info)
+    monkeypatch.setattr(planning, "plan", lambda *arguments: calls.append(arguments) or info)
     belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
     plan_again(model, belief, info, CONFIG, 7)
     plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later="updated"))

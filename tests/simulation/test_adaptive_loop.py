@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.closed_loop import Change, ClosedLoop, ControlConfig, Limits
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import BayesianAdapter
@@ -17,6 +16,8 @@ from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation.change import Change
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Limits
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)

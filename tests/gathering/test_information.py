@@ -5,10 +5,10 @@ import pytest
 from control_problems import check_against_referees, check_gradient, lane_ocp, stages
 from scipy.linalg import block_diag
 
-from diagrams.information_gathering import GatheringConfig
-from drift_drake.control.information import InformationCost
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.gathering.information import InformationCost
+from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.model.checkpoint import BayesianModel, load
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update, weighed

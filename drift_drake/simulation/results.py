@@ -5,7 +5,6 @@ from typing import Any
 
 import pandas as pd
 
-from diagrams.metrics import RunMetrics
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
 from drift_drake.pictures.solver_work import solver_work
@@ -13,6 +12,7 @@ from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
+from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.vehicle.parameters import VehicleParameters
 
 

@@ -3,8 +3,8 @@
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drift_drake.delay import TransportDelay
-from drift_drake.sensors import NoiseLevels, Sensors
+from drift_drake.simulation.delay import TransportDelay
+from drift_drake.simulation.sensors import NoiseLevels, Sensors
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
@@ -21,7 +21,7 @@ class Car(Diagram):
         disturbance, curvature (optional): see `VehiclePlant`.
 
     Output ports:
-        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.sensors`.
+        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.simulation.sensors`.
         state, path_position, pose, acceleration: the truth; see `VehiclePlant`.
 
     Args:

@@ -1,0 +1,81 @@
+"""Information gathering on one vehicle: a plan driven by the tracking controller, logged, decimated, learnt."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.control.tracking import TrackingController, tracking_gains
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.gathering.lane import DT
+from drift_drake.gathering.plan import GatheringConfig, Trajectory, information_expected, information_gained
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import learn
+from drift_drake.reference.trajectory import Reference, straight_line
+from drift_drake.simulation.drive import Drive
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+def execution(
+    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig
+) -> Drive:
+    """The diagram that drives a trajectory on a vehicle."""
+    states = trajectory.x[:, :6]
+    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
+    controller = TrackingController(states, trajectory.u, gains, DT)
+    start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
+    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, lane(config))
+
+
+def gather(
+    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig, seed: int
+) -> tuple[pd.DataFrame, str]:
+    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned)."""
+    drive = execution(trajectory, effects, parameters, config)
+    return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
+
+
+def lane(config: GatheringConfig) -> Reference:
+    """The straight lane, and the speed along it."""
+    return straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
+
+
+def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
+    """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
+    farthest = max(lane(config).distance, *(float(table["x"].max()) for table in tables))
+    return straight_line(config.v_end, config.v_end, farthest / config.v_end, config.half_width)
+
+
+def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:
+    """The belief after a drive's log, decimated to 10 Hz."""
+    return learn(model, belief, samples_from_log(table, None, 0, 0))
+
+
+class Gathered(NamedTuple):
+    """One drive to learn from, and what is believed after it."""
+
+    expected: float  # [nat] of information in the planned samples together
+    obtained: float  # [nat] in the samples that the drive gave
+    table: pd.DataFrame  # log at 100 Hz
+    ending: str
+    belief: Posterior
+
+
+def taught(
+    model: BayesianModel,
+    before: Posterior,
+    trajectory: Trajectory,
+    effects: Effects,
+    parameters: VehicleParameters,
+    config: GatheringConfig,
+    seed: int,
+) -> Gathered:
+    """Drives a trajectory and learns from the drive, with what that was expected to tell and what it told."""
+    table, ending = gather(trajectory, effects, parameters, config, seed)
+    after = learn_drive(model, before, table)
+    expected = information_expected(model, before, trajectory)
+    return Gathered(expected, information_gained(before, after), table, ending, after)

@@ -1,0 +1,167 @@
+"""Info-OCP: a drive along a lane that is planned for what it tells a belief."""
+
+import dataclasses
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.errors import DriftDrakeError
+from drift_drake.gathering.information import InformationCost
+from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
+from drift_drake.gathering.predictive_information import PredictiveInformationCost
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
+from drift_drake.model.posterior import Posterior, weighed
+from drift_drake.model.quality import step_model
+
+Array = NDArray[np.float64]
+
+# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come.
+Objective = Literal["eq8", "updated", "drifts"]
+
+# OSQP's. The information's weight makes these costs larger than the controller's: on validation vehicles, of a later
+# plan's QPs a fifth were cut off at their limit of iterations with 10, one in forty with 100.
+QP_RHO = 100.0
+
+
+@dataclasses.dataclass(frozen=True)
+class GatheringConfig(LaneDrive):
+    """A lane drive that is worth learning from."""
+
+    # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
+    max_sideslip: float = 0.35  # [rad] in plans
+    alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
+    starts: int = 5  # first guesses of Info-OCP: the straight line, and random ones
+    objective: Objective = "eq8"  # of the first round
+    # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
+    # drifting. With updates they seek what is new, whether a drift asks for it or not.
+    objective_later: Objective = "drifts"
+    ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
+    max_iterations: int = 80
+    tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
+    # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
+    # to drifting, and the true car stays nearer to the plan.
+    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
+
+
+class InfeasiblePlanError(DriftDrakeError, RuntimeError):
+    """No drive was found that keeps to the lane and the limits; the message says what to change."""
+
+
+class Trajectory(NamedTuple):
+    """A planned trajectory of 0.1 s steps."""
+
+    x: Array  # states and lagged commands [N+1, 8]
+    u: Array  # [N+1, 2]
+    cost: float
+    information: float  # [nat] to the belief that it was planned with, by the objective
+    status: str
+
+
+def plan(
+    model: BayesianModel,
+    belief: Posterior,
+    config: GatheringConfig,
+    alpha: float,
+    seed: int = 0,
+    lateral: Array | None = None,
+) -> Trajectory:
+    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins.
+
+    Args:
+        alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
+
+    Raises:
+        InfeasiblePlanError: no first guess led to a feasible trajectory.
+    """
+    # Euler's path would turn as the nominal car does: on validation vehicles the true car strayed up to twice as far.
+    believed = step_model(model, belief, "trapezoid")
+    cost = information_cost(model, belief, config.objective, alpha)
+    problem = OptimalControlProblem(
+        believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
+    )
+    bound_slip(problem, config)
+    if alpha > 0.0 and config.ends_straight:
+        bound_end(problem)
+    data = problem_data(config, lateral)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
+    problem.set(data)
+    options = SqpOptions(
+        max_iterations=config.max_iterations,
+        tolerance=config.tolerance,
+        qp_tolerance=1e-7,
+        qp_max_iterations=1000,
+        qp_rho=QP_RHO,
+    )
+    solver = LineSearchSqp(problem, options)
+    straight = problem.initial_guess(data)
+    rng = np.random.default_rng(seed)
+    best = None
+    for start in range(config.starts if alpha > 0.0 else 1):
+        guess = straight
+        if start > 0:
+            x, u, _ = problem.unstack(straight)
+            u[1:, 0] = 0.06 * np.sin(np.arange(config.steps) * rng.uniform(0.2, 0.6) + rng.uniform(0.0, 2.0 * np.pi))
+            u[1:, 1] = rng.uniform(50.0, 250.0)
+            guess = problem.stack(x, u)
+        result = solver.solve(guess)
+        if not result.failed and result.primal_residual < FEASIBLE and (best is None or result.cost < best.cost):
+            best = result
+    if best is None:
+        raise InfeasiblePlanError(
+            "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
+        )
+    x, u, _ = problem.unstack(best.z)
+    return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
+
+
+def information_cost(
+    model: BayesianModel, belief: Posterior, objective: Objective, alpha: float = 1.0
+) -> InformationCost | PredictiveInformationCost:
+    """-alpha times an objective's information, a sample counting as the regression weighs it.
+
+    Raises:
+        InvalidCheckpointError: the model does not know where it is to predict.
+    """
+    if objective != "drifts":
+        covariance = weighed(belief.covariance, model.sample_weight)
+        return InformationCost(model.network, covariance, alpha, updated=objective == "updated")
+    if model.drifts is None:
+        raise InvalidCheckpointError(
+            "the checkpoint names no drifts to plan for; train it anew, or choose objective 'updated' for later rounds"
+        )
+    return PredictiveInformationCost(model.network, belief.covariance, model.sample_weight, model.drifts, alpha)
+
+
+def information_expected(model: BayesianModel, belief: Posterior, drive: Trajectory) -> float:
+    """Information [nat] that a planned drive's samples together would bring."""
+    return information_cost(model, belief, "updated").information(drive.x[:-1], drive.u[:-1], drive.u[1:])
+
+
+def information_gained(before: Posterior, after: Posterior) -> float:
+    """Information [nat] between two beliefs: half the log of their covariances' determinants, before over after."""
+    return float(0.5 * (np.linalg.slogdet(before.covariance)[1] - np.linalg.slogdet(after.covariance)[1]))
+
+
+def plan_again(
+    model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig, seed: int = 0
+) -> Trajectory:
+    """Info-OCP's plan of a later round, with what is believed after the rounds before.
+
+    Raises:
+        InfeasiblePlanError: no first guess led to a feasible trajectory.
+        InvalidCheckpointError: see `information_cost`.
+    """
+    again = dataclasses.replace(config, objective=config.objective_later)
+    return plan(model, belief, again, round_alpha(model, belief, first, config), seed)
+
+
+def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:
+    """The weight of the information in a later round: a repeat of the first drive is worth what it was then.
+
+    As the belief narrows, all information shrinks; under a fixed weight the second plan is a straight line again.
+    """
+    cost = information_cost(model, belief, config.objective_later)
+    return config.alpha * first.information / cost.information(first.x[:-1], first.u[:-1], first.u[1:])

@@ -1,0 +1,282 @@
+"""The closed loop: reference, car (plant and sensors), actuator, MPC controller and loggers."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from pydrake.systems.primitives import LogVectorOutput
+
+from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
+from drift_drake.control.mpc import DT, MpcController, SolveStatistics
+from drift_drake.control.ocp import OcpWeights
+from drift_drake.control.sqp import SqpOptions
+from drift_drake.control.step_model import StepModel
+from drift_drake.control.tightening import LaneTightening
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.command_lag import CommandLag
+from drift_drake.model.features import MEAN_COUNT
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
+from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.actuation import LinearInterpolationActuator
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.change import Change, check_change
+from drift_drake.simulation.faults import Fault, faulted
+from drift_drake.simulation.metrics import RunMetrics, run_metrics
+from drift_drake.simulation.screening import Screen
+from drift_drake.simulation.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.vehicle.bicycle import INPUTS, STATES
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import POSE, PathPlant
+
+Array = NDArray[np.float64]
+MAX_STEP = 0.01  # [s] of the integrator
+DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
+Outcome = Literal["completed", "spin", "left the lane", "time is up"]
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlConfig:
+    """How the controller is set up; the same for every model that it is given."""
+
+    horizon: int = 25  # N, steps of 0.1 s
+    period: float = 0.01  # [s] between plans
+    delay: float = 0.01  # [s] from a measurement until its plan is in force
+    iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
+    tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
+    # Steering is smoother than under the OCP's own weights, which lost cars whose front tyre slides (chosen on the
+    # training population; the same for every model).
+    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=60.0))
+
+    def __post_init__(self) -> None:
+        # The actuator keeps one plan that waits for its time; a newer one each period would replace it for ever.
+        if not 0.0 <= self.delay < 2.5 * self.period:
+            raise ValueError(
+                f"control.delay is {self.delay:g} s: no plan would ever come into force; give at most two periods "
+                f"({2.0 * self.period:g} s)"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """When a run ends early."""
+
+    sideslip: float = 1.3  # [rad] beyond which the car has spun
+    lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
+    time_factor: float = 1.5  # of the reference's own duration
+
+
+class ClosedLoop:
+    """The diagram with its parts at hand. Built once; each run takes a fresh Context.
+
+    Systems: car (plant, sensors), actuator, controller, and loggers of measured_state, log_row, state, path_position,
+    pose, command, statistics.
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        reference: Reference,
+        model: StepModel,
+        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        control: ControlConfig = ControlConfig(),
+        initial_command: tuple[float, float] | None = None,
+        adapter: BayesianAdapter | None = None,
+        detector: OutOfDistributionDetector | None = None,
+        plant: PathPlant | None = None,
+        faults: Sequence[Fault] = (),
+    ) -> None:
+        """Builds the diagram.
+
+        Args:
+            parameters: what the controller and the reference's limits take the car for.
+            model: what the controller believes.
+            adapter: if given, `model` (a `BayesianStepModel`) follows it.
+            detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
+            plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
+            faults: of sensors and plans.
+
+        Raises:
+            ValueError: a detector, or a tightened lane, without an adapter.
+        """
+        if control.tightening > 0.0 and adapter is None:
+            raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        tightening = (
+            LaneTightening(adapter.model.network, adapter.model.sigma, control.tightening)
+            if adapter is not None and control.tightening > 0.0
+            else None
+        )
+        if detector is not None and adapter is None:
+            raise ValueError("a detector judges by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        self.parameters, self.reference, self.adapter, self.effects = parameters, reference, adapter, effects
+        command = tuple(reference.input(0.0)) if initial_command is None else initial_command
+        self.initial_command = (float(command[0]), float(command[1]))
+        builder = DiagramBuilder()
+        self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
+        self.controller = builder.AddNamedSystem(
+            "controller",
+            MpcController(
+                model,
+                parameters,
+                reference,
+                control.horizon,
+                control.weights,
+                SqpOptions.real_time(control.iterations),
+                control.period,
+                control.delay,
+                self.initial_command,
+                theta_size=MEAN_COUNT if adapter else 0,
+                tightening=tightening,
+            ),
+        )
+        self.actuator = builder.AddNamedSystem(
+            "actuator",
+            LinearInterpolationActuator(
+                parameters, control.horizon, DT, control.period, initial_command=self.initial_command
+            ),
+        )
+        received, plan = faulted(
+            builder,
+            faults,
+            self.car.GetOutputPort("measured_state"),
+            self.controller.GetOutputPort("plan"),
+            control.period,
+        )
+        self.screen = builder.AddNamedSystem("screen", Screen(control.period))
+        builder.Connect(received, self.screen.GetInputPort("measured_state"))
+        measured_state, command_in_force = (
+            self.screen.GetOutputPort("screened_state"),
+            self.actuator.GetOutputPort("command"),
+        )
+        builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
+        if isinstance(model, EffectsStepModel):
+            observer = builder.AddNamedSystem("memory_observer", MemoryObserver(model, control.period))
+            builder.Connect(measured_state, observer.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, observer.GetInputPort("command"))
+            builder.Connect(observer.GetOutputPort("memory"), self.controller.GetInputPort("memory"))
+        if adapter is not None:
+            builder.AddNamedSystem("adapter", adapter)
+            builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, adapter.GetInputPort("command"))
+            builder.Connect(adapter.GetOutputPort("posterior_mean"), self.controller.GetInputPort("theta"))
+            if tightening is not None:
+                covariance = adapter.GetOutputPort("posterior_covariance")
+                builder.Connect(covariance, self.controller.GetInputPort("posterior_covariance"))
+        if adapter is not None and detector is not None:
+            builder.AddNamedSystem("detector", detector)
+            builder.Connect(measured_state, detector.GetInputPort("measured_state"))
+            builder.Connect(command_in_force, detector.GetInputPort("command"))
+            for name in ("posterior_mean", "posterior_covariance"):
+                builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
+        if isinstance(model, BayesianStepModel):
+            lag = builder.AddNamedSystem("command_lag", CommandLag(control.period))
+            builder.Connect(command_in_force, lag.GetInputPort("command"))
+            learners = [system for system in (adapter, detector) if system is not None]
+            for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
+                builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
+        builder.Connect(plan, self.actuator.GetInputPort("plan"))
+        builder.Connect(command_in_force, self.car.GetInputPort("command"))
+        logged = [
+            ("measured_state", received),
+            *((name, self.car.GetOutputPort(name)) for name in ("log_row", "state", "path_position", "pose")),
+            *((name, self.actuator.GetOutputPort(name)) for name in ("command", "plan_age", "refused")),
+            ("reading", self.screen.GetOutputPort("reading")),
+            ("statistics", self.controller.GetOutputPort("statistics")),
+            *((name, detector.GetOutputPort(name)) for name in DETECTION if detector is not None),
+        ]
+        self._loggers = {}
+        for name, port in logged:
+            sink = LogVectorOutput(port, builder, control.period)
+            sink.set_name(f"log_{name}")
+            self._loggers[name] = sink
+        self.diagram: Diagram = builder.Build()
+        self.diagram.set_name("closed_loop")
+
+    def initial_context(self, seed: int, error: Array | None = None, s: float = 0.0) -> Context:
+        """A Context with the car on the reference at s [m], off by `error` [6], and its noise seeded."""
+        context = self.diagram.CreateDefaultContext()
+        state = self.reference.state(s) + (np.zeros(6) if error is None else error)
+        plant = self.car.plant
+        plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self.initial_command)
+        self.car.sensors.set_seed(context, seed)
+        return context
+
+    def run(
+        self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4, change: Change | None = None
+    ) -> "Run":
+        """Simulates until the reference's end, a spin, the lane's edge or the time limit.
+
+        Raises:
+            ValueError: a change of a car that was built without effects, whose plant has no states for any, or one
+                that the plant cannot make.
+        """
+        if change is not None:
+            check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
+        simulator = Simulator(self.diagram, context)
+        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
+        plant, reference = self.car.plant, self.reference
+
+        def monitor(root: Context) -> EventStatus:
+            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            beta, e, s = state[2], state[4], state[6]
+            if abs(beta) > limits.sideslip:
+                return EventStatus.ReachedTermination(plant, "spin")
+            e_min, e_max = reference.lane(s)
+            if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
+                return EventStatus.ReachedTermination(plant, "left the lane")
+            if s >= reference.distance:
+                return EventStatus.ReachedTermination(plant, "completed")
+            return EventStatus.DidNothing()
+
+        simulator.set_monitor(monitor)
+        simulator.Initialize()
+        end = context.get_time() + limits.time_factor * reference.duration
+        status = simulator.AdvanceTo(end if change is None else min(change.time, end))
+        if change is not None and not status.message():
+            plant_context = plant.GetMyMutableContextFromRoot(context)
+            plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
+            status = simulator.AdvanceTo(end)
+        outcome: Outcome = status.message() or "time is up"
+        return Run(self._table(simulator.get_context()), outcome, reference, self.parameters)
+
+    def _table(self, context: Context) -> pd.DataFrame:
+        names = {
+            "state": STATES,
+            "path_position": ("s",),
+            "pose": POSE,
+            "command": INPUTS,
+            "plan_age": ("plan_age",),
+            "refused": ("refused_plans",),
+            "reading": ("reading",),
+            "measured_state": tuple(f"measured_{name}" for name in MEASURED_STATE),
+            "statistics": tuple(f"solve_{name}" for name in SolveStatistics._fields),
+        }
+        names |= {name: (f"ood_{name}",) for name in DETECTION if name in self._loggers}
+        logs = {name: sink.FindLog(context) for name, sink in self._loggers.items()}
+        columns = {"t": logs["state"].sample_times()}
+        for port, fields in names.items():
+            columns |= dict(zip(fields, logs[port].data(), strict=True))
+        # The accelerations are in the log's row alone, behind t, x, y, psi and four states.
+        columns |= {"measured_ax": logs["log_row"].data()[8], "measured_ay": logs["log_row"].data()[9]}
+        return pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """One run: a row each control period (true states, commands, `measured_...`, `solve_...`), and how it ended."""
+
+    table: pd.DataFrame
+    outcome: Outcome
+    reference: Reference
+    parameters: VehicleParameters
+
+    def metrics(self) -> RunMetrics:
+        """The run in numbers."""
+        return run_metrics(self.table, self.outcome, self.reference, self.parameters.steering_limit)

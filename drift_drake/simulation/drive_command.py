@@ -1,0 +1,106 @@
+"""The closed loop as a command: what to drive with which model, and what a run leaves behind."""
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.checkpoint import load
+from drift_drake.model.quality import step_model
+from drift_drake.pictures.graph import draw_graph
+from drift_drake.reference.trajectory import figure_8, loops
+from drift_drake.run_folder import make_run_folder
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Run
+from drift_drake.simulation.faults import parse_fault
+from drift_drake.simulation.results import write_results
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class ClosedLoopConfig:
+    """Drives a reference under MPC, from errors in lateral position and sideslip, with sensor noise."""
+
+    vehicle: Path | None = None
+    """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
+    plant: Literal["single_track", "double_track"] = "single_track"
+    """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
+    model is then the vehicle file's or, without one, of the nearest single-track car."""
+    reference: Literal["figure_8", "loops"] = "figure_8"
+    model: Literal["nominal", "prior", "online"] = "nominal"
+    """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
+    coupe) as it is, or adapting as it drives."""
+    seed: int = 0
+    lateral_error: float = 0.5
+    """[m] at the start."""
+    sideslip_error: float = 0.1
+    """[rad] at the start."""
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    out: Path | None = None
+    """Folder for the results; runs/closed_loop-DATE-TIME without."""
+    fault: tuple[str, ...] = ()
+    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
+    dropout, nan, freeze, spike, bias, delay (of the measured state), lost_plans, late_plans."""
+    graph: bool = False
+    """Only draw the diagram (closed_loop.svg and .png in the folder)."""
+
+    def parameters(self) -> VehicleParameters:
+        """The vehicle that the config names."""
+        if self.vehicle is None and self.plant == "double_track":
+            return CARS["coupe"].single_track()
+        return read_vehicle(self.vehicle)[0] if self.vehicle else VehicleParameters()
+
+    def effects(self) -> Effects:
+        """The effects of the plant that the vehicle file names; the controller does not know of them."""
+        return read_vehicle(self.vehicle)[1] if self.vehicle else Effects()
+
+
+def build(config: ClosedLoopConfig) -> ClosedLoop:
+    """The closed loop that a config describes."""
+    parameters = config.parameters()
+    reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
+    model: StepModel = NominalStepModel(parameters)
+    adapter: BayesianAdapter | None = None
+    if config.model != "nominal":
+        learnt = load()
+        model = step_model(learnt, learnt.prior(), "trapezoid")
+        adapter = BayesianAdapter(learnt) if config.model == "online" else None
+    effects = config.effects()
+    plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
+    faults = [parse_fault(text) for text in config.fault]
+    return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
+                      faults=faults)  # fmt: skip
+
+
+def simulate(config: ClosedLoopConfig) -> Run:
+    """One run; the same config gives the same run to the bit (wall times aside)."""
+    # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
+    error = np.array([0.0, 0.0, config.sideslip_error, 0.0, config.lateral_error, 0.0])
+    loop = build(config)
+    return loop.run(loop.initial_context(config.seed, error))
+
+
+def main(config: ClosedLoopConfig) -> None:
+    """Runs a config, or draws its diagram, and says where the results are."""
+    folder = make_run_folder("closed_loop", config.out)
+    if config.graph:
+        for path in draw_graph(build(config).diagram, folder / "closed_loop"):
+            print(path)
+        return
+    run = simulate(config)
+    m = run.metrics()
+    write_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
+    print(
+        f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
+        f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"
+        f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations "
+        f"each, {m.qp_fallbacks} QPs by interior point, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the "
+        f"median, {m.solve_ms_99:.1f} ms in 99 of 100\n"
+        f"{m.faults()}results in {folder}"
+    )

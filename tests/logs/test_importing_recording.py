@@ -98,7 +98,7 @@ def broken(case):
     match case:
         case "text":
             data["yaw"] = data["yaw"].astype(object)
-            data.loc[7, "yaw"] = "n/a?"
+            data.loc[7:12, "yaw"] = "n/a?"
         case "backwards":
             data.loc[30:, "time"] -= 1.0
         case "still":
@@ -115,10 +115,13 @@ def broken(case):
 @pytest.mark.parametrize(
     ("case", "message"),
     [
-        ("text", r"one.csv: column 'yaw' holds 'n/a\?' in row 9; numbers or nothing belong there"),
+        (
+            "text",
+            r"one.csv: column 'yaw' holds 'n/a\?' in row 9, and no number in 6 of 60 rows; numbers or nothing",
+        ),
         ("backwards", r"one.csv: the clock 'time' goes backwards in row 32 \(by 0.99 s\)"),
         ("still", "one.csv: the clock 'stamp' never advances"),
-        ("column", "one.csv: missing column 'speed'; its columns are time, stamp, yaw, steer"),
+        ("column", r"one.csv: missing column 'speed'; did you mean steer\? Its columns are time, stamp, yaw, steer"),
         ("empty column", "one.csv: column 'speed' holds no readings"),
         ("no rows", "one.csv: the file has a header and no rows"),
     ],
@@ -136,5 +139,5 @@ def test_no_tables(tmp_path):
     with pytest.raises(InvalidRecordingError, match="the file is empty"):
         read_recording(tmp_path / "empty.csv", mapping())
     (tmp_path / "noise.csv").write_bytes(bytes(range(128, 256)) * 4)
-    with pytest.raises(InvalidRecordingError, match="cannot be read as a table"):
+    with pytest.raises(InvalidRecordingError, match="cannot be read as CSV"):
         read_recording(tmp_path / "noise.csv", mapping())

@@ -1,8 +1,8 @@
 """From a recorder's files to the log format: mapping files, clocks, units, frames, smoothing and checks."""
 
+from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.importer import ImportReport, RunReport, import_recordings
 from drift_drake.logs.importing.mapping import InvalidMappingError, RecorderMapping, presets, read_mapping
-from drift_drake.logs.importing.recording import InvalidRecordingError
 
 __all__ = [
     "ImportReport",

@@ -7,9 +7,10 @@ from pathlib import Path
 import tyro
 
 from drift_drake.errors import InvalidOptionError
+from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.importer import ImportReport, import_recordings
+from drift_drake.logs.importing.look import look
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
-from drift_drake.logs.importing.recording import InvalidRecordingError
 from drift_drake.logs.table import IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.safe_files import try_folder, try_outputs, writing_together
@@ -20,7 +21,9 @@ from drift_drake.standard_output import said_to, write_text
 class Import:
     """Turn a recorder's files into runs of the log format, and say what looks wrong in them.
 
-    drift-drake import lap.csv --mapping mine.yaml --out logs/monday
+    drift-drake import --look lap.mcap > mine.yaml
+
+    drift-drake import lap.mcap --mapping mine.yaml --out logs/monday
 
     A mapping file says of each quantity its column, unit, sign, frame (iso8855, ned, sae) and clock; the
     presets are such files. The smallest one:
@@ -35,11 +38,13 @@ class Import:
     """
 
     recordings: tyro.conf.Positional[tuple[Path, ...]]
-    """CSV or Parquet files of one vehicle on one day."""
-    mapping: str
+    """Files of one vehicle on one day: CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz, HDF5."""
+    mapping: str = ""
     """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, dart_sensors, revs_250lm."""
-    out: Path
+    out: Path | None = None
     """Folder for the runs; it may not hold any yet."""
+    look: bool = False
+    """Only say what the first file holds, topics, rates and units, and print a mapping to begin with."""
     start: float = 0.0
     """Leave out what lies before, in seconds after each recording's first reading."""
     end: float = math.inf
@@ -54,6 +59,13 @@ def run_import(command: Import) -> None:
     Raises:
         InvalidMappingError, InvalidRecordingError: names the file, the place and the mend.
     """
+    if command.look:
+        print(look(command.recordings[0]), end="")
+        return
+    if not command.mapping or command.out is None:
+        raise InvalidOptionError(
+            "--mapping and --out are needed to import; 'drift-drake import --look FILE' prints a first mapping"
+        )
     mapping = read_mapping(command.mapping)
     if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
         raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")

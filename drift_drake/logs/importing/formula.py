@@ -19,7 +19,21 @@ BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 FUNCTIONS: dict[str, np.ufunc] = {
     name: getattr(np, name)
-    for name in ("abs", "arctan", "cos", "exp", "maximum", "minimum", "sign", "sin", "sqrt", "tan", "tanh")
+    for name in (
+        "abs",
+        "arctan",
+        "arctan2",
+        "cos",
+        "exp",
+        "hypot",
+        "maximum",
+        "minimum",
+        "sign",
+        "sin",
+        "sqrt",
+        "tan",
+        "tanh",
+    )
 }
 LONGEST = 1000  # characters of a formula
 

@@ -9,12 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.logs.importing.checks import TITLES, check_columns
+from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
-from drift_drake.logs.importing.recording import InvalidRecordingError, Recording, read_recording
+from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
-from drift_drake.logs.importing.stretches import Stretch, moving_stretches, stretch_of
+from drift_drake.logs.importing.reversing import forward_parts, reversing, reversing_sentence
+from drift_drake.logs.importing.smoothing import SHORTEST, smooth
+from drift_drake.logs.importing.stretches import (
+    MEASURED,
+    VELOCITY,
+    Stretch,
+    from_velocity,
+    moving_stretches,
+    stretch_of,
+)
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 
 Array = NDArray[np.float64]
@@ -66,7 +76,7 @@ def import_recordings(
         InvalidRecordingError: a file cannot be used; the message names it, the place and the mend.
     """
     if not paths:
-        raise InvalidRecordingError("no recordings; give CSV or Parquet files")
+        raise InvalidRecordingError("no recordings; give some files")
     runs: list[Run] = []
     reports: list[RunReport] = []
     clocks: dict[str, dict[str, ClockReport]] = {}
@@ -86,15 +96,25 @@ def import_recordings(
             )
         label = recording.name if recording.name not in clocks else f"{recording.name}_{len(clocks)}"
         clocks[label] = offsets
-        remarks += [f"{label}: {sentence}" for sentence in wrong + _slow_columns(recording)]
-        for number, (stretch, t) in enumerate(kept):
-            name = label if len(kept) == 1 else f"{label}_{number}"
+        remarks += [f"{label}: {sentence}" for sentence in recording.remarks + wrong + _slow_columns(recording)]
+        noise = _noise_of_other_clocks(recording, mapping)
+        parts = []
+        for stretch, t in kept:
+            columns = _columns(recording, stretch, t, offsets, mapping)
+            spans = reversing(columns, PERIOD)
+            remarks += [f"{label}: {sentence}" for sentence in reversing_sentence(t, spans)]
+            forwards = [part for part in forward_parts(len(t), spans) if part.stop - part.start >= SHORTEST_RUN]
+            parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]
+        if not parts:
+            raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of forward driving; leave it out")
+        for number, (stretch, columns) in enumerate(parts):
+            name = label if len(parts) == 1 else f"{label}_{number}"
             try:
-                run, sentences = _run(name, recording, stretch, t, offsets, mapping)
+                run, sentences = _run(name, columns, mapping)
             except InvalidLogError as error:
                 raise InvalidRecordingError(f"{path}: {error}") from None
             runs.append(run)
-            reports.append(_report(run, label, stretch, sentences))
+            reports.append(_report(run, label, stretch, sentences, noise))
             remarks += [f"{name}: {sentence}" for sentence in sentences]
     return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
 
@@ -116,42 +136,57 @@ def _rows(
     return rows_between(start, end)
 
 
-def _run(
-    name: str,
-    recording: Recording,
-    stretch: Stretch,
-    t: Array,
-    offsets: dict[str, ClockReport],
-    mapping: RecorderMapping,
-) -> tuple[Run, list[str]]:
-    """One run, and what looks wrong in it."""
+def _columns(
+    recording: Recording, stretch: Stretch, t: Array, offsets: dict[str, ClockReport], mapping: RecorderMapping
+) -> dict[str, Array]:
+    """All quantities at the rows' times t [n]."""
     origin = recording.clocks[mapping.first_clock].t[0]
     columns = {key: resample(t, stretch.t - origin, values) for key, values in stretch.columns.items()}
     for key, signal in mapping.signals.items():
         if signal.clock != mapping.first_clock:
             times, values = recording.clocks[signal.clock].seen(key)
             columns[key] = resample(t, times + offsets[signal.clock].offset - origin, values, signal.between)
+    if "vx" in columns and not VELOCITY & set(mapping.signals) <= set(stretch.columns):
+        columns = from_velocity(columns, mapping.measured_point)
     for key, formula in mapping.formulas.items():
         columns[key] = np.broadcast_to(evaluate(formula, columns | mapping.constants), t.shape).astype(float)
     if "beta" in columns:
         columns["beta"] = np.angle(np.exp(1j * columns["beta"]))
+    return columns
+
+
+def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tuple[Run, list[str]]:
+    """One run, and what looks wrong in it."""
     sentences = check_columns(columns, PERIOD, mapping.wheelbase)
     try:
-        run = Run(name=name, t=t, **{key: columns[key] for key in COLUMNS if key in columns})
+        run = Run(name=name, **{key: columns[key] for key in COLUMNS if key in columns})
     except InvalidLogError as error:
         raise InvalidLogError(" ".join([str(error), *sentences])) from None
     return run, sentences
 
 
-def _report(run: Run, recording: str, stretch: Stretch, sentences: list[str]) -> RunReport:
+def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> dict[str, float]:
+    """Standard deviation of one reading (SI) of the log's columns that are not on the log's clock."""
+    noise = {}
+    for name, signal in mapping.signals.items():
+        if signal.clock != mapping.first_clock and name in MEASURED:
+            t, values = recording.clocks[signal.clock].seen(name)
+            if len(t) >= SHORTEST:
+                noise[name] = smooth(t, values).noise
+    return noise
+
+
+def _report(
+    run: Run, recording: str, stretch: Stretch, sentences: list[str], other_noise: dict[str, float]
+) -> RunReport:
     return RunReport(
         name=run.name,
         recording=recording,
         start=float(run.t[0]),
         end=float(run.t[-1]),
         rows=len(run),
-        noise=stretch.noise,
-        std=stretch.std,
+        noise=stretch.noise | other_noise,
+        std=stretch.std | {name: value for name, value in other_noise.items() if name in COLUMNS},
         bandwidth=stretch.bandwidth,
         remarks=sentences,
     )

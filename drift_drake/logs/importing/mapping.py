@@ -14,6 +14,7 @@ from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
 BETWEEN = ("linear", "hold")
+EPOCHS = ("auto", "shared", "own")
 
 
 class InvalidMappingError(DriftDrakeError, ValueError):
@@ -34,8 +35,9 @@ class Clock:
     """A column of times. The first clock of a mapping is the log's.
 
     A reading is taken wherever the clock ticks: a recorder that repeats slow columns in fast rows repeats their clock
-    too. Another clock's offset is `offset` where it is known; else reading and row are taken as simultaneous, and
-    `align` refines that from the data.
+    too. Another clock's offset is `offset` where it is known. Else clocks of several topics, and clocks with absolute
+    stamps, share their epoch, and of two other clocks in one table reading and row are taken as simultaneous; `epoch`
+    (shared, own) says otherwise. `align` refines the offset from the data.
     """
 
     column: str
@@ -43,6 +45,7 @@ class Clock:
     regular: bool = False  # readings are taken at a fixed rate; the times are those of arrival, and jitter
     blank: float | None = None  # a time that stands for "no reading yet"
     offset: float | None = None  # [s] to add to read the first clock
+    epoch: str = "auto"
     align: Align | None = None
 
 
@@ -221,6 +224,7 @@ def _clock(data: Any, source: str, key: str) -> Clock:
     for name in ("blank", "offset"):
         if entries.get(name) is not None:
             entries[name] = _number(entries[name], source, f"{key}.{name}")
+    _choice(entries.get("epoch", "auto"), EPOCHS, source, f"{key}.epoch")
     if not isinstance(entries.get("regular", False), bool):
         raise InvalidMappingError(f"{source}: {key}.regular is {shown(entries['regular'])}; write true or false")
     if entries.get("align") is not None:
@@ -293,7 +297,10 @@ def _check_names(mapping: RecorderMapping, source: str) -> None:
             raise InvalidMappingError(
                 f"{source}: clocks.{name}.align.signal is '{clock.align.signal}'; name a signal of that clock"
             )
-        motion = derived | {key for key, signal in signals.items() if signal.clock == first}
+        here = {key for key, signal in signals.items() if signal.clock == first}
+        apart = {"vx", "vy", "r"} & (set(signals) - here)
+        away = {"v", "beta"} if apart and not captured else set()  # known only once the clocks are one
+        motion = (derived - away) | here
         if clock.align.against not in motion & set(QUANTITIES):
             raise InvalidMappingError(
                 f"{source}: clocks.{name}.align.against is '{clock.align.against}'; "

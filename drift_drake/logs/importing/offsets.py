@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from drift_drake.logs.importing.checks import compare
 from drift_drake.logs.importing.clock import estimate_offset
-from drift_drake.logs.importing.mapping import Align, RecorderMapping
-from drift_drake.logs.importing.recording import Recording
-from drift_drake.logs.importing.stretches import Stretch
+from drift_drake.logs.importing.mapping import Align, Clock, RecorderMapping
+from drift_drake.logs.importing.recording import Readings, Recording
+from drift_drake.logs.importing.stretches import LARGEST_GAP, Stretch
 from drift_drake.logs.importing.units import QUANTITIES, dimension
 
 Array = NDArray[np.float64]
 
 ALIKE = 0.7  # correlation below which an offset is not believed
+ABSOLUTE = 1e8  # [s] since 1970: the clock tells the date
 DRIFT = 0.03  # [s] over a recording: more, and one offset does not fit
 DEVIATIONS = 5.0  # of the drift's estimate that a drift must exceed
 
@@ -25,7 +26,8 @@ class ClockReport:
     """What was added to a clock to read the log's.
 
     offset [s], with its standard deviation std [s] where it was estimated (None where the rows or the mapping gave it);
-    correlation and gain of the two signals; arrival [s]: how much later than taken its readings stand in the rows.
+    correlation and gain of the two signals; arrival [s]: how much later than taken its readings stand in the
+    rows (0 where they stand in rows of their own).
     """
 
     offset: float
@@ -45,20 +47,50 @@ def clock_offsets(
         if name == mapping.first_clock:
             continue
         clock = mapping.clocks[name]
-        arrived = np.interp(readings.rows, first.rows, first.t)
-        paired = float(np.median(arrived - readings.t))
-        start = paired if clock.offset is None else clock.offset
-        reports[name] = ClockReport(start, None, None, None, paired - start)
-        if clock.offset is None:
+        paired = readings.topic == first.topic
+        arrived = np.interp(readings.rows, first.rows, first.t) if paired else readings.t - readings.t[0] + first.t[0]
+        simultaneous = float(np.median(arrived - readings.t))
+        start = _start(clock, readings, first, simultaneous)
+        reports[name] = ClockReport(start, None, None, None, simultaneous - start if paired else 0.0)
+        if clock.offset is None and paired:
             remarks += _drift(name, readings.t, arrived, first.period)
+        remarks += _gaps(name, readings, mapping)
         if clock.align is None:
             continue
         try:
-            reports[name], wrong = _aligned(recording, stretches, mapping, clock.align, start, paired)
+            reports[name], wrong = _aligned(recording, stretches, mapping, clock.align, start, simultaneous)
             remarks += wrong
         except ValueError as error:
             remarks.append(f"the offset of clock {name} is not known from {clock.align.signal}: {error}.")
     return reports, remarks
+
+
+def _start(clock: Clock, readings: Readings, first: Readings, simultaneous: float) -> float:
+    """The offset [s] before any alignment: as stated, none where both clocks have one epoch, else from the rows."""
+    if clock.offset is not None:
+        return clock.offset
+    absolute = min(readings.t[0], first.t[0]) > ABSOLUTE
+    overlap = min(readings.t[-1], first.t[-1]) > max(readings.t[0], first.t[0])
+    shared = clock.epoch == "shared" or (
+        clock.epoch == "auto" and overlap and (absolute or readings.topic != first.topic)
+    )
+    return 0.0 if shared else simultaneous
+
+
+def _gaps(name: str, readings: Readings, mapping: RecorderMapping) -> list[str]:
+    """Sentences on times without readings of a clock that is not the log's, whose rows are interpolated."""
+    steps = np.diff(readings.t)
+    long = np.flatnonzero(steps > max(LARGEST_GAP, 5.0 * readings.period))
+    if not len(long):
+        return []
+    worst = int(long[np.argmax(steps[long])])
+    names = ", ".join(sorted(key for key, signal in mapping.signals.items() if signal.clock == name))
+    start, end = readings.t[worst] - readings.t[0], readings.t[worst + 1] - readings.t[0]
+    many = "" if len(long) == 1 else f", the longest of {len(long)} such gaps"
+    return [
+        f"clock {name} has no readings from {start:.2f} to {end:.2f} s{many}: {names} "
+        f"{'are' if ',' in names else 'is'} interpolated there; leave the time out with --start and --end."
+    ]
 
 
 def _aligned(

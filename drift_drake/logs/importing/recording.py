@@ -1,35 +1,35 @@
 """A recorder's table as the mapping reads it: clocks in seconds, signals in SI and ISO 8855, each on its own clock."""
 
 import dataclasses
-from collections.abc import Mapping
+import difflib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
+from drift_drake.logs.importing.bad_readings import left_out, numbers_of, without_absurd, without_glitches
+from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
+from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.frames import to_iso8855
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.units import factor
-from drift_drake.logs.table import InvalidLogError
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 WRAPPED = ("psi", "beta")  # angles that a recorder may report modulo a turn
-
-
-class InvalidRecordingError(InvalidLogError):
-    """A recording that cannot be used; the message names the file, the place and the mend."""
+MOST_LISTED = 40  # columns in a message
 
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
-    """The ticks of one clock: times [n] [s], the table's rows they stand in, and the signals read then [n]."""
+    """The ticks of one clock: times [n] [s], the rows of their topic, and the signals read then [n]."""
 
     t: Array
-    rows: NDArray[np.int64]
+    rows: Rows
     signals: dict[str, Array]
+    topic: str = ""
 
     @property
     def period(self) -> float:
@@ -48,78 +48,87 @@ class Recording:
 
     name: str
     clocks: dict[str, Readings]
+    remarks: list[str] = dataclasses.field(default_factory=list)
 
 
 def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
-    """Reads a CSV or Parquet file.
+    """Reads a recorder's file; a reading that cannot be one is left out and told.
 
     Raises:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    table = _table(path)
-    wanted = [clock.column for clock in mapping.clocks.values()] + [s.column for s in mapping.signals.values()]
-    missing = sorted(set(wanted) - set(table.columns))
-    if missing:
-        raise InvalidRecordingError(
-            f"{path}: missing column '{missing[0]}'; its columns are {', '.join(map(str, table.columns))}"
-        )
-    columns = {name: _numbers(path, table[name]) for name in set(wanted)}
-    clocks = {}
+    topics = read_topics(path)
+    clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
-        t, rows = _ticks(path, clock, columns)
-        values = {
-            key: _si(key, signal, columns[signal.column][rows], mapping.frame)
-            for key, signal in mapping.signals.items()
-            if signal.clock == name
-        }
-        clocks[name] = Readings(t, rows, values)
-    for key, signal in mapping.signals.items():
-        if not np.any(np.isfinite(clocks[signal.clock].signals[key])):
-            raise InvalidRecordingError(
-                f"{path}: column '{signal.column}' holds no readings; take it out of the mapping"
-            )
-    return Recording(path.stem, clocks)
+        topic = _topic_of(path, topics, clock.column)
+        t, rows, wrong = _ticks(path, clock, topic)
+        remarks += wrong
+        values = {}
+        for key, signal in mapping.signals.items():
+            if signal.clock == name:
+                values[key], wrong = _signal(path, topics, topic, key, signal, rows, t, mapping.frame)
+                remarks += wrong
+        clocks[name] = Readings(t, rows, values, topic.name)
+    return Recording(path.stem, clocks, remarks)
 
 
-def _table(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path, low_memory=False)
-    except FileNotFoundError:
-        raise InvalidRecordingError(f"{path}: no such file; give recordings as CSV or Parquet") from None
-    except pd.errors.EmptyDataError:
-        raise InvalidRecordingError(f"{path}: the file is empty; a recording needs a header and rows") from None
-    except ImportError:
+def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:
+    """The topic that holds a column, named in full or, where that is unique, without the topic's name."""
+    found = [topic for topic in topics if _full_name(topic, column)]
+    exact = [topic for topic in found if column in topic.table]
+    if len(exact or found) == 1:
+        return (exact or found)[0]
+    names = [str(name) for topic in topics for name in topic.table]
+    if found:
         raise InvalidRecordingError(
-            f"{path}: Parquet needs pyarrow; install it with pip install 'drift_drake[parquet]'"
-        ) from None
-    except (OSError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise InvalidRecordingError(f"{path}: cannot be read as a table ({reason}); give CSV or Parquet") from None
-    table.columns = [str(name).strip() for name in table.columns]
-    if len(table) == 0:
-        raise InvalidRecordingError(f"{path}: the file has a header and no rows; give a recording with readings")
-    return table
-
-
-def _numbers(path: Path, values: "pd.Series[Any]") -> Array:
-    numbers = pd.to_numeric(values, errors="coerce")
-    text = np.flatnonzero(numbers.isna() & values.notna())
-    if len(text):
-        row = int(text[0])
-        raise InvalidRecordingError(
-            f"{path}: column '{values.name}' holds {values.iloc[row]!r} in row {row + 2}; "
-            "numbers or nothing belong there"
+            f"{path}: column '{column}' is in several topics; write "
+            + " or ".join(str(_full_name(topic, column)) for topic in found)
         )
-    return np.asarray(numbers, dtype=float)
+    close = difflib.get_close_matches(column, names, 3)
+    meant = f"did you mean {' or '.join(close)}? Its" if close else "its"
+    listed = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+    raise InvalidRecordingError(f"{path}: missing column '{column}'; {meant} columns are {listed}")
 
 
-def _ticks(path: Path, clock: Clock, columns: Mapping[str, Array]) -> tuple[Array, NDArray[np.int64]]:
-    t = columns[clock.column] * factor(clock.unit)
+def _full_name(topic: Topic, column: str) -> str | None:
+    if column in topic.table:
+        return column
+    full = f"{topic.name}.{column}"
+    return full if topic.name and full in topic.table else None
+
+
+def _signal(
+    path: Path, topics: Sequence[Topic], of_clock: Topic, key: str, signal: Signal, rows: Rows, t: Array, frame: str
+) -> tuple[Array, list[str]]:
+    """Values [n] of a signal at its clock's ticks (NaN: no reading), and sentences on what was left out."""
+    topic = of_clock if _full_name(of_clock, signal.column) else _topic_of(path, topics, signal.column)
+    if topic is not of_clock and (topic.name or of_clock.name):
+        raise InvalidRecordingError(
+            f"{path}: column '{signal.column}' is in {topic.name or 'the file'}, and its clock '{signal.clock}' in "
+            f"{of_clock.name or 'the file'}; give it a clock of its own topic"
+        )
+    numbers, bad = numbers_of(path, topic.table[_full_name(topic, signal.column)])
+    values, absurd = without_absurd(key, _si(key, signal, numbers[rows], frame))
+    if not np.any(np.isfinite(values)):
+        raise InvalidRecordingError(f"{path}: column '{signal.column}' holds no readings; take it out of the mapping")
+    told = {int(row): found for row, found in bad.items()} | {
+        int(rows[row]): f"{numbers[rows[row]]:g}" for row in absurd
+    }
+    return values, left_out(signal.column, told, rows, t)
+
+
+def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[str]]:
+    name = _full_name(topic, clock.column)
+    numbers, bad = numbers_of(path, topic.table[name])
+    t = numbers * factor(clock.unit)
     running = np.isfinite(t)
     if clock.blank is not None:
-        running &= columns[clock.column] != clock.blank
+        running &= numbers != clock.blank
     rows = np.flatnonzero(running)
+    kept, backwards = without_glitches(t[rows])
+    jumped = {int(rows[row]): f"a time out of order ({numbers[rows[row]]:.10g})" for row in backwards}
+    rows = rows[kept]
     rows = rows[np.diff(t[rows], prepend=np.nan) != 0.0]
     t = t[rows]
     if len(t) < 2:
@@ -131,7 +140,8 @@ def _ticks(path: Path, clock: Clock, columns: Mapping[str, Array]) -> tuple[Arra
             f"{path}: the clock '{clock.column}' goes backwards in row {row + 2} "
             f"(by {t[back[0]] - t[back[0] + 1]:g} s); sort the rows or split the file there"
         )
-    return (regular_times(t) if clock.regular else t), rows
+    sentences = left_out(clock.column, bad | jumped, rows, t)
+    return (regular_times(t) if clock.regular else t), rows, sentences
 
 
 def regular_times(t: Array) -> Array:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
 STOP = 0.1  # [s]; a shorter time below the speed of `moving` is no stop
+VELOCITY = {"vx", "vy", "r"}  # what speed and sideslip at the centre of gravity are made of
 MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise is worth an estimate
 
 
@@ -76,12 +77,12 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
         noise |= captured.noise
         std |= {name: captured.std[name] for name in sorted(wanted & set(captured.std))}
         bandwidth = captured.bandwidth
-    if "vx" in columns:
-        columns = _from_velocity(columns, mapping.measured_point)
+    if "vx" in columns and VELOCITY & set(mapping.signals) <= set(columns):
+        columns = from_velocity(columns, mapping.measured_point)
     return Stretch(t, columns, noise, std, bandwidth)
 
 
-def _from_velocity(columns: dict[str, Array], point: tuple[float, float]) -> dict[str, Array]:
+def from_velocity(columns: dict[str, Array], point: tuple[float, float]) -> dict[str, Array]:
     """Adds speed and sideslip from a measured velocity, moved to the centre of gravity."""
     vx, vy = columns["vx"], columns.get("vy")
     zero = np.zeros_like(vx)

@@ -1,0 +1,40 @@
+"""MCAP files with messages of ROS 2 (cdr) or JSON."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from drift_drake.logs.importing.formats.topics import Topic, topic_of_messages
+
+
+def read_mcap(path: Path) -> list[Topic]:
+    """All topics whose messages can be decoded.
+
+    Raises:
+        ValueError: no message can be; ImportError: `mcap` is not installed; OSError.
+    """
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    factory = DecoderFactory()  # type: ignore[no-untyped-call]
+    decoders: dict[int, Any] = {}
+    messages: dict[str, list[Any]] = {}
+    times: dict[str, list[float]] = {}
+    unread: set[str] = set()
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            if channel.id not in decoders:
+                json_read = channel.message_encoding == "json"
+                decoders[channel.id] = (
+                    json.loads if json_read else factory.decoder_for(channel.message_encoding, schema)
+                )
+            decode = decoders[channel.id]
+            if decode is None:
+                unread.add(f"{channel.topic} ({channel.message_encoding})")
+                continue
+            times.setdefault(channel.topic, []).append(1e-9 * message.log_time)
+            messages.setdefault(channel.topic, []).append(decode(message.data))
+    if not messages:
+        found = f"; its topics are {', '.join(sorted(unread))}" if unread else ""
+        raise ValueError(f"holds no messages of ROS 2 (cdr) or JSON{found}")
+    return [topic_of_messages(name, times[name], messages[name]) for name in sorted(messages)]

@@ -1,0 +1,77 @@
+"""What a recorder's file holds: topics, each a table whose columns were read at the same ticks."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+
+LONGEST_ARRAY = 64  # elements of an array within a message; longer ones (images, scans) are no signals
+STAMP = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
+PIECE = 1e-9  # [s] of the second field of a stamp
+
+
+@dataclasses.dataclass(frozen=True)
+class Topic:
+    """Columns of n rows by full name (`/imu.angular_velocity.z`), and units as far as the file states them."""
+
+    name: str
+    table: pd.DataFrame
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+def topic_of_messages(name: str, times: Iterable[float], messages: Iterable[Any]) -> Topic:
+    """A topic of messages: nested fields by dots, arrays by indices, a stamp in seconds.
+
+    Args:
+        times: when each was logged [s]; messages: objects, mappings or numbers, nested.
+    """
+    rows = []
+    for time, message in zip(times, messages, strict=True):
+        row: dict[str, Any] = {f"{name}.log_time": time}
+        _flatten(row, name, message)
+        rows.append(row)
+    return Topic(name, pd.DataFrame(rows), {f"{name}.log_time": "s"})
+
+
+def with_yaw(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with the yaw angle [rad] (about z) of each quaternion that it holds as `.x`, `.y`, `.z`, `.w`."""
+    yaws = {}
+    for column in table.columns:
+        prefix = str(column).removesuffix(".w")
+        parts = [f"{prefix}.{part}" for part in "xyzw"]
+        if prefix != column and set(parts) <= set(table.columns) and all(map(is_numeric_dtype, table[parts].dtypes)):
+            x, y, z, w = (table[part].to_numpy(dtype=float) for part in parts)
+            yaws[f"{prefix}.yaw"] = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2))
+    return table.assign(**yaws)
+
+
+def _flatten(row: dict[str, Any], name: str, value: Any) -> None:
+    fields = _fields(value)
+    if fields is not None:
+        if any(set(fields) == names for names in STAMP):
+            seconds, piece = fields.values()
+            row[name] = float(seconds) + PIECE * float(piece)
+            return
+        for key, part in fields.items():
+            _flatten(row, f"{name}.{key}", part)
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        if len(value) <= LONGEST_ARRAY:
+            for index, part in enumerate(value):
+                _flatten(row, f"{name}[{index}]", part)
+    elif isinstance(value, (bool, int, float, np.number, np.bool_)):
+        row[name] = value
+
+
+def _fields(value: Any) -> dict[str, Any] | None:
+    """Fields of a nested message by name, None of a plain value."""
+    if isinstance(value, Mapping):
+        return {str(key): part for key, part in value.items()}
+    if isinstance(value, (str, bytes, list, tuple, np.ndarray, np.generic, bool, int, float)) or value is None:
+        return None
+    if hasattr(value, "__slots__") and value.__slots__:
+        return {name: getattr(value, name) for name in value.__slots__ if not name.startswith("_")}
+    names = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
+    return {field.name: getattr(value, field.name) for field in names if not field.name.startswith("_")}

@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.answer import Answer
-from drift_drake.diagnosis.day_gap import reduction, share, where
+from drift_drake.diagnosis.day_gap import reduction, where
 from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.detection_limits import detection_limits
+from drift_drake.diagnosis.gross_gap import judged
 from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.reduction import Reduction
@@ -35,6 +36,10 @@ MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
 CERTAIN = 0.98  # probability of `unknown` then
 MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
+FAR_BEYOND = (
+    "errors are far beyond normal: causes are judged by the errors that they remove a tenth of a second ahead, and "
+    "may be what the calibration could not see instead of a change since"
+)
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
 Progress = Callable[[str, float], None]
@@ -96,6 +101,10 @@ def diagnose_day(
         pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))
     tell("how far it shrinks", 0.8)
     found, shrinks = believed(search, none, [*singles, *pairs], constants)
+    if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
+        beyond = judged(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
+        found, shrinks = beyond.ranked, beyond.reduction
+        warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
     limits = detection_limits(search)
     h = found.leading
@@ -171,8 +180,7 @@ def nearest(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> d
     return {
         "hypothesis": hypothesis_name(h.names),
         "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
-        # Of what goes beyond the day of calibration: beside its own fit, any hypothesis removes nearly all.
-        "removes": share(shrinks.before[-1], shrinks.after[-1], 1.0) if h.names else 0.0,
+        "removes": shrinks.estimate,
         "free_forces_remove": None,
     }
 

@@ -7,33 +7,35 @@ import numpy as np
 from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search, effects_of
 from drift_drake.diagnosis.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
+from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.windows import HORIZONS, STRIDE
 
 STATES = ("r", "v", "beta", "omega_r")
-WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
 
 
-def squares(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Capped squared errors [windows, HORIZONS, states] in robust scales."""
-    return np.asarray(np.minimum((e / scales) ** 2, WORST)[..., : len(STATES)])
+def squares(normal: Normal, e: np.ndarray) -> np.ndarray:
+    """Capped squared errors [windows, HORIZONS, states] about the normal ones, in robust scales."""
+    return normal.squares(e)[..., : len(STATES)]
 
 
 def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) -> Reduction:
     """The share 1 - (after - floor) / (before - floor) at half a second, with a 95 % block-bootstrap interval.
 
-    After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the errors that were
-    there on the day of calibration, or those of the best hypothesis where they are lower.
+    After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the mean squares of the
+    day of calibration, or those of the best hypothesis where they are lower.
     """
     if not h.names:
         return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
-    day, scales = search.day, search.normal.scales
-    before = squares(day.errors, scales)
-    floor = squares(day.errors_with(best.effects(day)), scales)
+    day = search.day
+    before = squares(search.normal, day.errors)
+    lowest = squares(search.normal, day.errors_with(best.effects(day)))
+    level = search.normal.level[:, : len(STATES)]
+    floor = lowest * np.minimum(1.0, level / np.maximum(lowest.mean(axis=0), 1e-12))
     after = np.empty_like(before)
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
         q = held_out_magnitudes(search, h, fold)
-        after[held] = squares(day.errors_with(effects_of(h.names, q, h.follows_load, day)), scales)[held]
+        after[held] = squares(search.normal, day.errors_with(effects_of(h.names, q, h.follows_load, day)))[held]
     sums = np.zeros((day.blocks, 3))
     for i, part in enumerate((before, after, floor)):
         np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
@@ -82,9 +84,10 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
     Args:
         unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
     """
-    day, scales = search.day, search.normal.scales
-    before = squares(day.errors, scales)
-    gap = (before - (1.0 if unexplained else squares(day.errors_with(best.effects(day)), scales)))[:, -1]
+    day = search.day
+    before = squares(search.normal, day.errors)
+    normal = search.normal.level[:, : len(STATES)]
+    gap = (before - (normal if unexplained else squares(search.normal, day.errors_with(best.effects(day)))))[:, -1]
     by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})
     by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
     y = np.concatenate([run.start_y[run.starts] for run in day.runs])

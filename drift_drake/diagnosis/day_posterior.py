@@ -1,7 +1,7 @@
 """From hypotheses of another day to probabilities, a verdict, and magnitudes with intervals."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -45,25 +45,37 @@ def ranked(
     least = min(h.nats for h in hypotheses)
     tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / scores
     values = {
-        hypothesis_name(h.names): h.log_evidence
-        + h.nats * (1.0 - 1.0 / tempered)
-        + log_prior(len(h.names), catalogue, constants)
-        + float(np.sum([np.log(CATALOGUE[name].daily) for name in h.names]))
-        - SECOND * (len(h.names) > 1)
+        hypothesis_name(h.names): h.log_evidence + h.nats * (1.0 - 1.0 / tempered) + prior(h, catalogue, constants)
         for h in hypotheses
     }
     price = 0.5 * scores * np.log(WIDE)
     values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
+    return concluded_from(values, hypotheses, doubt)
+
+
+def prior(h: Hypothesis, catalogue: int, constants: Calibration) -> float:
+    """Log prior of a hypothesis, but for a constant."""
+    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in h.names]))
+    return log_prior(len(h.names), catalogue, constants) + daily - SECOND * (len(h.names) > 1)
+
+
+def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked:
+    """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
+
+    Args:
+        hypotheses: that are known, `none` among them; doubt: probability of `unknown` beside what `values` give it.
+    """
     names, v = list(values), np.array(list(values.values()))
     p = np.exp(v - np.max(v))
-    p /= np.sum(p)
-    p = (1.0 - doubt) * p + doubt * np.array([name == UNKNOWN for name in names])
-    probabilities = {names[i]: float(p[i]) for i in np.argsort(-p, kind="stable")}
-    ambiguity = ambiguity_set(probabilities)
+    p = (1.0 - doubt) * p / np.sum(p)
+    by_value = dict(zip(names, (float(q) for q in p), strict=True))
+    by_value[UNKNOWN] = by_value.get(UNKNOWN, 0.0) + doubt
+    probabilities = dict(sorted(by_value.items(), key=lambda item: -item[1]))
     leader = next(iter(probabilities))
     by_name = {hypothesis_name(h.names): h for h in hypotheses}
     known = by_name[next(name for name in probabilities if name != UNKNOWN)]
-    return Ranked(probabilities, ambiguity, leader if leader in ("none", UNKNOWN) else "effect", known)
+    verdict = leader if leader in ("none", UNKNOWN) else "effect"
+    return Ranked(probabilities, ambiguity_set(probabilities), verdict, known)
 
 
 def deviation(h: Hypothesis, index: int) -> float:

@@ -104,7 +104,7 @@ def by_horizon(normal: Normal, lines: Sequence[Line]) -> str:
 
 def time_line(day: Day, normal: Normal, lines: Sequence[Line], onset: dict[str, float]) -> str:
     """Errors half a second ahead over time, run by run, in those of the day of calibration, with the onset."""
-    parts = [(np.sqrt(squares(errors, normal.scales)[:, -1].mean(axis=-1)), color, label)
+    parts = [(np.sqrt(squares(normal, errors)[:, -1].mean(axis=-1)), color, label)
              for errors, color, label in lines]  # fmt: skip
 
     def draw(axes: np.ndarray) -> None:

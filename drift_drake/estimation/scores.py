@@ -23,6 +23,7 @@ from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 BLOCK = 2.0  # [s]
 CLIPPED = 2.0  # robust scales at which a window's error in a channel is clipped (Huber)
+WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
 LARGEST = 20.0  # robust scales of a derivative
 SHARE = 0.25  # of the practical range, that derivatives are taken over
 RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
@@ -60,6 +61,11 @@ def huber_weights(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(1.0, CLIPPED / np.maximum(size, 1e-9)))
 
 
+def capped_squares(e: np.ndarray) -> np.ndarray:
+    """Squares of errors in scales, capped: a prediction that far off is lost, however far."""
+    return np.asarray(np.minimum(e**2, WORST))
+
+
 def flat(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Clipped errors in robust scales [windows, HORIZONS * channels]."""
     return np.asarray((e / scales * huber_weights(e, scales)).reshape(len(e), -1))
@@ -80,6 +86,12 @@ class Normal:
     information: np.ndarray  # diagonal of a block's information [n]
     covered: np.ndarray  # how hard the car was driven [4] (`windows.regimes`)
     unknown: np.ndarray  # covariance of what calibration left unknown, in units [n, n]
+    offset: np.ndarray  # median errors [HORIZONS, channels]
+    level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
+
+    def squares(self, e: np.ndarray) -> np.ndarray:
+        """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
+        return capped_squares((e - self.offset) / self.scales)
 
     def as_data(self) -> dict[str, object]:
         """Plain lists, the inverse of `normal_from_data`."""
@@ -108,6 +120,7 @@ def _check_normal(normal: Normal) -> None:
         raise ValueError(f"'names' must be different effects of the catalogue, not {shown(unknown or list(names))}")
     shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m), "scales": (HORIZONS, len(PREDICTED))}
     shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
+    shapes |= dict.fromkeys(("offset", "level"), shapes["scales"])
     shapes["modes"] = (max(len(np.atleast_1d(normal.modes)), 1), n)
     for key, shape in shapes.items():
         if getattr(normal, key).shape != shape or not np.all(np.abs(getattr(normal, key)) < LARGEST_NUMBER):
@@ -115,7 +128,7 @@ def _check_normal(normal: Normal) -> None:
     for key in ("units", "scales"):
         if np.min(getattr(normal, key)) <= 0.0:
             raise ValueError(f"'{key}' must be above zero")
-    for key in ("information", "covered"):
+    for key in ("information", "covered", "level"):
         if np.min(getattr(normal, key)) < 0.0:
             raise ValueError(f"'{key}' must be zero or more")
     for key, least in (("precision", 0.0), ("covariance", -ROUNDED), ("unknown", -ROUNDED)):
@@ -216,8 +229,10 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     unknown = np.linalg.inv(np.diag(1.0 / prior**2) + information / (max(ratio, 1.0) * CALIBRATED))
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
+    offset = np.median(day.errors, axis=0)
+    level = capped_squares((day.errors - offset) / scales).mean(axis=0)
     return Normal(tuple(names), steps, scales, precision, len(score), score.mean(axis=0), covariance, modes,
-                  np.diag(information) / len(score), coverage(day.runs), unknown)  # fmt: skip
+                  np.diag(information) / len(score), coverage(day.runs), unknown, offset, level)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.answer import Answer
+from drift_drake.diagnosis.day_beliefs import day_beliefs
 from drift_drake.diagnosis.day_gap import reduction, where
 from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
@@ -129,6 +130,7 @@ def diagnose_day(
             "errors": errors_by_state(search),
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
             "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+            "beliefs": day_beliefs(search, found, [none, *singles, *pairs, h], limits, constants),
         },
         warnings=[*warnings, *more],
     )  # fmt: skip

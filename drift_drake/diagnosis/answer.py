@@ -119,11 +119,6 @@ class Answer:
 
 def without_rivals(answer: Answer) -> str:
     """Why no drive can be planned from an answer that says nothing of rival hypotheses."""
-    if answer.details.get("criterion") == "prediction":
-        return (
-            f"{answer.case}: an answer for a car that was calibrated by prediction has no rivals that a drive could be "
-            "planned for; its report ('drift-drake diagnose --report') says which manoeuvre shows which effect"
-        )
     return (
         f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
         "commands); diagnose logs with the column tau_cmd anew"

@@ -95,6 +95,10 @@ class Search:
         self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
         self.threads = threads
 
+    def on(self, day: Day) -> "Search":
+        """The same search on other windows."""
+        return Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
+
     def scores(self, effects: Mapping[str, float]) -> np.ndarray:
         """Scores less their normal mean [n] once effects are added."""
         e = self.day.errors_with(effects) if effects else self.day.errors

@@ -7,6 +7,7 @@ no prediction has yet diverged. The scale of what is left is unknown: the likeli
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import minimize
@@ -24,15 +25,16 @@ from drift_drake.diagnosis.day_hypotheses import (
 from drift_drake.diagnosis.day_posterior import Ranked, concluded_from, prior, tells_from_zero
 from drift_drake.diagnosis.posterior import Calibration, hypothesis_name
 from drift_drake.estimation.reduction import FOLDS, Reduction
-from drift_drake.estimation.windows import STRIDE
+from drift_drake.estimation.scores import Day
+from drift_drake.estimation.windows import STRIDE, thinned
 
-AHEAD = 0  # horizon that is judged: the first
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time
 SEEDS, PARTNERS = 4, 4  # singles that pairs are grown from, partners each that are fitted jointly
 PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, beside a single
 EVALUATIONS, SPREAD = 60, 0.3  # of a joint fit, and its first simplex, of the reach
 STEP = 0.05  # of the reach, for second derivatives
+MOST_WINDOWS = 200  # evenly chosen
 
 Kept = np.ndarray | None
 
@@ -46,9 +48,9 @@ class GrossGap:
 
 
 def misfits(search: Search, e: np.ndarray) -> np.ndarray:
-    """Saturating misfit of each window [windows]."""
+    """Saturating misfit [windows] of errors [windows, horizons, channels], at the first horizon."""
     used = np.all([run.used for run in search.day.runs], axis=0)
-    squares = np.mean(((e / search.normal.scales)[:, AHEAD, used]) ** 2, axis=1)
+    squares = np.mean((e[:, 0] / search.normal.scales[0])[:, used] ** 2, axis=1)
     return np.asarray(squares / (1.0 + squares / FAR))
 
 
@@ -59,8 +61,7 @@ def nats(search: Search, misfit: float) -> float:
 
 def misfit(search: Search, names: Sequence[str], q: Sequence[float] | np.ndarray, kept: Kept = None) -> float:
     """Mean misfit once effects are added, over the windows that are kept [windows] (bool)."""
-    e = search.day.errors_with(effects_of(names, np.asarray(q), 0.0, search.day)) if names else search.day.errors
-    of = misfits(search, e)
+    of = misfits(search, search.day.errors_with(effects_of(names, np.asarray(q), 0.0, search.day), 1))
     return float(np.mean(of if kept is None else of[kept]))
 
 
@@ -113,6 +114,7 @@ def judged(search: Search, constants: Calibration, progress: Callable[[float], N
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`.
     """
+    search = search.on(fewer_windows(search.day, MOST_WINDOWS))
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     pairs = grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share))
     none = search.none()
@@ -130,39 +132,61 @@ def grown_singles(
     search: Search, progress: Callable[[float], None]
 ) -> tuple[list[Hypothesis], dict[str, tuple[float, float]]]:
     """The best single effects, and of every one the best magnitude of a grid with its misfit, best first."""
-    names = list(search.ranges)
-    starts = {}
-    for done, name in enumerate(names):
+
+    def start_of(name: str) -> tuple[float, float]:
         r = search.ranges[name]
         magnitudes = grid(r, SIGNED_GRID) if r.low < 0.0 else [max(q * r.high, r.least) for q in UNSIGNED_GRID]
         tried = [(clipped(q, r), misfit(search, [name], [clipped(q, r)])) for q in magnitudes]
-        starts[name] = min(tried, key=lambda item: item[1])
-        progress((done + 1) / len(names))
-    best = dict(sorted(starts.items(), key=lambda item: item[1][1]))
-    fits = {name: fitted(search, [name], [q]) for name, (q, _) in list(best.items())[: 2 * SEEDS]}
-    return [hypothesis(search, [name], q) for name, q in fits.items()], best
+        return min(tried, key=lambda item: item[1])
+
+    names = list(search.ranges)
+    starts = {}
+    with ThreadPoolExecutor(search.threads) as pool:
+        for done, (name, start) in enumerate(zip(names, pool.map(start_of, names), strict=True)):
+            starts[name] = start
+            progress((done + 1) / len(names))
+        best = dict(sorted(starts.items(), key=lambda item: item[1][1]))
+        leading = list(best)[: 2 * SEEDS]
+        out = list(pool.map(lambda name: hypothesis(search, [name], fitted(search, [name], [best[name][0]])), leading))
+    return out, best
 
 
 def grown_pairs(
     search: Search, starts: Mapping[str, tuple[float, float]], progress: Callable[[float], None]
 ) -> list[Hypothesis]:
     """Pairs of the best singles with the partners that remove most beside them, jointly fitted."""
-    jobs: dict[tuple[str, ...], list[float]] = {}
-    for seed in list(starts)[:SEEDS]:
+
+    def partners(seed: str) -> list[tuple[float, str, float]]:
         tried = []
         for other in (name for name in starts if name != seed):
             r = search.ranges[other]
             shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
             tried += [(misfit(search, [seed, other], [starts[seed][0], q]), other, q)
                       for q in (clipped(q, r) for q in grid(r, shares))]  # fmt: skip
-        for _, other, q in one_each(sorted(tried))[:PARTNERS]:
-            if (other, seed) not in jobs:
-                jobs[seed, other] = [starts[seed][0], q]
-    out = []
-    for done, (pair, start) in enumerate(jobs.items()):
-        out.append(hypothesis(search, pair, fitted(search, pair, start)))
-        progress((done + 1) / len(jobs))
+        return one_each(sorted(tried))[:PARTNERS]
+
+    def fit(job: tuple[tuple[str, ...], list[float]]) -> Hypothesis:
+        return hypothesis(search, job[0], fitted(search, *job))
+
+    seeds, jobs, out = list(starts)[:SEEDS], dict[tuple[str, ...], list[float]](), []
+    with ThreadPoolExecutor(search.threads) as pool:
+        for seed, tried in zip(seeds, pool.map(partners, seeds), strict=True):
+            for _, other, q in tried:
+                if (other, seed) not in jobs:
+                    jobs[seed, other] = [starts[seed][0], q]
+        for done, h in enumerate(pool.map(fit, jobs.items())):
+            out.append(h)
+            progress((done + 1) / len(jobs))
     return out
+
+
+def fewer_windows(day: Day, most: int) -> Day:
+    """The day with at most so many windows, evenly chosen."""
+    runs = thinned(day.runs, most)
+    every = max(int(np.ceil(len(day.errors) / most)), 1)
+    rows = np.concatenate([np.flatnonzero(day.run == k)[::every] for k in range(len(runs))])
+    parts = {name: getattr(day, name)[rows] for name in ("errors", "jacobian", "block", "run", "weights")}
+    return dataclasses.replace(day, runs=runs, **parts)
 
 
 def one_each(tried: Sequence[tuple[float, str, float]]) -> list[tuple[float, str, float]]:
@@ -175,15 +199,15 @@ def one_each(tried: Sequence[tuple[float, str, float]]) -> list[tuple[float, str
 
 def held_out_reduction(search: Search, h: Hypothesis, draws: int = 400) -> Reduction:
     """Share of the misfit that a hypothesis removes on blocks that were not fitted, with a 95 % interval."""
-    day, ahead = search.day, f"{STRIDE * (AHEAD + 1):g} s"
+    day, ahead = search.day, f"{STRIDE:g} s"
     if not h.names:
         return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
-    before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day)))
+    before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day), 1))
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
         if np.any(held) and np.any(~held):
             q = fitted(search, h.names, h.magnitudes, ~held)
-            after[held] = misfits(search, day.errors_with(effects_of(h.names, q, 0.0, day)))[held]
+            after[held] = misfits(search, day.errors_with(effects_of(h.names, q, 0.0, day), 1))[held]
     sums = np.zeros((day.blocks, 2))
     for i, part in enumerate((before, after)):
         np.add.at(sums[:, i], day.block, part)

@@ -154,9 +154,9 @@ class Day:
     def blocks(self) -> int:
         return int(self.block.max()) + 1
 
-    def errors_with(self, effects: Mapping[str, float]) -> np.ndarray:
-        """Errors once effects are added to the calibrated car."""
-        return errors(self.runs, self.constants, added(self.own, effects))
+    def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
+        """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
+        return errors(self.runs, self.constants, added(self.own, effects), horizons)
 
 
 def make_day(

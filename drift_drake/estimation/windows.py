@@ -135,7 +135,7 @@ def predict(
     start_y: Any, y: Any, starts: Any, stride: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
     fed: Any, out: Any,
 ) -> Any:  # fmt: skip
-    """Prediction errors out [windows, HORIZONS, 5], measured less predicted, of the windows of one run.
+    """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride: rows between
@@ -164,7 +164,7 @@ def predict(
             carried += 1
         z[:] = memory
         _measured_state(start_y[start], effects, z)
-        for h in range(HORIZONS):
+        for h in range(out.shape[1]):
             for row in range(start + h * stride, start + (h + 1) * stride):
                 _advance(z, delta, torque, row, period, constants, effects, fed, start_y[row], start_y[row + 1],
                          push, k, w)  # fmt: skip
@@ -179,20 +179,20 @@ def predict(
                     out[s, h, i] = LARGEST_ERROR
 
 
-def run_errors(run: WindowedRun, constants: Constants, effects: Effects) -> np.ndarray:
-    """Prediction errors [windows, HORIZONS, 5] of one run under a car; zero where a channel is not measured."""
+def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizons: int = HORIZONS) -> np.ndarray:
+    """Prediction errors [windows, horizons, 5] of one run under a car; zero where a channel is not measured."""
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
-    out = np.empty((len(run.starts), HORIZONS, len(PREDICTED)))
+    out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     predict(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
             without_actuators(effects), run.fed, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 
 
-def errors(runs: Sequence[WindowedRun], constants: Constants, effects: Effects) -> np.ndarray:
-    """Prediction errors [windows of all runs, HORIZONS, 5] under a car."""
-    return np.concatenate([run_errors(run, constants, effects) for run in runs])
+def errors(runs: Sequence[WindowedRun], constants: Constants, effects: Effects, horizons: int = HORIZONS) -> np.ndarray:
+    """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
+    return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
 
 
 def errors_of_all(

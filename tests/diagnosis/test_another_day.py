@@ -8,11 +8,10 @@ import pytest
 
 from drift_drake.diagnosis import another_day
 from drift_drake.diagnosis.another_day import believed, brought_along
-from drift_drake.diagnosis.answer import UnplannableError, read_answer
+from drift_drake.diagnosis.answer import read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.day_hypotheses import Hypothesis
 from drift_drake.diagnosis.day_posterior import PRIORS, interval
-from drift_drake.diagnosis.next_drive import plan_from_answer
 from drift_drake.estimation.reduction import Reduction
 from drift_drake.logs.table import InvalidLogError
 
@@ -100,12 +99,6 @@ def test_stiffnesses_that_follow_the_load_are_applied_too(late_day, other_car, n
                                          own=other_car.found.effects)  # fmt: skip
     again = dataclasses.replace(day, constants=vehicle.constants(), own=effects)
     np.testing.assert_allclose(again.errors_with({}), day.errors_with(h.effects(day)), atol=1e-6)
-
-
-def test_no_drive_is_planned_from_it_and_why(late_day, other_car):
-    with pytest.raises(UnplannableError, match=r"late: .* calibrated by prediction") as error:
-        plan_from_answer(late_day.answer, other_car.found.vehicle)
-    assert "older answer" not in str(error.value)
 
 
 def hypothesis(name, magnitude, deviation=0.01, nats=1.0):

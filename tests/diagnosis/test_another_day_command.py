@@ -77,7 +77,7 @@ def test_diagnose_names_the_cause_and_apply_writes_it(files, tmp_path, capsys):
     code = main(["plan-next", str(answer), "--vehicle", str(files / "car.yaml"), "--out", str(tmp_path / "plan.csv")])
     error = capsys.readouterr().err
     assert code == BAD_INPUT
-    assert "calibrated by prediction" in error
+    assert "steering_delay has no rival left" in error
     assert error.count("\n") == 1
 
 

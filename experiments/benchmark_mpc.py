@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver
 from pydrake.systems.framework import Context
 
-from drift_drake.control.mpc import DT, MpcController
+from drift_drake.control.controller import MpcController
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.model.bayesian_step import BayesianStepModel

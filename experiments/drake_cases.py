@@ -7,20 +7,19 @@ import dataclasses
 from typing import Any, Protocol
 
 import numpy as np
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import (
     BasicVector,
     Context,
     Diagram,
     DiagramBuilder,
     DiscreteValues,
-    EventStatus,
     LeafSystem,
 )
 from pydrake.systems.primitives import LogVectorOutput
 
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.simulation.car import Car
+from drift_drake.simulation.runner import make_simulator
 from drift_drake.simulation.sensors import LOG_ROW
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -28,7 +27,6 @@ from experiments.gap_cases import MANOEUVRES, PERIOD, SPIN, Driver, Truth, true_
 from experiments.strange_effects import Strange, ring_rates, rung_torque, strange_wrench
 
 ACCURACY = 1e-6
-LARGEST_STEP = 0.01  # [s]
 
 
 class RowDriver(Protocol):
@@ -168,26 +166,20 @@ def drive(
 ) -> Run:  # fmt: skip
     """One run in Drake, ended early by a spin."""
     built = build_drive(driver, truth, vehicle)
-    simulator = Simulator(built.diagram)
-    context = simulator.get_mutable_context()
+    context = built.diagram.CreateDefaultContext()
     car_context = built.car.GetMyMutableContextFromRoot(context)
     plant_context = built.car.plant.GetMyMutableContextFromRoot(context)
     built.car.plant.set_initial(
         plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, heading), actuation=built.first
     )
     built.car.sensors.set_seed(context, seed)
-    ResetIntegratorFromFlags(simulator, "runge_kutta3", LARGEST_STEP)
-    simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)
     state = built.car.GetOutputPort("state")
 
-    def spun(_root: Context) -> EventStatus:
+    def spun(_root: Context) -> str | None:
         r, v, beta, omega_r = state.Eval(car_context)[:4]
-        if abs(beta) > SPIN or v < 3.0 or omega_r < 3.0 or abs(r) > 6.0:
-            return EventStatus.ReachedTermination(built.car, "the car has spun")
-        return EventStatus.DidNothing()
+        return "spin" if abs(beta) > SPIN or v < 3.0 or omega_r < 3.0 or abs(r) > 6.0 else None
 
-    simulator.set_monitor(spun)
-    simulator.AdvanceTo(duration)
+    make_simulator(built.diagram, context, (built.car, spun), ACCURACY).AdvanceTo(duration)
     rows, commands = built.rows.FindLog(context).data(), built.commands.FindLog(context).data()
     columns = dict(zip(LOG_ROW, rows, strict=True))
     columns["t"] = np.round(columns["t"], 9)

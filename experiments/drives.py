@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from pydrake.systems.primitives import ConstantVectorSource
 from tqdm import tqdm
 
-from drift_drake.control.mpc import DT, MpcController
+from drift_drake.control.controller import MpcController
+from drift_drake.control.plan import DT, Plan
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
@@ -179,7 +180,7 @@ def _prepare(kind: str, duration: float, parameters: VehicleParameters, effects:
         return drive, state, 0.0, None
     if kind == "manual":
         script = manual_script(parameters, duration, generator)
-        source = ConstantVectorSource(np.concatenate([[0.0], script.ravel()]))
+        source = ConstantVectorSource(Plan(0.0, script).vector())
         speed = float(generator.uniform(8.0, 18.0))
         drive = Drive(parameters, source, len(script) - 1, DT, shake, (script[0, 0], script[0, 1]), effects)
         return drive, np.array([0.0, speed, 0.0, speed, 0.0, 0.0]), 0.0, None

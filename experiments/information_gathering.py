@@ -23,11 +23,11 @@ import tyro
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from drift_drake.control.plan import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.gather import taught
-from drift_drake.gathering.lane import DT
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.command_lag import lagged_commands

@@ -21,11 +21,11 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
+from drift_drake.control.plan import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.gathering.gather import execution
-from drift_drake.gathering.lane import DT
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
 from drift_drake.model.posterior import Posterior

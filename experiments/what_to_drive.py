@@ -21,6 +21,7 @@ import tyro
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import tracking_gains
 from drift_drake.diagnosis.answer import UnplannableError
@@ -28,7 +29,6 @@ from drift_drake.diagnosis.beliefs import Belief, Sensing
 from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer, solve
 from drift_drake.diagnosis.posterior import UNKNOWN
-from drift_drake.gathering.lane import DT
 from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions

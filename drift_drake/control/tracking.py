@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, LeafSystem
 
+from drift_drake.control.plan import Plan, plan_size
 from drift_drake.control.step_model import StepModel
-from drift_drake.simulation.actuation import plan_size
 
 Array = NDArray[np.float64]
 
@@ -77,4 +77,4 @@ class TrackingController(LeafSystem):
         error = self._measured.Eval(context)[:6] - self._at(self._x, t)
         correction = self._at(self._gains, t) @ error
         commands = [self._at(self._u, t) + correction, self._at(self._u, t + self._dt) + correction]
-        output.SetFromVector(np.concatenate([[t], *commands]))
+        output.SetFromVector(Plan(t, np.array(commands), self._dt).vector())

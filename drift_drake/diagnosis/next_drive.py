@@ -24,6 +24,7 @@ from drift_drake.control.discrimination import (
 )
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.answer_beliefs import beliefs_of
@@ -33,7 +34,7 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
-from drift_drake.gathering.lane import DT, FEASIBLE, LaneDrive, bound_slip, problem_data
+from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.safe_files import write_table
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -13,7 +13,7 @@ from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
 from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.simulation.drive import LOG_PERIOD, Drive, Limits
+from drift_drake.simulation.drive import LOG_PERIOD, Drive, DriveLimits
 from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.effects import Effects, magnitudes_of
@@ -96,7 +96,7 @@ def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects)
     noise = NoiseLevels(**{name: command.noise * level for name, level in levels.items()})
     m = _manoeuvre(command, parameters, effects)
     drive = Drive(parameters, m.driver, m.steps, m.spacing, np.zeros((2, 2)), m.command, effects, m.reference, noise)
-    limits = Limits(min_speed=slowest(parameters), max_speed=FASTEST)
+    limits = DriveLimits(min_speed=slowest(parameters), max_speed=FASTEST)
     table, ending = drive.run(m.state, 0.0, command.duration or m.duration, command.seed, limits)
     table["t"] = LOG_PERIOD * np.round(table["t"] / LOG_PERIOD)
     columns = {name: table[name].to_numpy(dtype=float) for name in COLUMNS}

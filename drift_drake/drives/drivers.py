@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from pydrake.systems.controllers import LinearQuadraticRegulator
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.control.plan import Plan, no_plan
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -50,7 +51,7 @@ class HoldDriver(LeafSystem):
         self._low = np.array([-parameters.steering_limit, parameters.torque_min])
         self._high = np.array([parameters.steering_limit, parameters.torque_max])
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._plan = self.DeclareDiscreteState(np.full(5, np.nan))
+        self._plan = self.DeclareDiscreteState(no_plan(1))
         self.DeclareStateOutputPort("plan", self._plan)
         self.DeclarePeriodicDiscreteUpdateEvent(HOLD_PERIOD, 0.0, self._update)
 
@@ -64,7 +65,7 @@ class HoldDriver(LeafSystem):
         last = self._command if np.isnan(plan[0]) else plan[3:]
         error = self._measured.Eval(context)[:4] - self._target
         wanted = self._command + interpolate_knots(self._wander, start + HOLD_PERIOD) - self._gain @ error
-        discrete.set_value(self._plan, np.concatenate([[start], last, np.clip(wanted, self._low, self._high)]))
+        discrete.set_value(self._plan, Plan(start, np.array([last, np.clip(wanted, self._low, self._high)])).vector())
 
 
 def interpolate_knots(knots: Array, t: float) -> Array:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drift_drake.control.mpc import DT, MpcController
+from drift_drake.control.controller import MpcController
+from drift_drake.control.plan import DT, Plan, no_plan
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.logs.table import Run
 from drift_drake.playback.measured_motion import measured_motion
@@ -59,7 +60,7 @@ class ScriptDriver(LeafSystem):
         self._low = np.array([-p.steering_limit, p.torque_min])
         self._high = np.array([p.steering_limit, p.torque_max])
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._plan = self.DeclareDiscreteState(np.full(5, np.nan))
+        self._plan = self.DeclareDiscreteState(no_plan(1))
         self.DeclareStateOutputPort("plan", self._plan)
         self.DeclarePeriodicDiscreteUpdateEvent(SCRIPT_PERIOD, 0.0, self._update)
 
@@ -74,7 +75,7 @@ class ScriptDriver(LeafSystem):
         plan, speed = context.get_discrete_state(self._plan).value(), float(self._measured.Eval(context)[1])
         last = self.command(context.get_time(), speed) if np.isnan(plan[0]) else plan[3:]
         new = self.command(start + SCRIPT_PERIOD, speed)
-        discrete.set_value(self._plan, np.concatenate([[start], last, new]))
+        discrete.set_value(self._plan, Plan(start, np.array([last, new])).vector())
 
 
 def straight(p: VehicleParameters, speed: float, _steering: float) -> Manoeuvre:
@@ -120,7 +121,7 @@ def logged(run: Run, p: VehicleParameters, effects: Effects) -> Manoeuvre:
     """A log's commands, from the state that it shows at its start; it needs `tau_cmd`."""
     commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
     state, _ = measured_motion(run, p).state(0, run.period, effects)
-    source = ConstantVectorSource(np.concatenate([[0.0], commands.ravel()]))
+    source = ConstantVectorSource(Plan(0.0, commands).vector())
     low, high = np.array([-p.steering_limit, p.torque_min]), np.array([p.steering_limit, p.torque_max])
     delta_0, tau_0 = np.clip(commands[0], low, high)
     return Manoeuvre(source, len(run) - 1, run.period, np.array([*state, 0.0, 0.0]), (float(delta_0), float(tau_0)),

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.gathering.lane import DT
 from drift_drake.gathering.plan import GatheringConfig, Trajectory, information_expected, information_gained
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
+from drift_drake.control.plan import DT
 from drift_drake.control.stacked import STATE_SCALE
 from drift_drake.errors import InvalidOptionError
 
 Array = NDArray[np.float64]
 
-DT = 0.1  # [s]
+
 SLOWEST, FASTEST = 1.0, 60.0  # [m/s] of a plan's ends
 WIDEST = 50.0  # [m] of a lane to either side
 FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator, SimulatorStatus
+from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
@@ -15,6 +15,7 @@ from drift_drake.logs.driving import SPUN, driven, slowest
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.simulation.car import Car
+from drift_drake.simulation.runner import make_simulator
 from drift_drake.simulation.sensors import LOG_ROW, NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -22,7 +23,6 @@ from drift_drake.vehicle.path_plant import POSE_AT
 
 Array = NDArray[np.float64]
 
-MAX_STEP = 0.01  # [s] of the integrator
 ACCURACY = 1e-5
 LOST_SIDESLIP, LOST_SPEED = 1.4, 0.3  # [rad] beyond, in slowest speeds below which a simulated car is lost
 FOLLOWING_TIME = 0.02  # [s] in which a car without a logged torque takes on the logged rim speed
@@ -148,8 +148,7 @@ class SideBySide:
         A restart sets what the log measures; lags, heat and delayed commands stay as they are. A car that is lost (it
         spins or stops) has no rows until the next restart.
         """
-        simulator = Simulator(self.diagram)
-        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(ACCURACY)
+        simulator = make_simulator(self.diagram, accuracy=ACCURACY)
         simulator.set_monitor(self._watch)
         context = simulator.get_mutable_context()
         window = np.full(len(self._t), -1)

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
-
-TIME_TOLERANCE = 1e-9  # [s] by which a plan's start and Drake's event times may differ through rounding
 
 
 class PlanStatus(enum.IntEnum):
@@ -24,34 +23,6 @@ class PlanStatus(enum.IntEnum):
     FRESH = 1
     LATE = 2  # the plan in force is older than `max_age`; it is still followed
     ENDED = 3  # past the plan's end: its last command is held
-
-
-def plan_size(steps: int) -> int:
-    """Length of the vector [t_start, delta_0, tau_0, ..., delta_N, tau_N] of a plan of N steps."""
-    return 1 + len(INPUTS) * (steps + 1)
-
-
-def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, float, float]:
-    """Command and its rate at time t: u(t) = u_k + (t - k dt) u_dot_k, held constant beyond either end.
-
-    Args:
-        plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N] ([s], [rad], [N m]).
-        t: [s]; at a knot the rate is that of the step which begins there.
-        dt: the plan's spacing [s].
-
-    Returns:
-        (delta [rad], tau [N m], delta_dot [rad/s], tau_dot [N m/s]).
-    """
-    last = (len(plan) - 1) // 2 - 1
-    steps = (t - plan[0]) / dt
-    k = math.floor(steps + TIME_TOLERANCE / dt)
-    if k < 0:
-        return float(plan[1]), float(plan[2]), 0.0, 0.0
-    if k >= last:
-        return float(plan[2 * last + 1]), float(plan[2 * last + 2]), 0.0, 0.0
-    delta, tau, next_delta, next_tau = (float(value) for value in plan[2 * k + 1 : 2 * k + 5])
-    part, delta_step, tau_step = steps - k, next_delta - delta, next_tau - tau
-    return delta + part * delta_step, tau + part * tau_step, delta_step / dt, tau_step / dt
 
 
 class LinearInterpolationActuator(LeafSystem):
@@ -105,9 +76,8 @@ class LinearInterpolationActuator(LeafSystem):
                 raise ValueError(f"initial_command: {name} is {value:g}; keep it within {low:g} to {high:g}")
         self._initial_command = (float(initial_command[0]), float(initial_command[1]))
 
-        size = plan_size(steps)
-        self._port = self.DeclareVectorInputPort("plan", size)
-        nothing = np.full(size, np.nan)
+        nothing = no_plan(steps)
+        self._port = self.DeclareVectorInputPort("plan", nothing.size)
         self._in_force = self.DeclareDiscreteState(nothing)  # the plan being followed
         self._waiting = self.DeclareDiscreteState(nothing)  # a newer one whose start lies ahead
         self._refused = self.DeclareDiscreteState(1)

@@ -7,13 +7,13 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
-from pydrake.systems.primitives import LogVectorOutput
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
+from drift_drake.control.controller import MpcController
 from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
-from drift_drake.control.mpc import DT, MpcController, SolveStatistics
+from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
+from drift_drake.control.plan import DT
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
@@ -28,15 +28,15 @@ from drift_drake.simulation.car import Car
 from drift_drake.simulation.change import Change, check_change
 from drift_drake.simulation.faults import Fault, faulted
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
+from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.screening import Screen
-from drift_drake.simulation.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, PathPlant
 
 Array = NDArray[np.float64]
-MAX_STEP = 0.01  # [s] of the integrator
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 Outcome = Literal["completed", "spin", "left the lane", "time is up"]
 
@@ -50,9 +50,7 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
-    # Steering is smoother than under the OCP's own weights, which lost cars whose front tyre slides (chosen on the
-    # training population; the same for every model).
-    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=60.0))
+    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
 
     def __post_init__(self) -> None:
         # The actuator keeps one plan that waits for its time; a newer one each period would replace it for ever.
@@ -64,7 +62,7 @@ class ControlConfig:
 
 
 @dataclasses.dataclass(frozen=True)
-class Limits:
+class RunLimits:
     """When a run ends early."""
 
     sideslip: float = 1.3  # [rad] beyond which the car has spun
@@ -183,19 +181,9 @@ class ClosedLoop:
                 builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
         builder.Connect(command_in_force, self.car.GetInputPort("command"))
-        logged = [
-            ("measured_state", received),
-            *((name, self.car.GetOutputPort(name)) for name in ("log_row", "state", "path_position", "pose")),
-            *((name, self.actuator.GetOutputPort(name)) for name in ("command", "plan_age", "refused")),
-            ("reading", self.screen.GetOutputPort("reading")),
-            ("statistics", self.controller.GetOutputPort("statistics")),
-            *((name, detector.GetOutputPort(name)) for name in DETECTION if detector is not None),
-        ]
-        self._loggers = {}
-        for name, port in logged:
-            sink = LogVectorOutput(port, builder, control.period)
-            sink.set_name(f"log_{name}")
-            self._loggers[name] = sink
+        self._logs = Logs(builder, control.period)
+        for name, (port, columns) in self._logged(received, detector).items():
+            self._logs.add(port, columns, name)
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")
 
@@ -209,8 +197,8 @@ class ClosedLoop:
         return context
 
     def run(
-        self, context: Context, limits: Limits = Limits(), accuracy: float = 1e-4, change: Change | None = None
-    ) -> "Run":
+        self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None
+    ) -> "ClosedLoopRun":
         """Simulates until the reference's end, a spin, the lane's edge or the time limit.
 
         Raises:
@@ -219,23 +207,19 @@ class ClosedLoop:
         """
         if change is not None:
             check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
-        simulator = Simulator(self.diagram, context)
-        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
         plant, reference = self.car.plant, self.reference
 
-        def monitor(root: Context) -> EventStatus:
+        def reason(root: Context) -> Outcome | None:
             state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
             beta, e, s = state[2], state[4], state[6]
             if abs(beta) > limits.sideslip:
-                return EventStatus.ReachedTermination(plant, "spin")
+                return "spin"
             e_min, e_max = reference.lane(s)
             if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
-                return EventStatus.ReachedTermination(plant, "left the lane")
-            if s >= reference.distance:
-                return EventStatus.ReachedTermination(plant, "completed")
-            return EventStatus.DidNothing()
+                return "left the lane"
+            return "completed" if s >= reference.distance else None
 
-        simulator.set_monitor(monitor)
+        simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
         simulator.Initialize()
         end = context.get_time() + limits.time_factor * reference.duration
         status = simulator.AdvanceTo(end if change is None else min(change.time, end))
@@ -244,32 +228,36 @@ class ClosedLoop:
             plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
             status = simulator.AdvanceTo(end)
         outcome: Outcome = status.message() or "time is up"
-        return Run(self._table(simulator.get_context()), outcome, reference, self.parameters)
+        return ClosedLoopRun(self._logs.table(simulator.get_context()), outcome, reference, self.parameters)
 
-    def _table(self, context: Context) -> pd.DataFrame:
-        names = {
-            "state": STATES,
-            "path_position": ("s",),
-            "pose": POSE,
-            "command": INPUTS,
-            "plan_age": ("plan_age",),
-            "refused": ("refused_plans",),
-            "reading": ("reading",),
-            "measured_state": tuple(f"measured_{name}" for name in MEASURED_STATE),
-            "statistics": tuple(f"solve_{name}" for name in SolveStatistics._fields),
-        }
-        names |= {name: (f"ood_{name}",) for name in DETECTION if name in self._loggers}
-        logs = {name: sink.FindLog(context) for name, sink in self._loggers.items()}
-        columns = {"t": logs["state"].sample_times()}
-        for port, fields in names.items():
-            columns |= dict(zip(fields, logs[port].data(), strict=True))
-        # The accelerations are in the log's row alone, behind t, x, y, psi and four states.
-        columns |= {"measured_ax": logs["log_row"].data()[8], "measured_ay": logs["log_row"].data()[9]}
-        return pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
+    def _logged(
+        self, received: OutputPort, detector: OutOfDistributionDetector | None
+    ) -> dict[str, tuple[OutputPort, Sequence[str]]]:
+        """What is logged: a port and its columns in the table, by name."""
+        car, actuator = self.car, self.actuator
+        # Of the log's row the accelerations alone, which are behind t, x, y, psi and four states.
+        accelerations = [f"measured_{name}" if name in ("ax", "ay") else "" for name in LOG_ROW]
+        logged = {
+            "state": (car.GetOutputPort("state"), STATES),
+            "path_position": (car.GetOutputPort("path_position"), ("s",)),
+            "pose": (car.GetOutputPort("pose"), POSE),
+            "command": (actuator.GetOutputPort("command"), INPUTS),
+            "plan_age": (actuator.GetOutputPort("plan_age"), ("plan_age",)),
+            "refused": (actuator.GetOutputPort("refused"), ("refused_plans",)),
+            "reading": (self.screen.GetOutputPort("reading"), ("reading",)),
+            "measured_state": (received, [f"measured_{name}" for name in MEASURED_STATE]),
+            "statistics": (
+                self.controller.GetOutputPort("statistics"), [f"solve_{name}" for name in SolveStatistics._fields]
+            ),
+            "log_row": (car.GetOutputPort("log_row"), accelerations),
+        }  # fmt: skip
+        if detector is not None:
+            logged |= {name: (detector.GetOutputPort(name), (f"ood_{name}",)) for name in DETECTION}
+        return logged
 
 
 @dataclasses.dataclass(frozen=True)
-class Run:
+class ClosedLoopRun:
     """One run: a row each control period (true states, commands, `measured_...`, `solve_...`), and how it ended."""
 
     table: pd.DataFrame

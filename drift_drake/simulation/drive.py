@@ -5,14 +5,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
 from drift_drake.drives.drivers import interpolate_knots
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
+from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
@@ -21,10 +20,9 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 LOG_PERIOD = 0.01  # [s]
-MAX_STEP = 0.01  # [s] of the integrator
 
 
-class Limits(NamedTuple):
+class DriveLimits(NamedTuple):
     """When a drive is given up."""
 
     sideslip: float = 1.3  # [rad] of a spin
@@ -88,46 +86,35 @@ class Drive:
         builder.Connect(self.actuator.GetOutputPort("command"), self.dither.GetInputPort("command"))
         command = self.dither.GetOutputPort("dithered_command")
         builder.Connect(command, self.car.GetInputPort("command"))
-        self._loggers = []
-        for port, names in (
-            (self.car.GetOutputPort("log_row"), LOG_ROW),
-            (self.car.GetOutputPort("measured_state"), MEASURED_STATE),
-            (command, tuple(f"{name}_cmd" for name in INPUTS)),
-        ):
-            self._loggers.append((LogVectorOutput(port, builder, LOG_PERIOD), names))
+        self._logs = Logs(builder, LOG_PERIOD)
+        self._logs.add(self.car.GetOutputPort("log_row"), LOG_ROW)
+        self._logs.add(self.car.GetOutputPort("measured_state"), MEASURED_STATE)
+        self._logs.add(command, [f"{name}_cmd" for name in INPUTS])
         self.diagram = builder.Build()
         self.diagram.set_name("drive")
 
     def run(self, state: Array, s: float, duration: float, seed: int,
-            limits: Limits | None = None) -> tuple[pd.DataFrame, str]:  # fmt: skip
+            limits: DriveLimits | None = None) -> tuple[pd.DataFrame, str]:  # fmt: skip
         """Drives from a state [6] at s [m] for `duration` [s] or until the limits.
 
         Returns:
             (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time" or what limit).
         """
-        limits = limits or Limits()
+        limits = limits or DriveLimits()
         context = self.diagram.CreateDefaultContext()
         plant = self.car.plant
         plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self._initial_command)
         self.car.sensors.set_seed(context, seed)
-        simulator = Simulator(self.diagram, context)
-        ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(1e-4)
 
-        def monitor(root: Context) -> EventStatus:
+        def reason(root: Context) -> str | None:
             x = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
             if abs(x[2]) > limits.sideslip:
-                return EventStatus.ReachedTermination(plant, "spin")
+                return "spin"
             if min(x[1], x[3]) < limits.min_speed or x[1] > limits.max_speed:
-                return EventStatus.ReachedTermination(plant, "speed")
-            if self._reference is not None and abs(x[4]) > limits.lane:
-                return EventStatus.ReachedTermination(plant, "left the road")
-            return EventStatus.DidNothing()
+                return "speed"
+            return "left the road" if self._reference is not None and abs(x[4]) > limits.lane else None
 
-        simulator.set_monitor(monitor)
+        simulator = make_simulator(self.diagram, context, (plant, reason))
         simulator.Initialize()
         ending = simulator.AdvanceTo(duration).message() or "time"
-        columns: dict[str, Array] = {}
-        for sink, names in self._loggers:
-            columns |= dict(zip(names, sink.FindLog(context).data(), strict=True))
-        table = pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
-        return table, ending
+        return self._logs.table(context), ending

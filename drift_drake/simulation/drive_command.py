@@ -13,7 +13,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import figure_8, loops
 from drift_drake.run_folder import make_run_folder
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Run
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.results import write_results
 from drift_drake.vehicle.double_track.cars import CARS
@@ -78,7 +78,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
                       faults=faults)  # fmt: skip
 
 
-def simulate(config: ClosedLoopConfig) -> Run:
+def simulate(config: ClosedLoopConfig) -> ClosedLoopRun:
     """One run; the same config gives the same run to the bit (wall times aside)."""
     # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
     error = np.array([0.0, 0.0, config.sideslip_error, 0.0, config.lateral_error, 0.0])

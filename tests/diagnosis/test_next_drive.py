@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.control.plan import interpolate_plan
 from drift_drake.diagnosis.answer import Answer, UnplannableError
 from drift_drake.diagnosis.beliefs import (
     Belief,
@@ -23,7 +24,6 @@ from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.prior import scale
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
-from drift_drake.simulation.actuation import interpolate_plan
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

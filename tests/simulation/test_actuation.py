@@ -7,7 +7,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from drift_drake.simulation.actuation import LinearInterpolationActuator, PlanStatus, interpolate_plan, plan_size
+from drift_drake.control.plan import interpolate_plan, plan_size
+from drift_drake.simulation.actuation import LinearInterpolationActuator, PlanStatus
 from drift_drake.vehicle.parameters import VehicleParameters
 
 PARAMETERS = VehicleParameters()

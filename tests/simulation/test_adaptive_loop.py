@@ -17,7 +17,7 @@ from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.change import Change
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Limits
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)
@@ -60,7 +60,7 @@ def test_the_controller_follows_the_adapter(adaptive: tuple[ClosedLoop, Bayesian
 def test_the_lags_follow_the_commands_in_force(adaptive: tuple[ClosedLoop, BayesianAdapter]) -> None:
     loop, _ = adaptive
     context = loop.initial_context(seed=1)
-    table = loop.run(context, Limits(time_factor=0.1)).table
+    table = loop.run(context, RunLimits(time_factor=0.1)).table
     lag = loop.diagram.GetSubsystemByName("command_lag")
     held = lag.GetMyContextFromRoot(context).get_discrete_state_vector().value()
     expected = lagged_commands(table["t"].to_numpy(), table[["delta", "tau"]].to_numpy())

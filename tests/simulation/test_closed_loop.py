@@ -11,7 +11,7 @@ import pytest
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, Limits, Run
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, simulate
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
@@ -40,11 +40,11 @@ def loop(short: Reference) -> ClosedLoop:
 
 
 @pytest.fixture(scope="module")
-def figure_8_run() -> Run:
+def figure_8_run() -> ClosedLoopRun:
     return simulate(ClosedLoopConfig())
 
 
-def test_drifts_the_whole_figure_8(figure_8_run: Run) -> None:
+def test_drifts_the_whole_figure_8(figure_8_run: ClosedLoopRun) -> None:
     """From 0.5 m and 0.1 rad off, with noise, at 100 Hz; as good as the issue's prototype (0.16 m, 0.08 rad)."""
     metrics = figure_8_run.metrics()
     assert metrics.outcome == "completed"
@@ -62,7 +62,7 @@ def test_drifts_the_whole_figure_8(figure_8_run: Run) -> None:
     assert (table["omega_r"] > table["v"]).mean() > 0.9
 
 
-def test_world_pose_and_path_coordinates_agree(figure_8_run: Run) -> None:
+def test_world_pose_and_path_coordinates_agree(figure_8_run: ClosedLoopRun) -> None:
     table, path = figure_8_run.table, figure_8_run.reference.path
     x, y = path.to_world(table["s"].to_numpy(), table["e"].to_numpy())
     np.testing.assert_allclose(np.stack([x, y]), table[["x", "y"]].to_numpy().T, atol=0.02)
@@ -104,12 +104,12 @@ def test_the_oracle_holds_a_car_that_the_nominal_model_throws_about(reference: R
 @pytest.mark.parametrize(
     ("error", "limits", "outcome"),
     [
-        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], Limits(sideslip=0.3), "spin"),
-        ([0.0, 0.0, 0.0, 0.0, 2.5, 0.0], Limits(lane_margin=-1.0), "left the lane"),
-        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], Limits(time_factor=0.001), "time is up"),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], RunLimits(sideslip=0.3), "spin"),
+        ([0.0, 0.0, 0.0, 0.0, 2.5, 0.0], RunLimits(lane_margin=-1.0), "left the lane"),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0], RunLimits(time_factor=0.001), "time is up"),
     ],
 )
-def test_a_run_ends_with_a_reason(loop: ClosedLoop, error: list[float], limits: Limits, outcome: str) -> None:
+def test_a_run_ends_with_a_reason(loop: ClosedLoop, error: list[float], limits: RunLimits, outcome: str) -> None:
     assert loop.run(loop.initial_context(0, np.array(error)), limits).outcome == outcome
 
 

@@ -13,7 +13,7 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.logs.table import COLUMNS, read_case
 from drift_drake.model.samples import load_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.simulation.drive import Drive, Limits
+from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drives import drive_vehicle
 
@@ -44,7 +44,7 @@ def test_a_held_drift_goes_on_and_replays(hold: tuple[Drive, np.ndarray]) -> Non
 
 def test_a_drive_ends_at_its_limits(hold: tuple[Drive, np.ndarray]) -> None:
     drive, state = hold
-    table, ending = drive.run(state, 0.0, 1.5, seed=3, limits=Limits(max_speed=1.0))
+    table, ending = drive.run(state, 0.0, 1.5, seed=3, limits=DriveLimits(max_speed=1.0))
     assert ending == "speed"
     assert len(table) < 3
 

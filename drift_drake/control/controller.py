@@ -1,0 +1,122 @@
+"""MpcController: `Mpc` as a system that replans at a fixed rate."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from drift_drake.control.mpc import Mpc, MpcSolution, SolveStatistics
+from drift_drake.control.ocp import OcpWeights
+from drift_drake.control.plan import Plan, no_plan
+from drift_drake.control.sqp import SqpOptions
+from drift_drake.control.step_model import StepModel
+from drift_drake.control.tightening import LaneTightening
+from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+
+class MpcController(LeafSystem):
+    """Model predictive control along a reference: measured state in, plan and predicted trajectory out.
+
+    Each `period` it plans from the measured state and its last solution, see `Mpc`. Where no plan is found, the last
+    one stays in force (it goes on in time, and the actuator holds its last command beyond its end) and the failure is
+    counted, and so is an error of the solver.
+
+    Input ports:
+        measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
+        theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
+        memory: the model's further states, for a model that has any.
+        posterior_covariance: of the last layer [4096], with `tightening`.
+
+    Output ports:
+        plan: [t_start, delta_0, tau_0, ..., delta_N, tau_N]; NaN before the first solve.
+        prediction: states [(N + 1) * n] that go with the plan.
+        statistics: `SolveStatistics`.
+
+    State in the Context: the plan, the last solution (decision vector and multipliers), the statistics.
+
+    Args:
+        period: [s] between plans.
+        delay: [s] from a measurement until its plan is in force: one period, which the solve may use up.
+        theta_size: length of the port `theta`; 0 for a model without.
+        the others: see `Mpc`.
+    """
+
+    def __init__(
+        self,
+        model: StepModel,
+        parameters: VehicleParameters,
+        reference: Reference,
+        horizon: int = 25,
+        weights: OcpWeights | None = None,
+        options: SqpOptions | None = None,
+        period: float = 0.01,
+        delay: float = 0.01,
+        initial_command: tuple[float, float] = (0.0, 0.0),
+        theta_size: int = 0,
+        tightening: LaneTightening | None = None,
+    ) -> None:
+        LeafSystem.__init__(self)
+        self.period = period
+        self.mpc = Mpc(model, parameters, reference, horizon, weights, options, delay, initial_command, tightening)
+
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
+        memory_size = model.memory_scale.size
+        self._memory = self.DeclareVectorInputPort("memory", memory_size) if memory_size else None
+        self._covariance = self.DeclareVectorInputPort("posterior_covariance", COVARIANCE_COUNT) if tightening else None
+        self._plan = self.DeclareDiscreteState(no_plan(horizon))
+        self._primal = self.DeclareDiscreteState(np.full(self.mpc.problem.size, np.nan))
+        self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
+        self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
+
+        for name, index in (("plan", self._plan), ("statistics", self._statistics)):
+            self.DeclareStateOutputPort(name, index)
+        self.DeclareVectorOutputPort(
+            "prediction",
+            (6 + memory_size) * (horizon + 1),
+            self._calc_prediction,
+            prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
+        )
+
+    def _calc_prediction(self, context: Context, output: Any) -> None:
+        x, _, _ = self.mpc.problem.unstack(context.get_discrete_state(self._primal).value())
+        output.SetFromVector(x.ravel())
+
+    def _replan(self, context: Context, discrete: DiscreteValues) -> None:
+        before = SolveStatistics(*context.get_discrete_state(self._statistics).value())
+        measured = self._measured.Eval(context)
+        x, s = (
+            (measured[:6] if self._memory is None else np.append(measured[:6], self._memory.Eval(context))),
+            measured[6],
+        )
+        covariance = None if self._covariance is None else self._covariance.Eval(context).reshape(MEAN_COUNT, -1)
+        try:
+            last, model = self._last(context, before), self._believed(context)
+            solution = self.mpc.solve(x, s, context.get_time(), last, model, covariance)
+        except (ArithmeticError, IndexError, RuntimeError, ValueError):
+            # Numbers far off, or an error of the solver itself: a failure like any other.
+            failed = before._replace(failed=1.0, failures=before.failures + 1.0)
+            discrete.set_value(self._statistics, np.array(failed))
+            return
+        discrete.set_value(self._plan, solution.plan.vector())
+        discrete.set_value(self._primal, solution.primal)
+        discrete.set_value(self._dual, solution.dual)
+        discrete.set_value(self._statistics, np.array(solution.statistics._replace(failures=before.failures)))
+
+    def _believed(self, context: Context) -> StepModel:
+        """The model with the parameters that the port gives, where there is one."""
+        if self._theta is None or not self._theta.HasValue(context):
+            return self.mpc.model
+        return self.mpc.model.with_theta(self._theta.Eval(context).reshape(4, -1))  # type: ignore[attr-defined]
+
+    def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:
+        """The last solution, as the Context holds it."""
+        plan = Plan.of(context.get_discrete_state(self._plan).value())
+        primal, dual = (context.get_discrete_state(index).value() for index in (self._primal, self._dual))
+        return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics)

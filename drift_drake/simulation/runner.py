@@ -1,0 +1,71 @@
+"""What every simulated drive shares: the integrator, the monitor that ends it, and the logs that it leaves."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, OutputPort, System
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+
+Array = NDArray[np.float64]
+
+MAX_STEP = 0.01  # [s] of the integrator
+ACCURACY = 1e-4
+
+
+def make_simulator(
+    diagram: Diagram,
+    context: Context | None = None,
+    ends: tuple[System, Callable[[Context], str | None]] | None = None,
+    accuracy: float = ACCURACY,
+) -> Simulator:
+    """A simulator with the integrator that all drives use (third order, steps by error control).
+
+    Args:
+        context: of the diagram; a default one without.
+        ends: a system, and why the run ends there and then (None where it goes on), from the diagram's Context.
+    """
+    simulator = Simulator(diagram, context) if context is not None else Simulator(diagram)
+    ResetIntegratorFromFlags(simulator, "runge_kutta3", MAX_STEP).set_target_accuracy(accuracy)
+    if ends is not None:
+        system, reason_at = ends
+
+        def monitor(root: Context) -> EventStatus:
+            reason = reason_at(root)
+            return EventStatus.DidNothing() if reason is None else EventStatus.ReachedTermination(system, reason)
+
+        simulator.set_monitor(monitor)
+    return simulator
+
+
+class Logs:
+    """Loggers of a diagram's ports, one table of them all.
+
+    Args:
+        builder: of the diagram; period: [s] between rows.
+    """
+
+    def __init__(self, builder: DiagramBuilder, period: float) -> None:
+        self._builder, self._period = builder, period
+        self._columns: list[tuple[VectorLogSink, tuple[str, ...]]] = []
+
+    def add(self, port: OutputPort, columns: Sequence[str], name: str = "") -> None:
+        """Logs a port; `columns`: what its numbers are called in the table, empty for those left out."""
+        sink = LogVectorOutput(port, self._builder, self._period)
+        if name:
+            sink.set_name(f"log_{name}")
+        self._columns.append((sink, tuple(columns)))
+
+    def table(self, context: Context) -> pd.DataFrame:
+        """A row each period; t is the sampling's time unless a port gives a column t.
+
+        An instant that is logged twice (at the end of a run) has its last values.
+        """
+        columns: dict[str, Array] = {}
+        for sink, names in self._columns:
+            log = sink.FindLog(context)
+            columns.setdefault("t", log.sample_times())
+            columns |= {name: values for name, values in zip(names, log.data(), strict=True) if name}
+        return pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)

@@ -107,7 +107,7 @@ def diagnose_day(
         found, shrinks = beyond.ranked, beyond.reduction
         warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
-    limits = detection_limits(search)
+    limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}

@@ -94,6 +94,7 @@ class Search:
         self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
         self.threads = threads
+        self.curves: list[Curve] = []  # of every single effect, once `singles` has been asked
 
     def on(self, day: Day) -> "Search":
         """The same search on other windows."""
@@ -130,7 +131,8 @@ class Search:
                 progress((done + 1) / len(variants))
             ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
             refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
-        found = [curve.hypothesis(self) for curve in [*refined, *ranked[REFINED:]]]
+        self.curves = [*refined, *ranked[REFINED:]]
+        found = [curve.hypothesis(self) for curve in self.curves]
         best: dict[str, Hypothesis] = {}
         for h in sorted(found, key=lambda h: -h.log_evidence):
             best.setdefault(h.names[0], h)

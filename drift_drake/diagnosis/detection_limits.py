@@ -1,21 +1,24 @@
 """What these logs can show: for every effect the least magnitude that would be named with 95 % probability.
 
-To first order in the magnitudes, from the day's own drives and the car's own scatter; no truth is needed. An effect is
-named when it is ahead of `none` by its prior's disadvantage, and of every other single effect whose magnitude is
-fitted to the same scores; the log evidence ahead of a rival that is D nats behind in the mean has variance 2 D.
+From the day's own drives and the car's own scatter; no truth is needed. An effect shifts the scores along its curve
+(`day_hypotheses.Curve`). It is named when that shift is ahead of `none` by the disadvantage of its prior, and of the
+nearest shift that any other single effect can make; the log evidence ahead of a rival that is D nats behind in the
+mean has variance 2 D.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.day_hypotheses import REACH, Search
-from drift_drake.estimation.scores import units
+from drift_drake.diagnosis.day_hypotheses import Curve, Range, Search
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 SURE = 1.645  # standard deviations of a one-sided 95 %
-RATE_LIMIT, LIMITS = "steering_rate_limit", 12  # of which limits are tried
+RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
 AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it beside none
+BESIDE_NONE = float(SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE))  # standard deviations that a shift must have
+BESIDE_RIVAL = 2.0 * SURE  # that it must be from a rival's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,44 +26,62 @@ class DetectionLimit:
     """Of one effect."""
 
     unit: str
-    least: float | None  # magnitude; None if none within the practical range (times 1.5) would be named
+    least: float | None  # magnitude (of a rate limit the highest); None if none within reach would be named
     taken_for: str  # the hypothesis that is hardest to tell it from
 
 
-def detection_limits(search: Search) -> dict[str, DetectionLimit]:
-    """By effect of the search's catalogue."""
-    names = list(search.ranges)
-    steps = units(names, search.vehicle)
+@dataclasses.dataclass(frozen=True)
+class Shifts:
+    """What an effect does to the scores, in standard deviations, over the magnitudes that it may have."""
+
+    name: str
+    magnitudes: np.ndarray  # [m]
+    at: np.ndarray  # [m, n]
+
+
+def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, DetectionLimit]:
+    """By effect of the search's catalogue.
+
+    Args:
+        curves: of every single effect (`Search.curves`).
+    """
+    root = np.linalg.cholesky(search.scatter.inverse + 1e-300 * np.eye(len(search.scatter.inverse)))
     at_zero = search.scores({})
-    slopes = []
-    for name, step in zip(names, steps, strict=True):
-        # From a magnitude that acts: a rate limit's derivative at zero is none.
-        slopes.append((search.scores({name: float(step)}) - at_zero) / step)
-    whitened = np.array(slopes) @ np.linalg.cholesky(search.scatter.inverse + 1e-300 * np.eye(len(at_zero)))
-    size = np.sqrt(np.maximum(np.sum(whitened**2, axis=1), 1e-300))
-    cosine = whitened @ whitened.T / np.outer(size, size)
-    beside_none = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
-    beside_rival = 2.0 * SURE
-    out = {}
-    for i, name in enumerate(names):
-        apart = size[i] * np.sqrt(np.maximum(1.0 - cosine[i] ** 2, 1e-12))
-        apart[i] = np.inf
-        needs = [beside_none / size[i], *(beside_rival / apart)]
-        hardest = int(np.argmax(needs))
-        least = max(needs[hardest], search.ranges[name].least)
-        reach = REACH * max(abs(q) for q in CATALOGUE[name].range_for(search.vehicle))
-        rival = "none" if hardest == 0 else names[hardest - 1]
-        out[name] = DetectionLimit(CATALOGUE[name].unit, float(least) if least <= reach else None, rival)
-    if RATE_LIMIT in out:
-        out[RATE_LIMIT] = rate_limit(search, at_zero, float(beside_none))
-    return out
+    shifts = [shifts_of(curve, at_zero, root, search.ranges[curve.name]) for curve in curves]
+    own = {curve.name: shift for curve, shift in zip(curves, shifts, strict=True) if curve.follows == 0.0}
+    return {name: limit_of(own[name], [rival for rival in shifts if rival.name != name]) for name in search.ranges}
 
 
-def rate_limit(search: Search, at_zero: np.ndarray, needed: float) -> DetectionLimit:
-    """The highest limit [rad/s] that would be named: a limit acts the more the lower it is."""
-    r = search.ranges[RATE_LIMIT]
-    for limit in np.linspace(r.high, r.least, LIMITS):
-        x = search.scores({RATE_LIMIT: float(limit)}) - at_zero
-        if np.sqrt(2.0 * float(search.nats(x))) >= needed:
-            return DetectionLimit(CATALOGUE[RATE_LIMIT].unit, float(limit), "none")
-    return DetectionLimit(CATALOGUE[RATE_LIMIT].unit, None, "none")
+def shifts_of(curve: Curve, at_zero: np.ndarray, root: np.ndarray, r: Range) -> Shifts:
+    """A curve's shifts, whitened, within its effect's range."""
+    q, s = curve.fine()
+    allowed = (np.abs(q) >= r.least * (1.0 - 1e-9)) & (q >= r.low) & (q <= r.high)
+    return Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root)
+
+
+def limit_of(effect: Shifts, rivals: Sequence[Shifts]) -> DetectionLimit:
+    """The magnitude from which on an effect would be named: the larger one, where its signs differ."""
+    margins = [np.linalg.norm(effect.at, axis=1) / BESIDE_NONE]
+    margins += [distances(effect.at, rival.at) / BESIDE_RIVAL for rival in rivals]
+    margin, names = np.array(margins), ["none", *(rival.name for rival in rivals)]
+    # In the order in which an effect acts less and less.
+    strength = -effect.magnitudes if effect.name == RATE_LIMIT else np.abs(effect.magnitudes)
+    found: list[tuple[float, int]] = []
+    closest = int(np.argmax(strength))
+    for side in (effect.magnitudes < 0.0, effect.magnitudes > 0.0):
+        at = np.flatnonzero(side)[np.argsort(-strength[side], kind="stable")]
+        named = np.concatenate([np.min(margin[:, at], axis=0) >= 1.0, [False]])
+        last = int(np.argmin(named)) - 1  # of the strongest ones that are all named
+        if last >= 0:
+            found.append((float(effect.magnitudes[at[last]]), int(at[min(last + 1, len(at) - 1)])))
+    unit = CATALOGUE[effect.name].unit
+    if not found:
+        return DetectionLimit(unit, None, names[int(np.argmin(margin[:, closest]))])
+    least, below = max(found, key=lambda item: abs(item[0]))
+    return DetectionLimit(unit, abs(least), names[int(np.argmin(margin[:, below]))])
+
+
+def distances(points: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """From each of points [m, n] to the nearest of others [k, n]."""
+    squares = np.sum(points**2, axis=1)[:, None] + np.sum(others**2, axis=1)[None, :] - 2.0 * points @ others.T
+    return np.asarray(np.sqrt(np.maximum(np.min(squares, axis=1), 0.0)))

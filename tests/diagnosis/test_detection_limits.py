@@ -53,10 +53,10 @@ def test_scatter_makes_limits_larger():
 
 def test_effects_that_look_alike_must_be_told_from_each_other():
     cosine = 0.95
-    other = 200.0 * np.array([cosine, np.sqrt(1.0 - cosine**2)])
-    limits = Linear({"mass_error": [200.0, 0.0], "yaw_inertia_error": other}).limits()
+    other = 50.0 * np.array([cosine, np.sqrt(1.0 - cosine**2)])
+    limits = Linear({"mass_error": [50.0, 0.0], "yaw_inertia_error": other}).limits()
     assert limits["mass_error"].taken_for == "yaw_inertia_error"
-    assert limits["mass_error"].least == pytest.approx(2.0 * SURE / (200.0 * np.sqrt(1.0 - cosine**2)), rel=FINE)
+    assert limits["mass_error"].least == pytest.approx(2.0 * SURE / (50.0 * np.sqrt(1.0 - cosine**2)), rel=FINE)
 
 
 def test_effects_that_look_the_same_cannot_be_named():

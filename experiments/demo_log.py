@@ -8,6 +8,7 @@ Effects of the sensors alone are not drawn: they would not be seen in the replay
 
 import secrets
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,8 @@ def main() -> None:
     truth = Truth({name: drawn_magnitude(rng, name, vehicle.tolerance)}, {}, drawn_deviations(rng, vehicle.tolerance))
     FOLDER.mkdir(parents=True, exist_ok=True)
     for run in drake_case(truth, vehicle, rng):
-        columns = {c: np.round(v, DECIMALS.get(c, OTHER_DECIMALS)) for c in COLUMNS if (v := run.column(c)) is not None}
+        known: dict[str, Any] = {c: v for c in COLUMNS if (v := run.column(c)) is not None}
+        columns: dict[str, Any] = {c: np.round(v, DECIMALS.get(c, OTHER_DECIMALS)) for c, v in known.items()}
         write_run(Run(run.name, **columns), FOLDER / f"{run.name}.csv.gz")
     write_json(FOLDER / TRUTH, truth)
 

@@ -1,6 +1,6 @@
 """Whether a run's numbers can be a car's at all; finer doubts are for `screening`."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -24,12 +24,14 @@ DEGREES = 20.0  # factor from which r or psi can only be the other's in degrees
 Columns = Mapping[str, np.ndarray | None]
 
 
-def implausible(columns: Columns, period: float) -> str | None:
+def implausible(columns: Columns, period: float, trusted: Collection[str] = ()) -> str | None:
     """What no car can do, in one sentence without the run's name; None where there is nothing.
 
     Args:
-        columns: of the log format [rows], None where the log lacks one; period: time between rows [s].
+        columns: of the log format [rows], None where the log lacks one; period: time between rows [s]; trusted: names
+            of columns that are asked no questions.
     """
+    columns = {name: None if name in trusted else values for name, values in columns.items()}
     return _absurd(columns) or _too_large(columns) or _turning(columns, period) or _negative_speed(columns)
 
 
@@ -74,7 +76,7 @@ def _turning(columns: Columns, period: float) -> str | None:
     if fast > FAST_TURN and across > MOST_ACROSS:
         return (
             f"column r reaches {fast:g}, and v r {across:.3g} m/s^2, which no car holds; it looks like degrees per "
-            "second, convert it"
+            "second: convert it, or import it with --trust r if the car did turn that fast"
         )
     return None
 

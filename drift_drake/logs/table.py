@@ -40,6 +40,7 @@ class Run:
     [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows.
 
     `filled`: rows (bool) in which the screening has filled a bad sample, so that a column is no measurement there.
+    `trusted`: columns that are asked no questions, since somebody has looked at them.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Run:
     y: np.ndarray | None = None
     psi: np.ndarray | None = None
     filled: np.ndarray | None = None
+    trusted: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check(self)
@@ -117,7 +119,7 @@ def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
     """
     name = _name(path)
     try:
-        return Run(name=name, **columns)
+        return Run(name=name, trusted=trusted_columns(path.parent), **columns)
     except InvalidLogError as error:
         raise InvalidLogError(f"{path}: {str(error).removeprefix(name + ': ')}") from None
 
@@ -225,7 +227,7 @@ def _check(run: Run) -> None:
             row = int(np.flatnonzero(~np.isfinite(values))[0])
             raise InvalidLogError(f"{run.name}: column {name} is not a number in row {row}; fill or cut it")
     _check_clock(run)
-    wrong = implausible({name: run.column(name) for name in COLUMNS}, run.period)
+    wrong = implausible({name: run.column(name) for name in COLUMNS}, run.period, run.trusted)
     if wrong is not None:
         raise InvalidLogError(f"{run.name}: {wrong}")
 
@@ -253,20 +255,44 @@ def _check_clock(run: Run) -> None:
         )
 
 
+def _import_report(folder: str | Path) -> dict[str, Any]:
+    """What an import wrote beside its runs; empty where there is none."""
+    path = Path(folder) / IMPORT_REPORT
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError):
+        report = None
+    if not isinstance(report, dict):
+        raise _no_report(path)
+    return report
+
+
+def _no_report(path: Path) -> InvalidLogError:
+    return InvalidLogError(f"{path}: is no report of 'drift-drake import'; take it away or import again")
+
+
+def trusted_columns(folder: str | Path) -> tuple[str, ...]:
+    """Columns that `drift-drake import --trust` was told to ask no questions of; none where nothing was imported."""
+    mapping = _import_report(folder).get("mapping", {})
+    trusted = mapping.get("trust", []) if isinstance(mapping, dict) else None
+    if not isinstance(trusted, list) or not all(name in COLUMNS for name in trusted):
+        raise _no_report(Path(folder) / IMPORT_REPORT)
+    return tuple(trusted)
+
+
 def stated_noise(folder: str | Path) -> dict[str, float]:
     """Noise levels by column (SI, one standard deviation) that an import stated beside its runs; none without one.
 
     The median over the runs. A smoothed column hides its noise from whoever looks at its rows alone.
     """
-    path = Path(folder) / IMPORT_REPORT
+    levels: dict[str, list[float]] = {}
     try:
-        reports = json.loads(path.read_text(encoding="utf-8"))["runs"]
-        levels: dict[str, list[float]] = {}
-        for report in reports:
+        whole = _import_report(folder)
+        for report in whole["runs"] if whole else []:
             for name, value in report["std"].items():
                 levels.setdefault(name, []).append(float(value))
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        raise InvalidLogError(f"{path}: is no report of 'drift-drake import'; take it away or import again") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise _no_report(Path(folder) / IMPORT_REPORT) from None
     return {name: float(np.median(values)) for name, values in levels.items()}

@@ -14,6 +14,7 @@ from drift_drake.logs.importing.formats.topics import topic_of_messages, with_ya
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import guessed_mapping, look
 from drift_drake.logs.importing.mapping import mapping_from_dict
+from drift_drake.logs.table import read_case
 
 OWN = {"imu": "imu.t", "gps": "gps.t", "drive": "drive.t"}
 STAMPED = {"imu": "/imu.log_time", "gps": "/gps.log_time", "drive": "/drive.log_time"}
@@ -240,6 +241,19 @@ def test_a_small_cars_yaw_rate_is_no_degrees(tmp_path):
     )
     (run,), _ = import_recordings([tmp_path / "one.csv"], mapping_from_dict(PLAIN | {"wheelbase": 0.17}))
     assert np.max(run.r) == pytest.approx(8.7, rel=0.01)
+
+
+def test_a_yaw_rate_beyond_belief_is_refused_unless_trusted(tmp_path, capsys):
+    spinning = {"r": 9.0, "v": 20.0, "delta_cmd": 0.1}
+    plain(lambda t: {name: 0.0 * t + value for name, value in spinning.items()}).to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(PLAIN))
+    command = ["import", str(tmp_path / "a.csv"), "--mapping", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "m")]
+    assert main(command) == 2
+    assert "it looks like degrees per second" in capsys.readouterr().err
+    assert main([*command, "--trust", "yaw"]) == 2
+    assert "--trust yaw: is no column of the log" in capsys.readouterr().err
+    assert main([*command, "--trust", "r"]) == 0
+    assert np.max(read_case(tmp_path / "m")[0].r) == pytest.approx(9.0)
 
 
 def test_a_look_names_what_the_file_lacks(tmp_path):

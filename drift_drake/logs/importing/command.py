@@ -11,7 +11,7 @@ from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.importer import ImportReport, import_recordings
 from drift_drake.logs.importing.look import look
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
-from drift_drake.logs.table import IMPORT_REPORT, Run, run_paths, write_run
+from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.safe_files import try_folder, try_outputs, writing_together
 from drift_drake.standard_output import said_to, write_text
@@ -49,6 +49,8 @@ class Import:
     """Leave out what lies before, in seconds after each recording's first reading."""
     end: float = math.inf
     """Leave out what lies after."""
+    trust: tuple[str, ...] = ()
+    """Columns of the log to take as they are, however large: r of a car that does turn that fast."""
     json: Path | None = None
     """Where to write the report as JSON, beside OUT/import.json (-: standard output)."""
 
@@ -71,8 +73,12 @@ def run_import(command: Import) -> None:
         raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
     if not command.start < command.end:
         raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
+    for name in command.trust:
+        if name not in COLUMNS:
+            raise InvalidOptionError(f"--trust {name}: is no column of the log; they are {', '.join(COLUMNS)}")
     try_folder(command.out, "--out")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
+    mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
     print(summary(report), file=said_to(command.json))

@@ -10,6 +10,7 @@ from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
 from drift_drake.logs.importing.frames import FRAMES
 from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
+from drift_drake.logs.table import COLUMNS
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
@@ -81,7 +82,8 @@ class RecorderMapping:
     """A mapping file. `measured_point` [m]: ahead and to the left of the centre of gravity, where x, y, vx, vy are
     measured; `derive`: what to compute from x, y, psi (motion capture) where no column gives it; `formulas`: further
     quantities, in order, from signals, derived quantities, `constants` and earlier formulas; `bandwidth` [Hz]:
-    of the vehicle's motion at most, faster things in motion capture are vibration and taken for noise."""
+    of the vehicle's motion at most, faster things in motion capture are vibration and taken for noise; `trust`: columns
+    of the log to take as they are, however large."""
 
     clocks: dict[str, Clock]
     signals: dict[str, Signal]
@@ -94,6 +96,7 @@ class RecorderMapping:
     formulas: dict[str, str] = dataclasses.field(default_factory=dict)
     bandwidth: float = math.inf
     moving: Moving | None = None
+    trust: tuple[str, ...] = ()
 
     @property
     def first_clock(self) -> str:
@@ -150,6 +153,9 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     derive = entries.get("derive", RecorderMapping.derive)
     if not isinstance(derive, (list, tuple)) or not all(name in DERIVABLE for name in derive):
         raise InvalidMappingError(f"{source}: derive must be a list of some of {', '.join(DERIVABLE)}")
+    trust = entries.get("trust", [])
+    if not isinstance(trust, (list, tuple)) or not all(name in COLUMNS for name in trust):
+        raise InvalidMappingError(f"{source}: trust must be a list of some of {', '.join(COLUMNS)}")
     moving = entries.get("moving")
     wheelbase = entries.get("wheelbase")
     mapping = RecorderMapping(
@@ -169,6 +175,7 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
         if "bandwidth" in entries
         else math.inf,
         moving=None if moving is None else _moving(moving, source),
+        trust=tuple(trust),
     )
     _check_names(mapping, source)
     return mapping

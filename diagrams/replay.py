@@ -15,8 +15,8 @@ from drift_drake.logs.table import InvalidLogError
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.side_by_side import side_by_side
-from drift_drake.playback.command import describe, play, prepare, read_cars, write_replay
 from drift_drake.playback.comparison import compare, drawn, wide_table
+from drift_drake.playback.play import describe, play, prepare, read_cars, write_replay
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
 from drift_drake.vehicle.parameters import InvalidVehicleError

@@ -36,11 +36,15 @@ def terminable() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def ended_at_once(name: str) -> Iterator[None]:
+def ended_at_once(name: str = "drift-drake") -> Iterator[None]:
     """Within the block, which must have begun nothing, Ctrl-C and SIGTERM end the process in one line.
 
-    For imports: an exception raised within those of compiled modules is lost, or becomes another one.
+    For imports: an exception raised within those of compiled modules is lost, or becomes another one. Only the main
+    thread can ask for it.
     """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
 
     def end(number: int, _frame: FrameType | None) -> None:
         how, code = ENDS[signal.Signals(number)]

@@ -4,19 +4,23 @@ import errno
 import json
 import os
 import signal
+import subprocess
+import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake import cli
-from drift_drake.cli import BAD_INPUT, main
+from drift_drake.cli import BAD_INPUT, COMMANDS, main
+from drift_drake.diagnosis import apply
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 from experiments.gap_cases import Truth, make_case
 
+ROOT = Path(__file__).parents[1]
 ANSWER = {
     "case": "a",
     "verdict": "effect",
@@ -63,11 +67,60 @@ def test_bad_input_is_one_sentence_and_exit_code_2(vehicle_path, capsys, argumen
 
 
 def test_help_names_the_commands(capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(["--help"])
-    assert caught.value.code == 0
+    assert main(["--help"]) == 0
     text = capsys.readouterr().out
-    assert all(name in text for name in ("import", "diagnose", "apply", "simulate", "replay", "train"))
+    assert all(f"  {name} " in text and command.summary in text for name, command in COMMANDS.items())
+    assert main([]) == BAD_INPUT
+    assert capsys.readouterr().err == text
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([name, "--help"])
+    assert caught.value.code == 0
+    assert f"usage: drift-drake {name} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("word", "says"), [("diagnos", "is it diagnose?"), ("xyzzy", "there are import, diagnose,")])
+def test_an_unknown_command_is_one_sentence(word, says, capsys):
+    assert main([word]) == BAD_INPUT
+    assert capsys.readouterr().err.startswith(f"drift-drake: '{word}' is no command; {says}")
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"drift-drake {version('drift_drake')}\n"
+
+
+SLOW = ("pydrake.systems.framework", "pandas", "scipy.linalg", "matplotlib", "torch", "rich")
+MISTYPED = [
+    ["--help"],
+    ["diagnose", "nowhere", "--vehicle", "VEHICLE"],
+    ["diagnose", "nowhere", "--vehicle", "nothing.yaml"],
+    ["identify", "nowhere", "--vehicle", "VEHICLE"],
+    ["plan-next", "nothing.json", "--vehicle", "VEHICLE"],
+    ["apply", "nothing.json", "--vehicle", "VEHICLE", "--out", "x.yaml"],
+    ["simulate", "nowhere", "--vehicle", "VEHICLE", "--out", "x.csv"],
+    ["replay", "nothing.csv", "--vehicle", "VEHICLE"],
+    ["import", "nothing.csv"],
+]
+IMPORTED = """
+import sys
+from drift_drake.cli import main
+for arguments in {mistyped}:
+    main(arguments)
+    print(arguments, *(name for name in {slow} if name in sys.modules), flush=True)
+"""
+
+
+def test_help_and_mistyped_paths_import_nothing_slow(vehicle_path):
+    mistyped = [[str(vehicle_path) if word == "VEHICLE" else word for word in words] for words in MISTYPED]
+    program = IMPORTED.format(mistyped=mistyped, slow=SLOW)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    said = [line for line in done.stdout.splitlines() if line.startswith("[")]
+    assert said == [str(words) for words in mistyped]
+    assert done.stderr.count("\n") == len(MISTYPED) - 1
 
 
 @pytest.mark.slow
@@ -155,7 +208,7 @@ def test_numbers_and_outputs_are_tried_before_the_work(tmp_path, vehicle_path, c
     ],
 )
 def test_signals_end_in_one_line(tmp_path, vehicle_path, capsys, monkeypatch, end, code, says):
-    monkeypatch.setattr(cli, "run_apply", end)
+    monkeypatch.setattr(apply, "run_apply", end)
     before = signal.getsignal(signal.SIGTERM)
     assert main(["apply", "a.json", "--vehicle", str(vehicle_path), "--out", str(tmp_path / "x.yaml")]) == code
     error = capsys.readouterr().err

@@ -39,8 +39,9 @@ from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares,
 from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
+from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.screening.suspicions import suspicions
-from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths, stated_noise
+from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -225,11 +226,6 @@ def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int
     return dataclasses.replace(found, answer=answer)
 
 
-def case_name(folder: Path) -> str:
-    """Name of a case: its folder's own, which is its folder's only even where folders are links."""
-    return folder.name if folder.name not in ("", "..") else folder.resolve().name
-
-
 def answer_folder(
     folder: str | Path,
     vehicle: VehicleParameters,
@@ -259,23 +255,6 @@ def answer_folder(
         found = diagnose(runs, vehicle, case=case, workers=workers, **options)
     answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)
     return dataclasses.replace(found, answer=answer)
-
-
-def case_folders(folder: str | Path) -> list[Path]:
-    """The folder itself if it holds runs, else its subfolders that do.
-
-    Raises:
-        InvalidLogError: there is no run in either.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InvalidLogError(f"{folder}: no such folder; give a case (run_0.csv, run_1.csv, ...) or a folder of cases")
-    if run_paths(folder):
-        return [folder]
-    cases = sorted(path for path in folder.iterdir() if path.is_dir() and run_paths(path))
-    if not cases:
-        raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
-    return cases
 
 
 def _answer_folder(folder: Path, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:

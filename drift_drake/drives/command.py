@@ -7,18 +7,16 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
+from drift_drake.drives.names import NAMES
 from drift_drake.errors import InvalidOptionError
+from drift_drake.interruption import ended_at_once
 from drift_drake.logs.driving import slowest
-from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns, write_run
+from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.simulation.drive import LOG_PERIOD, Drive, DriveLimits
-from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.standard_output import said_to, write_text
-from drift_drake.vehicle.effects import Effects, magnitudes_of
-from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.vehicle.plausible import check_effects, check_plausible
+from drift_drake.vehicle.effects import magnitudes_of
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 COMMANDS = ("t", "delta_cmd", "tau_cmd")
@@ -68,10 +66,16 @@ def run_simulate(command: Simulate) -> None:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
         InvalidOptionError: a number is out of range.
     """
-    logging.getLogger("drake").setLevel(logging.WARNING)
     parameters, effects = read_vehicle(command.vehicle)
-    source = [] if command.drive in MANOEUVRES else [command.drive]
+    check_options(command, parameters)
+    source = [] if command.drive in NAMES else [command.drive]
+    if source and not Path(command.drive).exists():
+        raise InvalidLogError(f"{command.drive}: no such file or manoeuvre; give a log or one of {', '.join(NAMES)}")
     try_outputs({"--out": command.out, "--json": command.json}, [command.vehicle, *source])
+    with ended_at_once():
+        from drift_drake.drives.simulate import simulate
+
+    logging.getLogger("drake").setLevel(logging.WARNING)
     run, ending = simulate(command, parameters, effects)
     write_run(run, command.out)
     end = "as planned" if ending == "time" else f"early: {ending}"
@@ -81,29 +85,6 @@ def run_simulate(command: Simulate) -> None:
     if command.json is not None:
         driven = {"command": command, "effects": magnitudes_of(effects), "ending": ending, "rows": len(run)}
         write_text(command.json, to_json(driven))
-
-
-def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects) -> tuple[Run, str]:
-    """The log of a drive at 100 Hz and how it ended: "time" is as planned, else what limit it met.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError, InvalidOptionError: as `run_simulate`.
-    """
-    check_options(command, parameters)
-    check_plausible(parameters)
-    check_effects(effects, parameters)
-    levels = dataclasses.asdict(NoiseLevels())
-    noise = NoiseLevels(**{name: command.noise * level for name, level in levels.items()})
-    m = _manoeuvre(command, parameters, effects)
-    drive = Drive(parameters, m.driver, m.steps, m.spacing, np.zeros((2, 2)), m.command, effects, m.reference, noise)
-    limits = DriveLimits(min_speed=slowest(parameters), max_speed=FASTEST)
-    table, ending = drive.run(m.state, 0.0, command.duration or m.duration, command.seed, limits)
-    table["t"] = LOG_PERIOD * np.round(table["t"] / LOG_PERIOD)
-    columns = {name: table[name].to_numpy(dtype=float) for name in COLUMNS}
-    try:
-        return make_run(command.out, columns), ending
-    except InvalidLogError as error:
-        raise InvalidLogError(f"{error} (the drive ended after {table['t'].iloc[-1]:.2f} s: {ending})") from None
 
 
 def check_options(command: Simulate, parameters: VehicleParameters) -> None:
@@ -125,22 +106,3 @@ def check_options(command: Simulate, parameters: VehicleParameters) -> None:
         raise InvalidOptionError(
             f"--steering {command.steering:g}: give an angle within the vehicle's {parameters.steering_limit:g} rad"
         )
-
-
-def _manoeuvre(command: Simulate, parameters: VehicleParameters, effects: Effects) -> Manoeuvre:
-    if command.drive in MANOEUVRES:
-        try:
-            return MANOEUVRES[command.drive](parameters, command.speed, command.steering)
-        except ValueError as error:
-            raise InvalidVehicleError(f"{command.vehicle}: this car cannot drive {command.drive}: {error}") from None
-    path = Path(command.drive)
-    if not path.exists():
-        raise InvalidLogError(f"{path}: no such file or manoeuvre; give a log or one of {', '.join(MANOEUVRES)}")
-    columns = read_columns(path)
-    missing = [name for name in COMMANDS if name not in columns]
-    if missing:
-        raise InvalidLogError(f"{path}: missing column {', '.join(missing)}; driving needs {', '.join(COMMANDS)}")
-    rows = len(columns["t"])
-    columns.setdefault("r", np.zeros(rows))
-    columns.setdefault("v", np.full(rows, command.speed))
-    return logged(make_run(path, columns), parameters, effects)

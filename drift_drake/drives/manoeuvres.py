@@ -11,6 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan, no_plan
 from drift_drake.control.step_model import NominalStepModel
+from drift_drake.drives.names import Name
 from drift_drake.logs.table import Run
 from drift_drake.playback.measured_motion import measured_motion
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -108,7 +109,7 @@ def drift_loops(p: VehicleParameters, _speed: float, _steering: float) -> Manoeu
     return _tracked(p, loops(p))
 
 
-MANOEUVRES: dict[str, Callable[[VehicleParameters, float, float], Manoeuvre]] = {
+MANOEUVRES: dict[Name, Callable[[VehicleParameters, float, float], Manoeuvre]] = {
     "straight": straight,
     "step_steer": step_steer,
     "slalom": slalom,

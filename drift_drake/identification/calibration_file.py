@@ -10,9 +10,8 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.scores import Normal, normal_from_data
+from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.plain_files import number, read_json
-
-LARGEST_SCALE = 1e4  # of noise and process: beyond, a number is an error of the file
 
 
 class InvalidCalibrationError(DriftDrakeError, ValueError):

@@ -3,18 +3,21 @@
 import dataclasses
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 from tqdm import tqdm
 
-from drift_drake.identification.calibration import Identification, Parameter
-from drift_drake.identification.identify import Criterion, identify_folders
-from drift_drake.identification.unknowns import EFFECTS, KNOWN
-from drift_drake.logs.table import run_paths
+from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.interruption import ended_at_once
+from drift_drake.logs.table import case_paths
 from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
+
+if TYPE_CHECKING:
+    from drift_drake.identification.calibration import Identification, Parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,8 +62,10 @@ def run_identify(command: Identify) -> None:
     """
     vehicle, effects = read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
-    logs = [path for folder in command.logs if folder.is_dir() for path in run_paths(folder)]
+    logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
+    with ended_at_once():
+        from drift_drake.identification.identify import identify_folders
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:
@@ -85,7 +90,7 @@ def run_identify(command: Identify) -> None:
         write_report(found, command.report)
 
 
-def summary(found: Identification, json: Path | None = None) -> str:
+def summary(found: "Identification", json: Path | None = None) -> str:
     """What a person is told; `json` is where the calibration goes."""
     c = found.calibration
     lines = [c.sentence()]
@@ -108,7 +113,7 @@ def summary(found: Identification, json: Path | None = None) -> str:
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 
 
-def row(p: Parameter) -> str:
+def row(p: "Parameter") -> str:
     """Estimate, interval and first guess of one parameter."""
     unit = "" if p.unit == "-" else f" {p.unit}"
     note = ", held by its tolerance" if p.kind == "known" else ""

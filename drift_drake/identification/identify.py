@@ -8,7 +8,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Trust
-from drift_drake.identification.unknowns import EFFECTS, KNOWN, check_names
+from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.identification.unknowns import check_names
 from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
 from drift_drake.logs.screening.suspicions import suspicions
@@ -29,7 +30,6 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-Criterion = Literal["auto", "likelihood", "prediction"]
 Progress = Callable[[str, float], None]
 
 TWO_SIDED = 1.96

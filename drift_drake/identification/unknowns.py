@@ -23,8 +23,6 @@ BROAD = Tolerance(
     rear_stiffness=0.5,
     steering_offset=0.02,
 )
-KNOWN = ("mass", "wheel_radius")  # scales and a tape measure know them better than any drive
-EFFECTS = ("steering_lag", "torque_lag", "rolling_resistance", "aero_drag", "front_rear_friction_split")
 WITH_TORQUE = ("torque_lag", "rolling_resistance", "aero_drag", "drivetrain_friction")  # unseen without its column
 LONGEST_LAG = 0.5  # [s]
 RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance

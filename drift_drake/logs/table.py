@@ -7,14 +7,16 @@ import lzma
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.plausible import implausible
 from drift_drake.safe_files import write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
@@ -130,10 +132,12 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Raises:
         InvalidLogError: unreadable or empty file, NaN.
     """
+    if not path.exists():
+        raise InvalidLogError(f"{path}: no such file; give the path of a run (CSV or Parquet)")
+    import pandas as pd  # slow to import
+
     try:
         table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except FileNotFoundError:
-        raise InvalidLogError(f"{path}: no such file; give the path of a run (CSV or Parquet)") from None
     except pd.errors.EmptyDataError:
         raise InvalidLogError(f"{path}: the file is empty; a run needs a header and {SHORTEST_RUN} rows") from None
     except ImportError as error:
@@ -156,6 +160,8 @@ def _check_names(path: Path, names: list[str]) -> None:
 
 def write_run(run: Run, path: str | Path) -> None:
     """Writes one run as CSV (nine digits); absent columns are left out."""
+    import pandas as pd
+
     columns = {name: run.column(name) for name in COLUMNS}
     table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
     write_table(table, path, index=False, float_format="%.9g")
@@ -166,6 +172,15 @@ def read_case(folder: str | Path) -> list[Run]:
 
     Raises:
         InvalidLogError: no such folder, no runs in it, or one of them cannot be used.
+    """
+    return [read_run(path) for path in case_paths(folder)]
+
+
+def case_paths(folder: str | Path) -> list[Path]:
+    """Files of all runs of one case, in the order of their numbers.
+
+    Raises:
+        InvalidLogError: no such folder, no runs in it, or one of them twice.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -178,7 +193,7 @@ def read_case(folder: str | Path) -> list[Run]:
             raise InvalidLogError(
                 f"{folder}: {first.name} and {second.name} are both {_name(first)}; keep one, or number them apart"
             )
-    return [read_run(path) for path in paths]
+    return paths
 
 
 def run_paths(folder: Path) -> list[Path]:
@@ -198,6 +213,8 @@ def _name(path: Path) -> str:
 
 
 def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:
+    import pandas as pd
+
     numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float)
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):

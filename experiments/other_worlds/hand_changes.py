@@ -15,7 +15,7 @@ from typing import Any
 
 import tyro
 
-from drift_drake.identification.identify import Criterion
+from drift_drake.identification.options import Criterion
 from drift_drake.logs.importing.command import write_case
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping

@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.cli import Diagnose, run_diagnose
+from drift_drake.diagnosis.command import Diagnose, run_diagnose
 from drift_drake.errors import DriftDrakeError
 from drift_drake.identification.command import Identify, run_identify
-from drift_drake.identification.identify import Criterion
+from drift_drake.identification.options import Criterion
 from drift_drake.run_folder import write_json
 from experiments.executors import ExecutorConfig, run_jobs
 

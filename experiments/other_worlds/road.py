@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from drift_drake.identification.identify import Criterion
+from drift_drake.identification.options import Criterion
 from drift_drake.logs.table import run_paths
 from drift_drake.pictures.style import save
 from drift_drake.run_folder import make_run_folder, write_json, write_versions

@@ -11,11 +11,12 @@ import pytest
 
 from drift_drake.diagnosis.answer import InvalidAnswerError, read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import case_folders, diagnose
+from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.diagnosis.report import write_report
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.logs.cases import case_folders
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -7,12 +7,11 @@ from typing import Any
 
 import pytest
 
-from drift_drake import cli
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.diagnosis import diagnose
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
-from drift_drake.diagnosis.diagnose import case_name
 from drift_drake.diagnosis.provenance import all_answered, answered, provenance
+from drift_drake.logs.cases import case_name
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, vehicle_hash, write_vehicle
@@ -127,7 +126,7 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
         given.update(options)
         return []
 
-    monkeypatch.setattr(cli, "diagnose_all", diagnosed)
+    monkeypatch.setattr(diagnose, "diagnose_all", diagnosed)
     answers = files / "answers"
     answers.mkdir()
     arguments = ["diagnose", str(case.parent), "--vehicle", str(files / "car.yaml"), "--json", str(answers), "--quiet"]

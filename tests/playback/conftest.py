@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.drives.command import Simulate, simulate
+from drift_drake.drives.command import Simulate
+from drift_drake.drives.simulate import simulate
 from drift_drake.logs.table import Run, write_run
 from drift_drake.playback.side_by_side import CarModel
 from drift_drake.vehicle.effects import make_effects

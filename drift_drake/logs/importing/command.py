@@ -3,18 +3,20 @@
 import dataclasses
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
-from drift_drake.errors import InvalidOptionError
-from drift_drake.logs.importing.formats.files import InvalidRecordingError
-from drift_drake.logs.importing.importer import ImportReport, import_recordings
-from drift_drake.logs.importing.look import look
+from drift_drake.errors import InvalidOptionError, OutputError
+from drift_drake.interruption import ended_at_once
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.safe_files import try_folder, try_outputs, writing_together
 from drift_drake.standard_output import said_to, write_text
+
+if TYPE_CHECKING:
+    from drift_drake.logs.importing.importer import ImportReport
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,9 +61,15 @@ def run_import(command: Import) -> None:
     """`drift-drake import`.
 
     Raises:
-        InvalidMappingError, InvalidRecordingError: names the file, the place and the mend.
+        InvalidMappingError, InvalidRecordingError, InvalidOptionError: names the file, the place and the mend.
     """
+    for path in command.recordings:
+        if not path.exists():
+            raise InvalidOptionError(f"{path}: no such file; 'drift-drake import --help' says which formats are read")
     if command.look:
+        with ended_at_once():
+            from drift_drake.logs.importing.look import look
+
         print(look(command.recordings[0]), end="")
         return
     if not command.mapping or command.out is None:
@@ -70,7 +78,7 @@ def run_import(command: Import) -> None:
         )
     mapping = read_mapping(command.mapping)
     if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
-        raise InvalidRecordingError(f"{command.out}: is a file or holds runs already; give a new folder")
+        raise OutputError(f"{command.out}: is a file or holds runs already; give a new folder")
     if not command.start < command.end:
         raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
     for name in command.trust:
@@ -79,6 +87,9 @@ def run_import(command: Import) -> None:
     try_folder(command.out, "--out")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
+    with ended_at_once():
+        from drift_drake.logs.importing.importer import import_recordings
+
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
     write_case(command.out, runs, report, mapping)
     print(summary(report), file=said_to(command.json))
@@ -86,7 +97,7 @@ def run_import(command: Import) -> None:
         write_text(command.json, (command.out / IMPORT_REPORT).read_text(encoding="utf-8"))
 
 
-def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: RecorderMapping) -> None:
+def write_case(folder: Path, runs: list[Run], report: "ImportReport", mapping: RecorderMapping) -> None:
     """Writes the runs and the report, which holds the mapping too: all of them or none."""
     with writing_together(folder) as part:
         for number, run in enumerate(runs):
@@ -94,7 +105,7 @@ def write_case(folder: Path, runs: list[Run], report: ImportReport, mapping: Rec
         write_json(part / IMPORT_REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
 
 
-def summary(report: ImportReport) -> str:
+def summary(report: "ImportReport") -> str:
     """The report in a few lines."""
     lines = []
     for number, run in enumerate(report.runs):

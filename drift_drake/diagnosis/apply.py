@@ -1,0 +1,47 @@
+"""`drift-drake apply`: the corrected vehicle file."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import tyro
+
+from drift_drake.diagnosis.answer import read_answer
+from drift_drake.diagnosis.correction import corrected_vehicle
+from drift_drake.diagnosis.provenance import check_diagnosed
+from drift_drake.safe_files import try_outputs
+from drift_drake.vehicle.plausible import check_effects, check_plausible
+from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+
+
+@dataclasses.dataclass(frozen=True)
+class Apply:
+    """Write the corrected vehicle: an answer's effects, with magnitudes, added to a vehicle file.
+
+    drift-drake apply answer.json --vehicle car.yaml --out corrected.yaml
+    """
+
+    answer: tyro.conf.Positional[Path]
+    """Answer of `drift-drake diagnose --json`."""
+    vehicle: Path
+    """The vehicle file that was diagnosed."""
+    out: Path
+    """Where to write the corrected vehicle file."""
+    tolerances: bool = True
+    """Apply the deviations within tolerance that were found beside the effects, too."""
+    force: bool = False
+    """Apply to a vehicle file that is not the one that was diagnosed."""
+
+
+def run_apply(command: Apply) -> None:
+    """`drift-drake apply`."""
+    answer = read_answer(command.answer)
+    nominal, own = read_vehicle(command.vehicle)
+    if not command.force and (warning := check_diagnosed(answer, nominal, own, command.vehicle)):
+        print(f"warning: {warning}", file=sys.stderr)
+    vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
+    check_plausible(vehicle, f"{command.vehicle} with {command.answer}")
+    check_effects(effects, vehicle, f"{command.vehicle} with {command.answer}")
+    try_outputs({"--out": command.out}, [command.answer])
+    write_vehicle(command.out, vehicle, effects)
+    print(f"{command.out}: {answer.sentence()}")

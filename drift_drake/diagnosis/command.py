@@ -1,0 +1,230 @@
+"""`drift-drake diagnose`: logs and the vehicle file of their simulator to where it is wrong, and why."""
+
+import dataclasses
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import tyro
+from tqdm import tqdm
+
+from drift_drake.command_line import command_line
+from drift_drake.diagnosis.answer import Answer
+from drift_drake.diagnosis.provenance import all_answered
+from drift_drake.errors import InvalidOptionError
+from drift_drake.identification.options import LARGEST_SCALE
+from drift_drake.interruption import ended_at_once
+from drift_drake.logs.cases import case_folders, case_name
+from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
+from drift_drake.plain_files import check_file
+from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+if TYPE_CHECKING:
+    from drift_drake.diagnosis.another_day import DayDiagnosis
+    from drift_drake.diagnosis.diagnose import Diagnosis
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnose:
+    """Say where a simulator is wrong, which effect it lacks and how far the gap shrinks once it is added.
+
+    drift-drake diagnose logs/monday --vehicle car.yaml --json answer.json --report answer.html
+
+    CASE is a folder of runs (run_0.csv, run_1.csv, ...) of one car, or a folder of such folders.
+    """
+
+    case: tyro.conf.Positional[Path]
+    """Folder of runs, or of cases."""
+    vehicle: Path
+    """What the simulator believes of the car (YAML)."""
+    json: Path | None = None
+    """Where to write the answer (-: standard output); for a folder of cases, a folder that gets NAME.json each."""
+    report: Path | None = None
+    """Where to write an HTML report of one case."""
+    process_scale: float = 1.0
+    """Factor on the process noise: above one for a real car, as `drift-drake identify` found it."""
+    noise_scale: float = 1.0
+    """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
+    row_weight: float = 1.0
+    """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. The misfit that
+    the calibrated car had on the day it was calibrated is then no gap; only what goes beyond it is."""
+    calibration: Path | None = None
+    """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its everyday misfit
+    are taken out too, so that a row is worth more."""
+    effects: tuple[str, ...] = tuple(CATALOGUE)
+    """Effects to consider."""
+    exclude: tuple[str, ...] = ()
+    """Effects to leave out of them."""
+    without: tuple[str, ...] = ()
+    """Columns of the logs to leave out."""
+    every: int = 1
+    """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
+    workers: int = 2
+    """Threads for one case; a folder of cases is spread over processes."""
+    again: bool = False
+    """Diagnose anew the cases of a folder that --json holds answers to, found from the same logs and files."""
+    quiet: bool = False
+    """No progress bar."""
+
+
+def run_diagnose(command: Diagnose) -> None:
+    """`drift-drake diagnose`."""
+    vehicle, own = read_vehicle(command.vehicle)
+    if command.workers < 1:
+        raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
+    check_trust(command)
+    folders = case_folders(command.case)
+    options: dict[str, Any] = {
+        "own": own,
+        "catalogue": chosen_effects(command),
+        "without": checked_columns(command.without),
+        "every": checked_every(command.every),
+        **trust_options(command),
+    }
+    if folders != [command.case]:
+        _diagnose_many(command, vehicle, folders, options)
+    else:
+        _diagnose_one(command, vehicle, options)
+
+
+def check_trust(command: Diagnose) -> None:
+    """Sees that the factors, or the calibration's path, can be used.
+
+    Raises:
+        InvalidOptionError: both are given, a factor is out of range, or there is no such file.
+    """
+    factors = (command.noise_scale, command.process_scale)
+    if command.calibration is not None:
+        if factors != (1.0, 1.0) or command.row_weight != 1.0:
+            raise InvalidOptionError("--calibration has the scales and the row weight; give it or them, not both")
+        check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
+    if not 0.0 < command.row_weight <= 1.0:
+        raise InvalidOptionError(f"--row-weight {command.row_weight:g}: give a number above 0, up to 1")
+    if not all(0.0 < factor <= LARGEST_SCALE for factor in factors):
+        raise InvalidOptionError(f"--noise-scale and --process-scale are factors above 0, up to {LARGEST_SCALE:g}")
+
+
+def trust_options(command: Diagnose) -> dict[str, Any]:
+    """How far to trust sensors and model, from the calibration or the factors: options of `answer_folder`.
+
+    Raises:
+        InvalidCalibrationError: the calibration cannot be used.
+    """
+    with ended_at_once():
+        from drift_drake.identification.calibration_file import CarTrust, read_trust
+
+    if command.calibration is not None:
+        trust = read_trust(command.calibration)
+    else:
+        trust = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
+    return {"normal": trust.normal} | (trust.options() if trust.normal is None else {})
+
+
+def chosen_effects(command: Diagnose) -> tuple[str, ...]:
+    """Effects to consider.
+
+    Raises:
+        InvalidVehicleError: a name that the catalogue does not have, or none is left.
+    """
+    for name in (*command.effects, *command.exclude):
+        if name not in CATALOGUE:
+            raise InvalidVehicleError(f"unknown effect {name}; the catalogue has {', '.join(CATALOGUE)}")
+    chosen = tuple(name for name in command.effects if name not in command.exclude)
+    if not chosen:
+        raise InvalidVehicleError("--exclude leaves no effect to consider; name fewer")
+    return chosen
+
+
+def checked_columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Columns that may be left out; InvalidLogError where one may not."""
+    for name in names:
+        if name not in OPTIONAL:
+            raise InvalidLogError(
+                f"--without {name}: no column that can be left out; choose from {', '.join(OPTIONAL)}"
+            )
+    return tuple(names)
+
+
+def checked_every(every: int) -> int:
+    """Rows that make one; InvalidLogError below one."""
+    if every < 1:
+        raise InvalidLogError(f"--every {every}: give 1 or more")
+    return every
+
+
+def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> None:
+    inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
+    try_outputs({"--json": command.json, "--report": command.report}, inputs)
+    with ended_at_once():
+        from drift_drake.diagnosis.diagnose import answer_folder
+    with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
+
+        def show(stage: str, share: float) -> None:
+            bar.set_description(stage)
+            bar.update(round(100 * share) - bar.n)
+
+        diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
+    _say(diagnosis.answer, to=said_to(command.json))
+    if command.json is not None:
+        write_text(command.json, diagnosis.answer.to_json())
+    if command.report is not None:
+        _report(command, diagnosis, command.report)
+
+
+def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
+    from drift_drake.diagnosis.another_day import DayDiagnosis
+    from drift_drake.diagnosis.day_report import Source, write_day_report
+    from drift_drake.diagnosis.report import write_report
+
+    if isinstance(diagnosis, DayDiagnosis):
+        said = command_line("diagnose", command, "case")
+        source = Source(said, command.case, command.vehicle, command.calibration, command.json)
+        write_day_report(diagnosis, path, source)
+    else:
+        write_report(diagnosis, path)
+
+
+def _diagnose_many(
+    command: Diagnose, vehicle: VehicleParameters, folders: Sequence[Path], options: Mapping[str, Any]
+) -> None:
+    """A folder of cases; those that `--json` holds the answers to already are left as they are."""
+    count, before = len(folders), dict[Path, Answer]()
+    if command.report is not None:
+        raise InvalidOptionError(f"--report is for one case; give one of the {count} folders in {command.case}")
+    if command.json is not None:
+        if command.json == STANDARD_OUTPUT:
+            raise InvalidLogError(f"{command.case} holds {count} cases; give --json a folder for their answers")
+        try_folder(command.json, "--json")
+        names = {folder: command.json / f"{case_name(folder)}.json" for folder in folders}
+        before = all_answered(names, vehicle, options)
+    if command.again:
+        before = {}
+    if before:
+        print(f"{len(before)} of {count} cases are answered in {command.json}; --again redoes them", file=sys.stderr)
+    with ended_at_once():
+        from drift_drake.diagnosis.diagnose import diagnose_all
+    only = [folder for folder in folders if folder not in before]
+    with tqdm(total=len(only), disable=command.quiet, file=sys.stderr, unit="case") as bar:
+
+        def done(answer: Answer) -> None:
+            bar.update()
+            if command.json is not None:
+                answer.write(command.json / f"{answer.case}.json")
+
+        refused: list[InvalidLogError] = []
+        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, only=only, **options)
+    for answer in [*before.values(), *answers]:
+        _say(answer)
+    if refused:
+        raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
+
+
+def _say(answer: Answer, to: TextIO | None = None) -> None:
+    print(answer.sentence(), file=to)
+    for warning in answer.warnings:
+        print(f"  warning: {warning}", file=to)

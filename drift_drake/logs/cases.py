@@ -1,0 +1,27 @@
+"""Folders of runs (cases), and folders of such folders."""
+
+from pathlib import Path
+
+from drift_drake.logs.table import InvalidLogError, run_paths
+
+
+def case_name(folder: Path) -> str:
+    """Name of a case: its folder's own, which is its folder's only even where folders are links."""
+    return folder.name if folder.name not in ("", "..") else folder.resolve().name
+
+
+def case_folders(folder: str | Path) -> list[Path]:
+    """The folder itself if it holds runs, else its subfolders that do.
+
+    Raises:
+        InvalidLogError: there is no run in either.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InvalidLogError(f"{folder}: no such folder; give a case (run_0.csv, run_1.csv, ...) or a folder of cases")
+    if run_paths(folder):
+        return [folder]
+    cases = sorted(path for path in folder.iterdir() if path.is_dir() and run_paths(path))
+    if not cases:
+        raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
+    return cases

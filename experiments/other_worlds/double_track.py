@@ -73,12 +73,16 @@ class Days:
     """Days with one effect, in the order of RANGE, and over again with other magnitudes."""
     other_drives: bool = False
     """Days but the first are driven at other speeds and with other manoeuvres."""
+    first_effort: float = 1.0
+    """Share of the usual steering and pushes that the first day is driven with: a small one calibrates on gentle drives."""
     duration: float = 12.0
     """[s] of a run; one that spins ends early."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.smooth < 0.5 / PERIOD:
             raise ValueError(f"smooth is {self.smooth:g} Hz; give 0 for none, or less than {0.5 / PERIOD:g} Hz")
+        if not 0.0 < self.first_effort <= 1.0:
+            raise ValueError(f"first-effort is {self.first_effort:g}; give more than 0 and at most 1")
 
 
 def simulate(car: DoubleTrackParameters, effects: Effects, driver: DayDriver, rng: np.random.Generator, name: str,
@@ -106,13 +110,15 @@ def smoothed(run: Run, bandwidth: float) -> Run:
     return dataclasses.replace(run, **columns)
 
 
-def make_day(config: Days, effects: dict[str, float], kinds: tuple[str, ...], index: int) -> list[Run]:
+def make_day(
+    config: Days, effects: dict[str, float], kinds: tuple[str, ...], index: int, effort: float = 1.0
+) -> list[Run]:
     """Runs of one day; with the same seed, a day differs by its smoothing alone from the one without."""
     car, q = CARS[config.car], make_effects(effects)
     rng = np.random.default_rng([list(CARS).index(config.car), config.seed, index])
     runs = []
     for i, kind in enumerate(kinds):
-        run = simulate(car, q, DayDriver(kind, rng, car), rng, f"run_{i}", config.duration)
+        run = simulate(car, q, DayDriver(kind, rng, car, effort), rng, f"run_{i}", config.duration)
         runs.append(smoothed(run, config.smooth) if config.smooth > 0.0 else run)
     return runs
 
@@ -150,7 +156,7 @@ def write_day(folder: Path, runs: list[Run]) -> None:
 def main(config: Days) -> None:
     """Makes all days."""
     car, out = CARS[config.car], config.out
-    write_day(out / "day_one", make_day(config, {}, DAY_ONE, 0))
+    write_day(out / "day_one", make_day(config, {}, DAY_ONE, 0, config.first_effort))
     first_guess(car).to_yaml(out / "start.yaml")
     write_json(out / "config.json", config)
     write_json(out / "truth.json", car)

@@ -19,13 +19,14 @@ TOP_SPEED = 24.0  # [m/s]
 class DayDriver:
     """Commands of one manoeuvre, row by row; its draws are fixed at construction.
 
-    Steering is in road-wheel radians, scaled by the car's wheelbase; torque by the one that gives 1 m/s^2.
+    Steering is in road-wheel radians, scaled by the car's wheelbase; torque by the one that gives 1 m/s^2. `effort`
+    is the share of the steering and of the pushes that a manoeuvre of `DAY_ONE` is driven with.
     """
 
-    def __init__(self, kind: str, rng: np.random.Generator, car: DoubleTrackParameters) -> None:
+    def __init__(self, kind: str, rng: np.random.Generator, car: DoubleTrackParameters, effort: float = 1.0) -> None:
         if kind not in DAY_ONE + OTHER:
             raise ValueError(f"unknown manoeuvre {kind}; there are {', '.join(DAY_ONE + OTHER)}")
-        self.kind, self.car = kind, car
+        self.kind, self.car, self.effort = kind, car, effort
         self.torque_unit = car.mass * car.wheel_radius / car.gear_ratio  # [N m] for 1 m/s^2
         self.wheelbase = car.front_axle_distance + car.rear_axle_distance
         u = rng.uniform
@@ -90,7 +91,10 @@ class DayDriver:
     def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
         """Commands a row later, from the time [s], the state (r, v, beta, ...) and the last commands."""
         v, beta = float(state[1]), float(state[2])
-        delta, push = self._as_other(t, v) if self.kind in OTHER else self._as_day_one(t, v)
+        if self.kind in OTHER:
+            delta, push = self._as_other(t, v)
+        else:
+            delta, push = (self.effort * q for q in self._as_day_one(t, v))
         if v > TOP_SPEED:
             push = min(push, 0.0)
         if abs(beta) > CATCH:

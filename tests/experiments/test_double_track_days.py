@@ -108,3 +108,16 @@ def test_a_smoothing_beyond_the_log_is_refused(tmp_path, smooth):
 def test_an_unknown_manoeuvre_is_refused():
     with pytest.raises(ValueError, match="unknown manoeuvre figure_8; there are slalom, "):
         DayDriver("figure_8", np.random.default_rng(0), CARS["coupe"])
+
+
+def test_a_gentle_first_day_is_steered_by_its_share(tmp_path):
+    (hard,) = make_day(short(tmp_path), {}, ("slalom",), 0)
+    (gentle,) = make_day(short(tmp_path), {}, ("slalom",), 0, 0.3)
+    assert np.max(np.abs(gentle.delta_cmd)) == pytest.approx(0.3 * np.max(np.abs(hard.delta_cmd)), rel=0.05)
+    assert len(gentle) == len(hard)
+
+
+@pytest.mark.parametrize("effort", [0.0, 1.5])
+def test_an_effort_that_is_no_share_is_refused(tmp_path, effort):
+    with pytest.raises(ValueError, match=r"first-effort is .* give more than 0 and at most 1"):
+        Days(tmp_path, first_effort=effort)

@@ -12,8 +12,8 @@ import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.gathering.gather import execution, taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, plan, plan_again
-from drift_drake.model.checkpoint import InvalidCheckpointError, load
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper, plan, plan_again
+from drift_drake.model.checkpoint import InvalidCheckpointError, load, paper_checkpoint
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
@@ -29,6 +29,8 @@ class Options:
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     seed: int = 0
     checkpoint: Path | None = None
+    as_in_paper: bool = False
+    """The paper's model, and eq. (8) in every round with one weight, Euler's path, no added bounds."""
     graph: bool = False
     """Only draw the diagram of the execution."""
     out: Path | None = None
@@ -36,7 +38,9 @@ class Options:
 
 def main(options: Options) -> None:
     """Runs, or draws the diagram, and prints the covariance norms of the four models."""
-    model, config, parameters = load(options.checkpoint), options.gathering, VehicleParameters()
+    config = as_in_paper(options.gathering) if options.as_in_paper else options.gathering
+    model = load(paper_checkpoint() if options.as_in_paper else options.checkpoint)
+    parameters = VehicleParameters()
     effects = draw_effects(options.population, options.vehicle, 0)
     beliefs = {"prior": model.prior()}
     nominal = plan(model, beliefs["prior"], config, 0.0)

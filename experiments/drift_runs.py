@@ -13,7 +13,7 @@ import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -24,10 +24,17 @@ from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
+from drift_drake.gathering.plan import (
+    GatheringConfig,
+    InfeasiblePlanError,
+    Trajectory,
+    as_in_paper,
+    plan,
+    plan_again,
+)
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load, paper_checkpoint
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -59,12 +66,24 @@ class DriftConfig:
     population: Population = "held_out"
     noise_seeds: int = 3  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
+    as_in_paper: bool = False
+    """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles), its information
+    gathering (eq. (8) with one weight, no added bounds) and Euler's path in the controller."""
     checkpoint: Path | None = None  # the shipped one without
+    path_step: PathStep = "trapezoid"  # of the learnt model in the controller
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     out: Path | None = None
     """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
+
+    def resolved(self) -> Self:
+        """The configuration with what `as_in_paper` stands for."""
+        if not self.as_in_paper:
+            return self
+        return dataclasses.replace(
+            self, checkpoint=paper_checkpoint(), path_step="euler", gathering=as_in_paper(self.gathering)
+        )
 
     def attempts(self) -> list[Attempt]:
         """(vehicle, noise seed) of each attempt, every vehicle's first before any second."""
@@ -179,7 +198,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
                     found = gathered[vehicle, seed]
                     belief = found.get(BELIEFS[model], found.get("once_info", belief))
                     labels["second_plan"] = "twice_info" in found or BELIEFS[model] != "twice_info"
-                believes = Learnt(learnt, belief, adapting=model in ADAPTING)
+                believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
             name = run_name(model, vehicle, seed)
             jobs.append(DriveJob(name, labels, maneuver, config.effects(vehicle), seed, believes, config.control))
     return run_drives(jobs, folder, config.run_on)

@@ -1,6 +1,7 @@
 """Drifts the figure-8 with each of the controllers' models on vehicles that no model was trained on (section IV-B).
 
     python -m experiments.figure_8
+    python -m experiments.figure_8 --as-in-paper
     python -m experiments.figure_8 --models prior online twice_online --noise-seeds 1 --out runs/figure_8-online
 
 The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `experiments.drift_runs` for
@@ -20,6 +21,7 @@ from experiments.drift_runs import REFUSALS, ModelsConfig, open_folder, referenc
 
 def main(config: ModelsConfig) -> None:
     """Runs what is missing, then writes numbers and pictures."""
+    config = config.resolved()
     folder = make_run_folder("figure_8", config.out)
     open_folder(folder, config)
     write_versions(folder)

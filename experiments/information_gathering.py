@@ -28,8 +28,8 @@ from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.gather import taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, as_in_paper, plan, plan_again
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load, paper_checkpoint
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
@@ -61,10 +61,19 @@ class InformationConfig:
     stop_below: float = 0.1  # a round's predicted gain over all gained so far, under which another is not worth it
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     checkpoint: Path | None = None  # the shipped one without
+    as_in_paper: bool = False
+    """The paper's model and its information gathering: eq. (8) with one weight, Euler's path, no added bounds."""
     drives_seed: int = 0  # that the drives were made with
     seed: int = 0
     workers: int = 2
     out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
+
+
+def resolved(config: InformationConfig) -> InformationConfig:
+    """The configuration with what `as_in_paper` stands for."""
+    if not config.as_in_paper:
+        return config
+    return dataclasses.replace(config, checkpoint=paper_checkpoint(), gathering=as_in_paper(config.gathering))
 
 
 class MissingDrivesError(DriftDrakeError, ValueError):
@@ -220,6 +229,7 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
 
 def main(config: InformationConfig) -> None:
     """Runs all vehicles, then writes numbers and pictures."""
+    config = resolved(config)
     drives_file(config)  # asked for before anything is driven
     folder = make_run_folder("information_gathering", config.out)
     write_json(folder / "config.json", config)

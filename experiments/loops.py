@@ -110,6 +110,7 @@ def initiation_table(summary: dict[str, Any]) -> str:
 
 def main(config: LoopsConfig) -> None:
     """Runs what is missing, then writes numbers and pictures."""
+    config = config.resolved()
     folder = make_run_folder("loops", config.out)
     open_folder(folder, config)
     write_versions(folder)

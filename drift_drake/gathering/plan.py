@@ -12,6 +12,7 @@ from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
+from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.posterior import Posterior, weighed
 from drift_drake.model.quality import step_model
@@ -39,11 +40,22 @@ class GatheringConfig(LaneDrive):
     # drifting. With updates they seek what is new, whether a drift asks for it or not.
     objective_later: Objective = "drifts"
     ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
+    bounded: bool = True  # speed, wheel spin and sideslip of plans
+    fixed_alpha: bool = False  # the same weight of the information in later rounds
+    path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     max_iterations: int = 80
     tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
+
+
+def as_in_paper(config: GatheringConfig) -> GatheringConfig:
+    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded."""
+    return dataclasses.replace(
+        config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
+        path_step="euler",
+    )  # fmt: skip
 
 
 class InfeasiblePlanError(DriftDrakeError, RuntimeError):
@@ -76,13 +88,13 @@ def plan(
     Raises:
         InfeasiblePlanError: no first guess led to a feasible trajectory.
     """
-    # Euler's path would turn as the nominal car does: on validation vehicles the true car strayed up to twice as far.
-    believed = step_model(model, belief, "trapezoid")
+    believed = step_model(model, belief, config.path_step)
     cost = information_cost(model, belief, config.objective, alpha)
     problem = OptimalControlProblem(
         believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
     )
-    bound_slip(problem, config)
+    if config.bounded:
+        bound_slip(problem, config)
     if alpha > 0.0 and config.ends_straight:
         bound_end(problem)
     data = problem_data(config, lateral)
@@ -163,5 +175,7 @@ def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, conf
 
     As the belief narrows, all information shrinks; under a fixed weight the second plan is a straight line again.
     """
+    if config.fixed_alpha:
+        return config.alpha
     cost = information_cost(model, belief, config.objective_later)
     return config.alpha * first.information / cost.information(first.x[:-1], first.u[:-1], first.u[1:])

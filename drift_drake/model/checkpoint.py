@@ -84,6 +84,11 @@ class BayesianModel:
             )
 
 
+def paper_checkpoint() -> Path:
+    """The shipped model of the paper's recipe: 27,012 parameters, z alone, T = 10, four beliefs, 35 vehicles."""
+    return Path(str(files("drift_drake") / "data" / "bayesian_model_paper.npz"))
+
+
 def load(path: str | Path | None = None) -> BayesianModel:
     """Reads a checkpoint; without a path, the one shipped with the package.
 

@@ -74,7 +74,7 @@ class Days:
     other_drives: bool = False
     """Days but the first are driven at other speeds and with other manoeuvres."""
     first_effort: float = 1.0
-    """Share of the usual steering and pushes that the first day is driven with: a small one calibrates on gentle drives."""
+    """Share of the usual steering and pushes on the first day: a small one calibrates on gentle drives."""
     duration: float = 12.0
     """[s] of a run; one that spins ends early."""
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.gathering.plan import GatheringConfig
+from drift_drake.gathering.plan import GatheringConfig, as_in_paper
+from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -81,3 +82,11 @@ def test_a_missing_engine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(NoClusterError, match="pip install"), make_executor(ExecutorConfig(executor="dask")):
         pass
+
+
+def test_as_in_the_paper_is_the_papers_model_and_gathering() -> None:
+    found = ModelsConfig(as_in_paper=True, gathering=SHORT).resolved()
+    assert found.checkpoint == paper_checkpoint()
+    assert found.path_step == "euler"
+    assert found.gathering == as_in_paper(SHORT)
+    assert ModelsConfig().resolved() == ModelsConfig()

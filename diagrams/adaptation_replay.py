@@ -23,7 +23,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.logs.table import InvalidLogError, Run, read_run
 from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP, residual
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import CommandLag, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import covariance_norms, state_norms
@@ -152,7 +152,7 @@ def draw(ticks: dict[str, Array], prior_errors: Array, errors: Array, file: Path
 
 def main(config: ReplayConfig) -> None:
     """Replays, and leaves numbers, pictures and the posterior in the run folder."""
-    log, model = read_log(config.log), load(config.model)
+    log, model = read_log(config.log), load_model(config.model)
     replay = AdaptationReplay(log, model, config.threshold)
     folder = make_run_folder("adaptation_replay", config.out)
     if config.graph:

@@ -12,8 +12,8 @@ import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.gathering.gather import execution, taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper, plan, plan_again
-from drift_drake.model.checkpoint import InvalidCheckpointError, load, paper_checkpoint
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper, plan_again, plan_drive
+from drift_drake.model.checkpoint import InvalidCheckpointError, load_model, paper_checkpoint
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
@@ -39,11 +39,11 @@ class Options:
 def main(options: Options) -> None:
     """Runs, or draws the diagram, and prints the covariance norms of the four models."""
     config = as_in_paper(options.gathering) if options.as_in_paper else options.gathering
-    model = load(paper_checkpoint() if options.as_in_paper else options.checkpoint)
+    model = load_model(paper_checkpoint() if options.as_in_paper else options.checkpoint)
     parameters = VehicleParameters()
     effects = draw_effects(options.population, options.vehicle, 0)
     beliefs = {"prior": model.prior()}
-    nominal = plan(model, beliefs["prior"], config, 0.0)
+    nominal = plan_drive(model, beliefs["prior"], config, 0.0)
     if options.graph:
         diagram = execution(nominal, effects, parameters, config).diagram
         for path in draw_graph(
@@ -52,7 +52,7 @@ def main(options: Options) -> None:
             print(path)
         return
     print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}")
-    first = plan(model, beliefs["prior"], config, config.alpha, options.seed)
+    first = plan_drive(model, beliefs["prior"], config, config.alpha, options.seed)
     _report("prior", beliefs["prior"])
     for name, before in (("Once-OCP", "prior"), ("Once-Info", "prior"), ("Twice-Info", "Once-Info")):
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)

@@ -32,7 +32,7 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
@@ -205,7 +205,7 @@ def main(config: AblationsConfig) -> None:
     folder = make_run_folder("ablations", config.out)
     open_folder(folder, config)
     write_versions(folder)
-    learnt = load(config.checkpoint)
+    learnt = load_model(config.checkpoint)
     beliefs = all_beliefs(config, learnt, folder)
     rows = [row for row in variants(config.control) if row.part in config.parts]
     jobs = []

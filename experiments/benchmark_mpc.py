@@ -27,7 +27,7 @@ from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8
@@ -56,7 +56,7 @@ class BenchmarkConfig:
     out: Path | None = None
 
 
-class TimedModel:
+class TimedModel(StepModel):
     """A step model that counts the CPU time spent in it: in `linearize` and, by the line search, in `step`."""
 
     def __init__(self, model: StepModel) -> None:
@@ -111,7 +111,7 @@ class Bench:
     def __init__(self, model: BayesianStepModel, network: Network, reference: Reference, config: BenchmarkConfig,
                  horizon: int) -> None:  # fmt: skip
         self.reference, self.horizon = reference, horizon
-        vehicle, weights = load().vehicle, OcpWeights(delta=config.steering_weight)
+        vehicle, weights = load_model().vehicle, OcpWeights(delta=config.steering_weight)
         self.model = TimedModel(model)
         self.problem = OptimalControlProblem(self.model, vehicle, horizon, weights)
         self.sqp = LineSearchSqp(self.problem, SqpOptions.real_time())
@@ -137,7 +137,7 @@ class Bench:
 
     def _plan_by_function(self, number: int, data: OcpData) -> None:
         self.problem.set(data)
-        z, y = (self.problem.initial_guess(data), None) if number == 0 else self._last
+        z, y = (self.problem.first_guess(data), None) if number == 0 else self._last
         self.model.linearise = self.model.step_time = 0.0
         seconds, result = cpu(lambda: self.sqp.solve(z, y))
         self._last = result.z, result.y
@@ -166,11 +166,11 @@ class Bench:
         """Costs and CPU times [ms] of the converged SQP, SNOPT and IPOPT on one problem, each from the first guess."""
         data = self.data(s, state)
         self.problem.set(data)
-        guess = self.problem.initial_guess(data)
+        guess = self.problem.first_guess(data)
         seconds, result = cpu(lambda: self.exact.solve(guess))
         answer = {"sqp": {"cost": result.cost, "ms": 1e3 * seconds, "solved": float(result.status == "converged")}}
         for name, solver in (("snopt", SnoptSolver()), ("ipopt", IpoptSolver())):
-            seconds, found = cpu(lambda solver=solver: solver.Solve(self.problem.program, guess, None))  # type: ignore[misc]
+            seconds, found = cpu(lambda solver=solver: solver.Solve(self.problem, guess, None))  # type: ignore[misc]
             answer[name] = {
                 "cost": float(found.get_optimal_cost()),
                 "ms": 1e3 * seconds,
@@ -205,7 +205,7 @@ def statistics(seconds: Sequence[float]) -> dict[str, float]:
 
 def run(config: BenchmarkConfig) -> dict[str, Any]:
     """The summary for each horizon, and the referees' answers."""
-    learnt = load()
+    learnt = load_model()
     model, reference = step_model(learnt, learnt.prior(), "trapezoid"), figure_8(learnt.vehicle)
     benches = [Bench(model, learnt.network, reference, config, horizon) for horizon in config.horizons]
     rng = np.random.default_rng(config.seed)

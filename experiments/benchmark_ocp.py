@@ -48,18 +48,18 @@ def run(config: BenchmarkConfig) -> dict[str, object]:
         data = OcpData(x, reference.input(s), window.x_ref, window.curvature, window.e_min, window.e_max)
         problem.set(data)
         if k == 0:
-            z = warm = problem.initial_guess(data)
+            z = warm = problem.first_guess(data)
         clock = [time.perf_counter()]
         problem.dynamics.linearize(z)
         clock.append(time.perf_counter())
         result = sqp.solve(z, y)
         clock.append(time.perf_counter())
-        solution = snopt.Solve(problem.program, warm, None)
+        solution = snopt.Solve(problem, warm, None)
         clock.append(time.perf_counter())
         for name, seconds in zip(times, np.diff(clock), strict=True):
             times[name].append(1e3 * seconds)
         z, y = result.z, result.y
-        warm = solution.GetSolution(problem.program.decision_variables())
+        warm = solution.GetSolution(problem.decision_variables())
     medians = {name: float(np.median(values[1:])) for name, values in times.items()}
     ratio = medians["snopt_warm"] / medians["real_time_iteration"]
     return {"machine": machine(), "median_ms": medians, "snopt_over_real_time_iteration": ratio}

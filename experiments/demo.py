@@ -23,8 +23,8 @@ from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import Gathered, taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
@@ -67,8 +67,8 @@ def gathering(config: DemoConfig, learnt: BayesianModel, bar: "tqdm[Any]") -> di
         return driven
 
     bar.set_description("gathering information")
-    ocp = drive_on(plan(learnt, prior, settings, 0.0), prior, config.seed)
-    informative = plan(learnt, prior, settings, settings.alpha)
+    ocp = drive_on(plan_drive(learnt, prior, settings, 0.0), prior, config.seed)
+    informative = plan_drive(learnt, prior, settings, settings.alpha)
     first = drive_on(informative, prior, config.seed)
     rounds = {"once_ocp": ocp, "once_info": first}
     try:
@@ -113,7 +113,7 @@ def main(config: DemoConfig) -> None:
     folder = make_run_folder("demo", config.out)
     write_json(folder / "config.json", config)
     write_versions(folder)
-    learnt = load()
+    learnt = load_model()
     drifts: dict[str, DriveResult] = {}
     with (
         tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,

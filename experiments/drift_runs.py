@@ -29,12 +29,12 @@ from drift_drake.gathering.plan import (
     InfeasiblePlanError,
     Trajectory,
     as_in_paper,
-    plan,
     plan_again,
+    plan_drive,
 )
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load, paper_checkpoint
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -182,7 +182,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
 
     Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
     """
-    learnt = load(config.checkpoint)
+    learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config, wanted, learnt, folder)
     jobs = []
@@ -259,8 +259,8 @@ def gather_all(
     missing = [attempt for attempt, file in files.items() if not wanted <= _read_beliefs(file)[0]]
     if missing:
         prior, gathering = learnt.prior(), config.gathering
-        ocp = plan(learnt, prior, gathering, 0.0)
-        info = plan(learnt, prior, gathering, gathering.alpha)
+        ocp = plan_drive(learnt, prior, gathering, 0.0)
+        info = plan_drive(learnt, prior, gathering, gathering.alpha)
         jobs = [
             GatherJob(attempt, wanted, learnt, config.effects(attempt[0]), ocp, info, gathering) for attempt in missing
         ]
@@ -303,7 +303,7 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     """
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     path = folder / "config.json"
-    entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load(config.checkpoint))})
+    entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load_model(config.checkpoint))})
     before = json.loads(path.read_text()) if is_done(path) else {}
     differ = [name for name in before if name not in free and before[name] != entry.get(name)]
     if differ:

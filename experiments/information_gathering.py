@@ -28,8 +28,15 @@ from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.gather import taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, as_in_paper, plan, plan_again
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load, paper_checkpoint
+from drift_drake.gathering.plan import (
+    GatheringConfig,
+    InfeasiblePlanError,
+    Trajectory,
+    as_in_paper,
+    plan_again,
+    plan_drive,
+)
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
@@ -104,7 +111,7 @@ def full_weight_total(model: BayesianModel, belief: Posterior) -> float:
 def slalom(model: BayesianModel, config: GatheringConfig) -> Trajectory:
     """A slalom by hand: the OCP follows a sine across the lane."""
     phase = 2.0 * np.pi * DT * np.arange(config.steps + 1) / SLALOM_PERIOD
-    return plan(model, model.prior(), config, 0.0, lateral=SLALOM_AMPLITUDE * np.sin(phase))
+    return plan_drive(model, model.prior(), config, 0.0, lateral=SLALOM_AMPLITUDE * np.sin(phase))
 
 
 def random_steering(ocp: Trajectory, config: GatheringConfig, generator: np.random.Generator) -> Trajectory:
@@ -128,16 +135,16 @@ class Shared:
 
 def make_shared(config: InformationConfig) -> Shared:
     """Plans with the prior."""
-    model, gathering = load(config.checkpoint), config.gathering
+    model, gathering = load_model(config.checkpoint), config.gathering
     seconds = {}
 
     def timed(name: str, alpha: float, starts: int) -> Trajectory:
         start = time.process_time()
-        result = plan(model, model.prior(), dataclasses.replace(gathering, starts=starts), alpha, config.seed)
+        result = plan_drive(model, model.prior(), dataclasses.replace(gathering, starts=starts), alpha, config.seed)
         seconds[name] = time.process_time() - start
         return result
 
-    plan(model, model.prior(), gathering, 0.0)  # compiles, which is not to be timed
+    plan_drive(model, model.prior(), gathering, 0.0)  # compiles, which is not to be timed
     ocp = timed("OCP", 0.0, 1)
     timed("Info-OCP, one start", gathering.alpha, 1)
     info = timed(f"Info-OCP, best of {gathering.starts} starts", gathering.alpha, gathering.starts)
@@ -149,7 +156,7 @@ class _Vehicle:
 
     def __init__(self, config: InformationConfig, index: int) -> None:
         self._config, self._index = config, index
-        self._model = load(config.checkpoint)
+        self._model = load_model(config.checkpoint)
         self._effects: Effects = draw_effects(config.population, index, config.drives_seed)
         self._judged = load_samples(drives_file(config)).of_vehicle(index)
         self._parameters = VehicleParameters()
@@ -248,7 +255,7 @@ def main(config: InformationConfig) -> None:
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)
     write_text(folder / "report.md", text)
-    model = load(config.checkpoint)
+    model = load_model(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
     print(text)
     print(f"results in {folder}")

@@ -26,8 +26,8 @@ from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.gathering.gather import execution
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan, plan_again
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
@@ -89,9 +89,9 @@ def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
     The first is information gathering's own; the others are slaloms and Info-OCP's plans of random sizes.
     """
     options, index = job
-    model = load(options.checkpoint)
+    model = load_model(options.checkpoint)
     if index == 0:
-        return plan(model, model.prior(), GatheringConfig(), GatheringConfig().alpha)
+        return plan_drive(model, model.prior(), GatheringConfig(), GatheringConfig().alpha)
     generator = np.random.default_rng([options.seed, stream(options.round), index])
     config = random_lane(generator)
     try:
@@ -99,8 +99,8 @@ def lane_plan(job: tuple[LaneDrivesConfig, int]) -> Trajectory | None:
             t = DT * np.arange(config.steps + 1)
             size, period = generator.uniform(0.2, 2.0), generator.uniform(1.2, 4.0)
             lateral = size * np.sin(2.0 * np.pi * t / period + generator.uniform(0.0, 2.0 * np.pi))
-            return plan(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
-        return plan(model, model.prior(), config, config.alpha, seed=index)
+            return plan_drive(model, model.prior(), config, 0.0, lateral=lateral * np.minimum(t, 1.0))
+        return plan_drive(model, model.prior(), config, config.alpha, seed=index)
     except InfeasiblePlanError:
         return None
 
@@ -123,7 +123,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
     if is_done(folder / f"{name}.json"):
         return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, model = VehicleParameters(), load(options.checkpoint)
+    parameters, model = VehicleParameters(), load_model(options.checkpoint)
     effects = draw_effects(population, index, options.seed)
     generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
     chosen = iter(1 + generator.choice(len(pool) - 1, len(SCHEDULE), replace=False))

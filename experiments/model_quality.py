@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import (
     GAUSSIAN_COVERAGE,
@@ -67,9 +67,9 @@ class QualityConfig:
 
 def run(config: QualityConfig) -> dict[str, Any]:
     """All numbers."""
-    models = {"Bayesian": load(config.model)}
+    models = {"Bayesian": load_model(config.model)}
     if config.plain is not None:
-        models["paper's recipe"] = load(config.plain)
+        models["paper's recipe"] = load_model(config.plain)
     result: dict[str, Any] = {"points": POINTS, "gaussian_coverage": GAUSSIAN_COVERAGE}
     for population in POPULATIONS:
         samples = load_samples(config.drives / f"{population}.npz")
@@ -78,7 +78,7 @@ def run(config: QualityConfig) -> dict[str, Any]:
         for name, model in models.items():
             found[name] = judge(model, splits, POINTS, HORIZONS)
         if config.fixed is not None:
-            found["fixed network"] = judge(load(config.fixed), splits, (0,), HORIZONS)["0"]
+            found["fixed network"] = judge(load_model(config.fixed), splits, (0,), HORIZONS)["0"]
         car = models["Bayesian"].vehicle
         found["nominal car"] = judge_stepper(NominalStepModel(car), splits, HORIZONS)
         found["path_step"] = _path_steps(models["Bayesian"], splits)
@@ -221,7 +221,7 @@ def main(config: QualityConfig) -> None:
     draw_errors(result, folder / "one_step_errors.png")
     draw_coverage(result, folder / "coverage.png")
     draw_rollouts(result, folder / "rollouts.png")
-    model = load(config.model)
+    model = load_model(config.model)
     for population in POPULATIONS:
         _draw_uncertainties(config, model, population, folder / f"uncertainties_{population}.png")
     print(folder)

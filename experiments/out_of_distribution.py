@@ -23,7 +23,7 @@ from scipy.stats import beta
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.out_of_distribution import (
     WINDOW,
     Calibration,
@@ -111,7 +111,7 @@ def watch(job: WatchJob) -> dict[str, Any]:
 
 def drives(config: DetectionConfig, folder: Path) -> list[dict[str, Any]]:
     """All watched drives, made where the folder lacks them."""
-    model = load(config.checkpoint)
+    model = load_model(config.checkpoint)
     jobs = []
     for group, population in GROUPS.items():
         for vehicle, seed in config.attempts():

@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibrium
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
@@ -107,7 +107,7 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
     folder = make_run_folder("steady_drift", config.out)
     open_folder(folder, config)
     write_versions(folder)
-    learnt, parameters = load(config.checkpoint), VehicleParameters()
+    learnt, parameters = load_model(config.checkpoint), VehicleParameters()
     start = drift_equilibrium(parameters, RADIUS, -SIDESLIP)
     gathered = gather_all(config, frozenset({"twice_info"}), learnt, folder)
     shared = {

@@ -62,7 +62,7 @@ def lane_ocp(
     data = problem_data(config)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))
     problem.set(data)
-    straight = problem.initial_guess(data)
+    straight = problem.first_guess(data)
     guesses = [straight]
     rng = np.random.default_rng(0)
     for _ in range(count - 1):
@@ -82,7 +82,7 @@ def check_against_referees(problem: OptimalControlProblem, guesses: list[np.ndar
     options.SetOption(IpoptSolver.id(), "max_iter", 400)
     referees = []
     for referee in (SnoptSolver(), IpoptSolver()):
-        solved = [referee.Solve(problem.program, guess, options) for guess in guesses]
+        solved = [referee.Solve(problem, guess, options) for guess in guesses]
         referees += [result.get_optimal_cost() for result in solved if result.is_success()]
     assert referees
     assert best <= min(referees) + 1e-3 * abs(min(referees))

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.effects_step import MEMORY_SCALE, EffectsStepModel
+from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants
 
@@ -58,7 +59,7 @@ def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
     return gain, bias
 
 
-class RivalsStepModel:
+class RivalsStepModel(StepModel):
     """The first hypothesis's car, with the rival's memory run along beside it, as the model of an OCP.
 
     State: the first's six and its memory [8], then the memory [8] that the rival would have.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.compilation import compiled
+from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
@@ -25,7 +26,7 @@ STATE_SIZE = 6 + len(Memory._fields)
 COMPLEX_STEP = 1e-30
 
 
-class EffectsStepModel:
+class EffectsStepModel(StepModel):
     """One step of the car with effects: RK4 with sub-steps under linear input, Jacobians by the complex step (exact).
 
     A transport delay of steering is beyond it (a step knows the commands at its own ends only), as are a road's grade
@@ -50,6 +51,10 @@ class EffectsStepModel:
         other = copy.copy(self)
         other.constants, other.effects = constants, effects
         return other
+
+    def observer(self, period: float) -> LeafSystem:
+        """See `MemoryObserver`."""
+        return MemoryObserver(self, period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.empty(x.shape)

@@ -61,7 +61,7 @@ class Mpc:
     where no step is, that plan is the new one. If a later iteration fails, the plan is that of the steps before.
 
     Attributes:
-        problem: the OCP; its `program` is the MathematicalProgram.
+        problem: the OCP, a MathematicalProgram.
 
     Args:
         model: one step of the car, as the controller believes it.
@@ -128,7 +128,7 @@ class Mpc:
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
         if last is None:
-            guess, dual = self.problem.initial_guess(data), np.zeros(self.multiplier_count)
+            guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
             guess, dual = self._shifted(last.primal, (start - last.plan.start) / DT, data), last.dual
         self.problem.set(self._tightened(covariance, model, data, guess))

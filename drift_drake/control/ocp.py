@@ -13,14 +13,16 @@ need numbers of order one. `stack` and `unstack` convert.
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
+from drift_drake.control.plan import DT
 from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE, StackedCost, StackedDynamics, StageCost, StageLayout
 from drift_drake.control.step_model import StepModel
+from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -69,11 +71,13 @@ class OcpSolution(NamedTuple):
     slack: Array  # [N], how far each stage leaves the lane [m]
 
 
-class OptimalControlProblem:
-    """The OCP, built once for a horizon; `set` then changes its data in place.
+class OptimalControlProblem(MathematicalProgram):
+    """The OCP as a MathematicalProgram that Drake's solvers take, built once for a horizon; `set` changes its data.
+
+    Each cost and constraint says in its description what it is.
 
     Attributes:
-        program: the MathematicalProgram that Drake's solvers take (scaled variables).
+        x, u, slack: its variables [N+1, n], [N+1, 2], [N]; states and inputs are scaled.
         dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the program.
         extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
     """
@@ -85,34 +89,45 @@ class OptimalControlProblem:
         horizon: int,
         weights: OcpWeights | None = None,
         extra_cost: StageCost | None = None,
+        extra_description: str = "extra cost",
     ) -> None:
+        MathematicalProgram.__init__(self)
         self.horizon = horizon
         self.weights = weights or OcpWeights()
         self.parameters = parameters
         self.layout = StageLayout(model.memory_scale, horizon)
         self.dynamics = StackedDynamics(model, self.layout)
         self.extra_cost = StackedCost(extra_cost, self.layout) if extra_cost else None
-        self.program = program = MathematicalProgram()
         # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
         n = self.layout.state_size
-        x = program.NewContinuousVariables(n * (horizon + 1), "x").reshape(-1, n)
-        u = program.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
-        slack = program.NewContinuousVariables(horizon, "slack")
-        self._z = np.concatenate([x.ravel(), u.ravel(), slack])
-        program.AddQuadraticCost(self._hessian(), np.zeros(self._z.size), 0.0, self._z, is_convex=True)
-        self._linear_cost = program.AddLinearCost(np.zeros(self._z.size), 0.0, self._z)
-        self._x_init = program.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), x[0])
-        self._u_init = program.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), u[0])
+        self.x = self.NewContinuousVariables(n * (horizon + 1), "x").reshape(-1, n)
+        self.u = self.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
+        self.slack = self.NewContinuousVariables(horizon, "slack")
+        self._z = np.concatenate([self.x.ravel(), self.u.ravel(), self.slack])
+        zero = np.zeros(self._z.size)
+        described(
+            "state errors and changes of input, squared",
+            self.AddQuadraticCost(self._hessian(), zero, 0.0, self._z, is_convex=True),
+        )
+        self._linear_cost = described(
+            "state errors, the part linear in the reference, and the lane's penalty",
+            self.AddLinearCost(zero, 0.0, self._z),
+        )
+        self._x_init = described("initial state", self.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), self.x[0]))
+        self._u_init = described("command in force", self.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), self.u[0]))
         low = np.array([-parameters.steering_limit, parameters.torque_min]) / INPUT_SCALE
         high = np.array([parameters.steering_limit, parameters.torque_max]) / INPUT_SCALE
-        program.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), u[1:].ravel())
-        program.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), slack)
+        inputs = self.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), self.u[1:].ravel())
+        described("limits of steering and torque", inputs)
+        positive = self.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), self.slack)
+        described("no negative slack", positive)
         eye = np.eye(horizon)
         lane = np.block([[eye, eye], [eye, -eye]])  # e + slack >= e_min, e - slack <= e_max
         unbounded = np.full(2 * horizon, np.inf)
-        self._lane = program.AddLinearConstraint(lane, -unbounded, unbounded, np.concatenate([x[1:, 4], slack]))
+        lateral = np.concatenate([self.x[1:, 4], self.slack])
+        self._lane = described("lane, softened", self.AddLinearConstraint(lane, -unbounded, unbounded, lateral))
         zeros = np.zeros(self.dynamics.size)
-        self.dynamics_binding = program.AddConstraint(
+        self.dynamics_binding = self.AddConstraint(
             self.dynamics, lb=zeros, ub=zeros, vars=self._z[: -horizon or None], description="dynamics"
         )
         self.dynamics_binding.evaluator().SetGradientSparsityPattern(
@@ -120,7 +135,7 @@ class OptimalControlProblem:
         )
 
         if self.extra_cost:
-            program.AddCost(self.extra_cost, vars=self._z[: -horizon or None], description="extra cost")
+            self.AddCost(self.extra_cost, vars=self._z[: -horizon or None], description=extra_description)
 
     def _hessian(self) -> Array:
         """Second derivatives of the cost: the stages' blocks, summed."""
@@ -188,9 +203,46 @@ class OptimalControlProblem:
         """The trajectory (SI) of a decision vector."""
         return OcpSolution(*self.layout.split(z), z[-self.horizon :].copy())
 
-    def initial_guess(self, data: OcpData) -> Array:
+    def first_guess(self, data: OcpData) -> Array:
         """A decision vector to start from: the reference with the initial state's errors fading out, inputs held."""
         fade = np.linspace(1.0, 0.0, self.horizon + 1)[:, None]
         x = np.tile(data.x_init, (self.horizon + 1, 1))
         x[:, :6] = data.x_ref + fade * (data.x_init[:6] - data.x_ref[0])
         return self.stack(x, np.tile(data.u_init, (self.horizon + 1, 1)))
+
+
+def described(what: str, binding: Any) -> Any:
+    """The binding of a cost or constraint, which now says what it is."""
+    binding.evaluator().set_description(what)
+    return binding
+
+
+def ocp(
+    model: StepModel,
+    parameters: VehicleParameters,
+    reference: Reference,
+    s: float = 0.0,
+    x: Array | None = None,
+    command: Array | None = None,
+    horizon: int = 25,
+    weights: OcpWeights | None = None,
+) -> OptimalControlProblem:
+    """The OCP along a reference, with its data and a first guess set: `pydrake.solvers.Solve` takes it as it is.
+
+        problem = ocp(NominalStepModel(car), car, figure_8(car), s=20.0)
+        x, u, slack = problem.unstack(Solve(problem).GetSolution(problem.decision_variables()))
+
+    Args:
+        model: one step of the car; parameters: for the limits of the inputs; reference: what to drive.
+        s: path position at the start [m]; x: state there [n], the reference's without.
+        command: in force at the start (delta [rad], tau [N m]), the reference's without.
+        horizon: N, steps of 0.1 s; weights: of the cost.
+    """
+    problem = OptimalControlProblem(model, parameters, horizon, weights)
+    along = reference.horizon(s, DT, horizon)
+    start = np.append(reference.state(s), np.zeros(model.memory_scale.size)) if x is None else np.asarray(x, float)
+    in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
+    data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max)
+    problem.set(data)
+    problem.SetInitialGuessForAllVariables(problem.first_guess(data))
+    return problem

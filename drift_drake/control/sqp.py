@@ -122,7 +122,7 @@ class LineSearchSqp:
         self.options = options or SqpOptions()
         self.problem = problem
         self._dynamics = problem.dynamics
-        self._part = LinearQuadraticPart(problem.program)
+        self._part = LinearQuadraticPart(problem)
         block = problem.stage_hessian()
         self._stage_hessian = np.broadcast_to(block, (problem.horizon, *block.shape))
         self._workspace = QpWorkspace(

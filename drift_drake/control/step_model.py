@@ -4,6 +4,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.systems.framework import LeafSystem
 
 from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle_jacobian import linearize_point
@@ -11,15 +12,20 @@ from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 Array = NDArray[np.float64]
 
+DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
+INPUT_DIFFERENCE = np.array([1e-5, 1e-3])
+MEMORY_DIFFERENCE = 1e-5  # of `memory_scale`
+
 
 class StepModel(Protocol):
     """One time step x_{k+1} = f(x_k, u_k, u_{k+1}) over all stages of a horizon at once.
 
     Shapes: x [N, n] with n = 6 + m: the paper's six states and m further ones of the model's own (m = 0 as a rule);
-    u and u_next [N, 2]; curvature [N] (of the path, the mean over the step) [1/m].
+    u and u_next [N, 2]; curvature [N] (of the path, the mean over the step) [1/m]. A model that inherits from this
+    class has to define `step` alone.
     """
 
-    memory_scale: Array
+    memory_scale: Array = np.empty(0)
     """Sizes [m] of the model's further states, which no cost or bound knows."""
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
@@ -27,18 +33,35 @@ class StepModel(Protocol):
         ...
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
-        """(x_next [N, n], d x_next/dx [N, n, n], d x_next/du [N, n, 2], d x_next/du_next [N, n, 2])."""
-        ...
+        """(x_next [N, n], d x_next/dx [N, n, n], d x_next/du [N, n, 2], d x_next/du_next [N, n, 2]).
+
+        By central differences, unless a model knows better.
+        """
+        n = x.shape[1]
+        sizes = np.concatenate([DIFFERENCE, MEMORY_DIFFERENCE * self.memory_scale, INPUT_DIFFERENCE, INPUT_DIFFERENCE])
+        shifts = np.concatenate([np.diag(sizes), np.diag(-sizes)])[:, None]
+        points = (np.concatenate([x, u, u_next], axis=1) + shifts).reshape(-1, n + 4)
+        ends = self.step(
+            points[:, :n], points[:, n : n + 2], points[:, n + 2 :], np.tile(curvature, 2 * (n + 4))
+        ).reshape(2, n + 4, -1, n)
+        jacobian = np.moveaxis((ends[0] - ends[1]) / (2.0 * sizes[:, None, None]), 0, 2)
+        by_x, by_u, by_u_next = np.split(jacobian, [n, n + 2], axis=2)
+        return self.step(x, u, u_next, curvature), by_x, by_u, by_u_next
+
+    def observer(self, period: float) -> LeafSystem | None:  # noqa: ARG002 (a model with further states needs it)
+        """The system that follows the model's further states in closed loop, every `period` [s]; None without any.
+
+        Its inputs are `measured_state` and `command`, one of them or both; its one output is those states.
+        """
+        return None
 
 
-class NominalStepModel:
+class NominalStepModel(StepModel):
     """The nominal car over one step under linearly interpolated input: Runge-Kutta 4 with sub-steps, exact Jacobians.
 
     The rim speed is stiff (about 170/s at 7.5 m/s), which sets the number of sub-steps: RK4 is stable for
     dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
     """
-
-    memory_scale: Array = np.empty(0)
 
     def __init__(self, parameters: VehicleParameters, dt: float = 0.1, substeps: int = 8) -> None:
         self.dt = dt

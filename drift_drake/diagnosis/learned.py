@@ -15,7 +15,7 @@ from drift_drake.estimation.horizons import HORIZONS, JUDGED, start_rows
 from drift_drake.estimation.problem import Problem
 from drift_drake.estimation.reduction import FOLDS, WORST, fold_of, share_removed
 from drift_drake.estimation.run_data import RunData
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
@@ -58,7 +58,7 @@ def learned(
         before, floor: squared errors [starts, horizons, states] of the nominal car and of the best fit
             (`reduction.errors_of`); model: the shipped one without.
     """
-    model = model or load()
+    model = model or load_model()
     missing = _missing(problem)
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")

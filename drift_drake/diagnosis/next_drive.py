@@ -226,7 +226,7 @@ def solve(
     )  # fmt: skip
     solver = LineSearchSqp(problem, options)
     rng = np.random.default_rng(0)
-    straight = problem.initial_guess(data)
+    straight = problem.first_guess(data)
     for _ in range(config.starts):
         x, u, _ = problem.unstack(straight)
         if config.alpha > 0.0:  # straight on, nothing tells what hypotheses make of steering: a saddle of the cost

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.control.ocp import OcpData, OptimalControlProblem
+from drift_drake.control.ocp import OcpData, OptimalControlProblem, described
 from drift_drake.control.plan import DT
 from drift_drake.control.stacked import STATE_SCALE
 from drift_drake.errors import InvalidOptionError
@@ -67,21 +67,19 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
 
     Softened by the lane's slack, so that a linearised problem always has a solution.
     """
-    n, size = config.steps, problem.layout.state_size
-    variables = problem.program.decision_variables()
-    x, slack = variables[: size * (n + 1)].reshape(-1, size)[1:], variables[-n:]
+    n, x = config.steps, problem.x[1:]
     eye, unbounded = np.eye(n), np.full(n, np.inf)
     beta, rim, speed = STATE_SCALE[2] * eye, STATE_SCALE[3] * eye, STATE_SCALE[1] * eye
-    for states, quantity, limit, softening, signs in (
-        (x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING, (1.0, -1.0)),
-        (x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING, (1.0, -1.0)),
-        (x[:, [1]], [speed], -config.min_speed, SLIP_SOFTENING, (-1.0,)),
+    for what, states, quantity, limit, softening, signs in (
+        ("sideslip", x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING, (1.0, -1.0)),
+        ("wheel spin", x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING, (1.0, -1.0)),
+        ("least speed", x[:, [1]], [speed], -config.min_speed, SLIP_SOFTENING, (-1.0,)),
     ):
         for sign in signs:
             row = np.concatenate([*(sign * block for block in quantity), -softening * eye], axis=1)
-            problem.program.AddLinearConstraint(
-                row, -unbounded, np.full(n, limit), np.concatenate([states.ravel(order="F"), slack])
-            )
+            variables = np.concatenate([states.ravel(order="F"), problem.slack])
+            bound = problem.AddLinearConstraint(row, -unbounded, np.full(n, limit), variables)
+            described(f"{what}, softened", bound)
 
 
 def bound_end(problem: OptimalControlProblem) -> None:
@@ -89,11 +87,10 @@ def bound_end(problem: OptimalControlProblem) -> None:
 
     Softened as `bound_slip` is.
     """
-    n, size = problem.horizon, problem.layout.state_size
-    variables = problem.program.decision_variables()
-    end, slack = variables[size * n : size * (n + 1)], variables[-1:]
+    end, slack = problem.x[-1], problem.slack[-1:]
     for weights, limit in ENDS:
         row = np.array([weight * STATE_SCALE[state] for state, weight in weights.items()])
         rows = np.column_stack([np.stack([row, -row]), np.full(2, -END_SOFTENING * limit)])
         states = np.append(end[list(weights)], slack)
-        problem.program.AddLinearConstraint(rows, np.full(2, -np.inf), np.full(2, limit), states)
+        bound = problem.AddLinearConstraint(rows, np.full(2, -np.inf), np.full(2, limit), states)
+        described("straight at the end, softened", bound)

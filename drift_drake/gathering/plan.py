@@ -72,7 +72,7 @@ class Trajectory(NamedTuple):
     status: str
 
 
-def plan(
+def plan_drive(
     model: BayesianModel,
     belief: Posterior,
     config: GatheringConfig,
@@ -88,18 +88,8 @@ def plan(
     Raises:
         InfeasiblePlanError: no first guess led to a feasible trajectory.
     """
-    believed = step_model(model, belief, config.path_step)
+    problem = info_ocp(model, belief, config, alpha, lateral)
     cost = information_cost(model, belief, config.objective, alpha)
-    problem = OptimalControlProblem(
-        believed, model.vehicle, config.steps, config.weights, extra_cost=cost if alpha > 0.0 else None
-    )
-    if config.bounded:
-        bound_slip(problem, config)
-    if alpha > 0.0 and config.ends_straight:
-        bound_end(problem)
-    data = problem_data(config, lateral)
-    data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
-    problem.set(data)
     options = SqpOptions(
         max_iterations=config.max_iterations,
         tolerance=config.tolerance,
@@ -108,7 +98,7 @@ def plan(
         qp_rho=QP_RHO,
     )
     solver = LineSearchSqp(problem, options)
-    straight = problem.initial_guess(data)
+    straight = problem.GetInitialGuess(problem.decision_variables())
     rng = np.random.default_rng(seed)
     best = None
     for start in range(config.starts if alpha > 0.0 else 1):
@@ -127,6 +117,38 @@ def plan(
         )
     x, u, _ = problem.unstack(best.z)
     return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
+
+
+def info_ocp(
+    model: BayesianModel,
+    belief: Posterior,
+    config: GatheringConfig = GatheringConfig(),
+    alpha: float | None = None,
+    lateral: Array | None = None,
+) -> OptimalControlProblem:
+    """Info-OCP along the lane as a MathematicalProgram, each cost and constraint described, with a first guess set.
+
+    Args:
+        model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
+        alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
+        lateral: see `problem_data`.
+    """
+    alpha = config.alpha if alpha is None else alpha
+    informative = alpha > 0.0
+    cost = information_cost(model, belief, config.objective, alpha) if informative else None
+    believed = step_model(model, belief, config.path_step)
+    problem = OptimalControlProblem(
+        believed, model.vehicle, config.steps, config.weights, cost, "information, times -alpha"
+    )
+    if config.bounded:
+        bound_slip(problem, config)
+    if informative and config.ends_straight:
+        bound_end(problem)
+    data = problem_data(config, lateral)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
+    problem.set(data)
+    problem.SetInitialGuessForAllVariables(problem.first_guess(data))
+    return problem
 
 
 def information_cost(
@@ -167,7 +189,7 @@ def plan_again(
         InvalidCheckpointError: see `information_cost`.
     """
     again = dataclasses.replace(config, objective=config.objective_later)
-    return plan(model, belief, again, round_alpha(model, belief, first, config), seed)
+    return plan_drive(model, belief, again, round_alpha(model, belief, first, config), seed)
 
 
 def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:

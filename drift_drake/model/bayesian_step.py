@@ -15,9 +15,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.systems.framework import LeafSystem
 
 from drift_drake.compilation import compiled
-from drift_drake.model.command_lag import LAGGED, lag_factors
+from drift_drake.control.step_model import StepModel
+from drift_drake.model.command_lag import LAGGED, CommandLag, lag_factors
 from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
@@ -44,7 +46,7 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = 
     return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
 
 
-class BayesianStepModel:
+class BayesianStepModel(StepModel):
     """One step of the learnt car over the arrays of a horizon, for one theta.
 
     Its state is the paper's (r, v, beta, omega_r, e, dphi) and the lagged commands (`command_lag`).
@@ -73,6 +75,10 @@ class BayesianStepModel:
         other.__dict__.update(self.__dict__)
         other._mean = self._mean.with_theta(theta)
         return other
+
+    def observer(self, period: float) -> LeafSystem:
+        """See `CommandLag`."""
+        return CommandLag(period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""

@@ -89,7 +89,7 @@ def paper_checkpoint() -> Path:
     return Path(str(files("drift_drake") / "data" / "bayesian_model_paper.npz"))
 
 
-def load(path: str | Path | None = None) -> BayesianModel:
+def load_model(path: str | Path | None = None) -> BayesianModel:
     """Reads a checkpoint; without a path, the one shipped with the package.
 
     Raises:

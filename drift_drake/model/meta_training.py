@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from drift_drake.errors import one_line
-from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling, network_inputs
 from drift_drake.model.posterior import block_diagonal, state_blocks
 from drift_drake.model.quality import choose_sample_weight
@@ -63,7 +63,7 @@ def train(config: TrainingConfig) -> BayesianModel:
     parameters = initial_parameters(
         torch.Generator().manual_seed(config.seed), config.physical_inputs, coupled=config.lane is not None
     )
-    begun_from = None if config.start is None else load(config.start)
+    begun_from = None if config.start is None else load_model(config.start)
     if begun_from is not None:
         parameters |= _started(begun_from, parameters, objective.scale, config, vehicle)
     if config.lane is not None:

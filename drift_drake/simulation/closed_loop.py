@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
 from drift_drake.control.controller import MpcController
-from drift_drake.control.effects_step import EffectsStepModel, MemoryObserver
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import DT
@@ -18,8 +17,6 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.command_lag import CommandLag
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.reference.trajectory import Reference
@@ -154,11 +151,6 @@ class ClosedLoop:
             self.actuator.GetOutputPort("command"),
         )
         builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
-        if isinstance(model, EffectsStepModel):
-            observer = builder.AddNamedSystem("memory_observer", MemoryObserver(model, control.period))
-            builder.Connect(measured_state, observer.GetInputPort("measured_state"))
-            builder.Connect(command_in_force, observer.GetInputPort("command"))
-            builder.Connect(observer.GetOutputPort("memory"), self.controller.GetInputPort("memory"))
         if adapter is not None:
             builder.AddNamedSystem("adapter", adapter)
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
@@ -173,12 +165,15 @@ class ClosedLoop:
             builder.Connect(command_in_force, detector.GetInputPort("command"))
             for name in ("posterior_mean", "posterior_covariance"):
                 builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
-        if isinstance(model, BayesianStepModel):
-            lag = builder.AddNamedSystem("command_lag", CommandLag(control.period))
-            builder.Connect(command_in_force, lag.GetInputPort("command"))
+        observer = model.observer(control.period)
+        if observer is not None:
+            builder.AddNamedSystem("observer", observer)
+            for name, port in (("measured_state", measured_state), ("command", command_in_force)):
+                if observer.HasInputPort(name):
+                    builder.Connect(port, observer.GetInputPort(name))
             learners = [system for system in (adapter, detector) if system is not None]
-            for system, port in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
-                builder.Connect(lag.GetOutputPort("lagged_command"), system.GetInputPort(port))
+            for system, name in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
+                builder.Connect(observer.get_output_port(), system.GetInputPort(name))
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
         builder.Connect(command_in_force, self.car.GetInputPort("command"))
         self._logs = Logs(builder, control.period)

@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import figure_8, loops
@@ -68,7 +68,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     model: StepModel = NominalStepModel(parameters)
     adapter: BayesianAdapter | None = None
     if config.model != "nominal":
-        learnt = load()
+        learnt = load_model()
         model = step_model(learnt, learnt.prior(), "trapezoid")
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
     effects = config.effects()

@@ -14,7 +14,7 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import LAGGED, lag_factors
 from drift_drake.model.features import FEATURE_COUNT, STATE_COUNT
 from drift_drake.model.quality import step_model
@@ -77,14 +77,14 @@ def test_a_model_with_memory_or_theta_has_a_port_for_it(references: dict[str, Re
     adaptive = MpcController(model, PARAMETERS, references["figure_8"], 2, theta_size=STATE_COUNT * FEATURE_COUNT)
     assert adaptive.GetInputPort("theta").size() == 64
     assert hasattr(BayesianStepModel, "with_theta")
-    learnt = load()
+    learnt = load_model()
     controller = MpcController(step_model(learnt, learnt.prior()), PARAMETERS, references["figure_8"], 2)
     assert controller.GetInputPort("memory").size() == 2
     assert controller.GetOutputPort("prediction").size() == 3 * 8
 
 
 def test_a_learnt_plan_starts_from_the_lagged_commands(references: dict[str, Reference]) -> None:
-    learnt, reference = load(), references["figure_8"]
+    learnt, reference = load_model(), references["figure_8"]
     model = step_model(learnt, learnt.prior(), "trapezoid")
     command = reference.input(START)
     controller = MpcController(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1]))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from control_problems import ocp_data
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import SnoptSolver
+from pydrake.solvers import SnoptSolver, Solve
 
-from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.ocp import OptimalControlProblem, ocp
 from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference
@@ -24,7 +24,7 @@ def problem() -> OptimalControlProblem:
 def random_point(problem: OptimalControlProblem, reference: Reference, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     data = ocp_data(reference, 10.0, problem.horizon)
-    z = problem.initial_guess(data)
+    z = problem.first_guess(data)
     return z + 0.05 * rng.normal(size=z.size)
 
 
@@ -39,7 +39,7 @@ def test_cost_is_the_papers(problem: OptimalControlProblem, references: dict[str
     for k in range(HORIZON):
         expected += q @ (x[k] - data.x_ref[k]) ** 2
         expected += np.array([w.delta, w.tau]) @ (u[k] - u[k + 1]) ** 2
-    total = sum(problem.program.EvalBinding(b, z)[0] for b in problem.program.GetAllCosts())
+    total = sum(problem.EvalBinding(b, z)[0] for b in problem.GetAllCosts())
     assert total == pytest.approx(expected, rel=1e-12)
 
 
@@ -48,11 +48,7 @@ def test_constraints_are_the_papers(problem: OptimalControlProblem, references: 
     data = ocp_data(references["figure_8"], 30.0, HORIZON, np.array([0.0, 0.0, 0.05, 0.0, 0.4, 0.0]))
     data = data._replace(e_max=np.full(HORIZON + 1, 0.1))
     problem.set(data)
-    z = (
-        SnoptSolver()
-        .Solve(problem.program, problem.initial_guess(data))
-        .GetSolution(problem.program.decision_variables())
-    )
+    z = SnoptSolver().Solve(problem, problem.first_guess(data)).GetSolution(problem.decision_variables())
     x, u, slack = problem.unstack(z)
     x_next = NominalStepModel(PARAMETERS).step(x[:-1], u[:-1], u[1:], data.curvature)
     np.testing.assert_allclose(x[1:], x_next, atol=1e-4)
@@ -105,6 +101,22 @@ def test_stack_and_unstack_are_inverse(problem: OptimalControlProblem) -> None:
     solution = problem.unstack(z)
     np.testing.assert_allclose(solution.x, x)
     np.testing.assert_allclose(solution.u, u)
+
+
+def test_every_cost_and_constraint_says_what_it_is(problem: OptimalControlProblem) -> None:
+    said = [b.evaluator().get_description() for b in (*problem.GetAllCosts(), *problem.GetAllConstraints())]
+    assert all(said)
+    assert {"initial state", "command in force", "lane, softened", "dynamics"} < set(said)
+
+
+def test_drake_solves_the_problem_as_it_is(references: dict[str, Reference]) -> None:
+    problem = ocp(NominalStepModel(PARAMETERS), PARAMETERS, references["figure_8"], s=30.0, horizon=HORIZON)
+    result = Solve(problem)
+    assert result.is_success()
+    x, u, slack = problem.unstack(result.GetSolution(problem.decision_variables()))
+    np.testing.assert_allclose(x[0], references["figure_8"].state(30.0), atol=1e-6)
+    np.testing.assert_allclose(u[0], references["figure_8"].input(30.0), atol=1e-4)
+    assert slack.max() < 1e-6
 
 
 def test_bad_data_is_refused(problem: OptimalControlProblem, references: dict[str, Reference]) -> None:

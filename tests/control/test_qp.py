@@ -22,7 +22,7 @@ def far_away(feasible: bool) -> QpSolution:
     """A QP whose equations -x_{k+1} / FAR = 1 have a solution, but a far one."""
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)
-    part = LinearQuadraticPart(problem.program)
+    part = LinearQuadraticPart(problem)
     blocks = np.tile(problem.stage_hessian(), (HORIZON, 1, 1))
     workspace = QpWorkspace(part, problem.dynamics, blocks, 1e-6, 400, False, 1.0, feasible)
     rows, columns = problem.dynamics.sparsity()
@@ -49,14 +49,14 @@ def workspace(reference: Reference) -> tuple[QpWorkspace, list[tuple[Any, ...]]]
     """A workspace whose OSQP is cut off at once, and QPs' arguments (first the Jacobian) at places of a reference."""
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, LENGTH)
-    part = LinearQuadraticPart(problem.program)
+    part = LinearQuadraticPart(problem)
     blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
     qps = QpWorkspace(part, problem.dynamics, blocks, 1e-4, 1, False, 1.0, True, True)
     arguments = []
     for s in (20.0, 40.0, 70.0):
         data = ocp_data(reference, s, LENGTH, np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05]))  # outside the lane
         problem.set(data)
-        z = problem.initial_guess(data)
+        z = problem.first_guess(data)
         residual, jacobian = problem.dynamics.linearize(z)
         gradient, _, low, high = part.data()
         target = (qps.set_jacobian(jacobian) @ z)[: residual.size] - residual

@@ -30,7 +30,7 @@ def referee_costs(problem: OptimalControlProblem, guess: np.ndarray) -> list[flo
         options.SetOption(ipopt.id(), name, value)
     for name, count in (("max_iter", 1500), ("limited_memory_max_history", 60)):
         options.SetOption(ipopt.id(), name, count)
-    results = [referee.Solve(problem.program, guess, options) for referee in (SnoptSolver(), ipopt)]
+    results = [referee.Solve(problem, guess, options) for referee in (SnoptSolver(), ipopt)]
     assert all(result.is_success() for result in results)
     return [result.get_optimal_cost() for result in results]
 
@@ -55,7 +55,7 @@ def agreement(references: dict[str, Reference], name: str, horizon: int, count: 
         weights = OcpWeights(delta=20.0)
         sqp = LineSearchSqp(OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, horizon, weights))
         sqp.problem.set(data)
-        guess = sqp.problem.initial_guess(data)
+        guess = sqp.problem.first_guess(data)
         result = sqp.solve(guess)
         assert result.status == "converged"
         agree.append([result.cost == pytest.approx(cost, rel=1e-5) for cost in referee_costs(sqp.problem, guess)])
@@ -83,7 +83,7 @@ def test_gauss_newton_reaches_the_same_solution(references: dict[str, Reference]
     gauss_newton = LineSearchSqp(exact.problem, SqpOptions(gauss_newton=True))
     data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
     exact.problem.set(data)
-    guess = exact.problem.initial_guess(data)
+    guess = exact.problem.first_guess(data)
     first, second = exact.solve(guess), gauss_newton.solve(guess)
     assert first.status == second.status == "converged"
     assert second.cost == pytest.approx(first.cost, rel=1e-8)
@@ -93,7 +93,7 @@ def test_merit_falls_and_statistics_are_complete(references: dict[str, Reference
     sqp = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
     sqp.problem.set(data)
-    result = sqp.solve(sqp.problem.initial_guess(data))
+    result = sqp.solve(sqp.problem.first_guess(data))
     assert result.primal_residual < 1e-6
     for iteration in result.iterations:
         assert 0.0 < iteration.step <= 1.0
@@ -109,20 +109,20 @@ def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, 
     real_time = LineSearchSqp(exact.problem, SqpOptions.real_time(1))
     data = ocp_data(references["figure_8"], 20.0, 15, 0.5 * SPREAD)
     exact.problem.set(data)
-    z, y = exact.problem.initial_guess(data), None
+    z, y = exact.problem.first_guess(data), None
     for _ in range(15):
         result = real_time.solve(z, y)
         assert len(result.iterations) == 1
         assert result.iterations[0].qp_status == "solved"
         z, y = result.z, result.y
-    assert result.cost == pytest.approx(exact.solve(exact.problem.initial_guess(data)).cost, rel=1e-3)
+    assert result.cost == pytest.approx(exact.solve(exact.problem.first_guess(data)).cost, rel=1e-3)
 
 
 def test_a_second_iteration_is_made_where_the_defect_asks_for_it(references: dict[str, Reference]) -> None:
     exact = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
     exact.problem.set(data)
-    guess = exact.problem.initial_guess(data)
+    guess = exact.problem.first_guess(data)
     options = SqpOptions.real_time(8)
     assert options.defect_tolerance is not None
     result = LineSearchSqp(exact.problem, options).solve(guess)
@@ -142,7 +142,7 @@ def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[s
     exact = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
     exact.problem.set(data)
-    guess = exact.problem.initial_guess(data)
+    guess = exact.problem.first_guess(data)
     result = LineSearchSqp(exact.problem, SqpOptions.real_time(1)).solve(guess)
     assert result.iterations[0].step == 1.0  # so that y is the QP's
     assert result.iterations[0].penalty >= np.abs(result.y).max()
@@ -154,7 +154,7 @@ def test_qps_that_osqp_leaves_unsolved_go_to_the_interior_point_method(reference
     exact = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
     exact.problem.set(data)
-    guess = exact.problem.initial_guess(data)
+    guess = exact.problem.first_guess(data)
     short = dataclasses.replace(SqpOptions.real_time(2), qp_max_iterations=1, defect_tolerance=None)
     first, second = LineSearchSqp(exact.problem, short).solve(guess).iterations
     assert first.qp_status == second.qp_status == "solved"
@@ -169,11 +169,11 @@ def test_a_solve_depends_on_its_arguments_alone(references: dict[str, Reference]
     sqp = LineSearchSqp(problem, SqpOptions.real_time(2))
     one, other = (ocp_data(references["figure_8"], s, 10, 0.5 * SPREAD) for s in (20.0, 70.0))
     problem.set(one)
-    first = sqp.solve(problem.initial_guess(one))
+    first = sqp.solve(problem.first_guess(one))
     problem.set(other)
-    sqp.solve(problem.initial_guess(other))
+    sqp.solve(problem.first_guess(other))
     problem.set(one)
-    again = sqp.solve(problem.initial_guess(one))
+    again = sqp.solve(problem.first_guess(one))
     np.testing.assert_array_equal(first.z, again.z)
     np.testing.assert_array_equal(first.y, again.y)
 
@@ -182,7 +182,7 @@ def test_a_start_far_outside_the_lane_has_a_solution(references: dict[str, Refer
     sqp = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15, np.array([0.0, 0.0, 0.0, 0.0, 3.6, 0.0]))
     sqp.problem.set(data)
-    result = sqp.solve(sqp.problem.initial_guess(data))
+    result = sqp.solve(sqp.problem.first_guess(data))
     assert result.status == "converged"
     slack = sqp.problem.unstack(result.z).slack
     assert slack[0] > 0.4
@@ -193,7 +193,7 @@ def test_a_model_that_is_not_finite_is_reported(references: dict[str, Reference]
     sqp = solver(15)
     data = ocp_data(references["figure_8"], 20.0, 15)
     sqp.problem.set(data)
-    guess = sqp.problem.initial_guess(data)
+    guess = sqp.problem.first_guess(data)
     guess[3] = np.nan
     result = sqp.solve(guess)
     assert result.failed

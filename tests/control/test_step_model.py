@@ -84,3 +84,17 @@ def test_effects_that_are_off_leave_the_nominal_step() -> None:
 def test_effects_beyond_a_one_step_model_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} cannot be part of a one-step model"):
         EffectsStepModel(PARAMETERS, make_effects({name: 0.03}))
+
+
+class StepAlone(StepModel):
+    """What a user's own model has to have."""
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        return NominalStepModel(PARAMETERS).step(x, u, u_next, curvature)
+
+
+def test_a_model_that_only_steps_is_linearised_by_differences() -> None:
+    exact = NominalStepModel(PARAMETERS).linearize(X, U, U_NEXT, CURVATURE)
+    for found, wanted in zip(StepAlone().linearize(X, U, U_NEXT, CURVATURE), exact, strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-5)
+    assert StepAlone().observer(0.01) is None

@@ -7,7 +7,7 @@ from scipy.linalg import block_diag
 from drift_drake.control.tightening import MAX_SHARE, lateral_deviation, tightened
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import Posterior, sample_theta, state_blocks
 from drift_drake.reference.trajectory import figure_8
@@ -19,7 +19,7 @@ SMALL = 1e-4  # of the prior's covariance: where the first order holds
 
 @pytest.fixture(scope="module")
 def learnt() -> BayesianModel:
-    return load()
+    return load_model()
 
 
 @pytest.fixture(scope="module")

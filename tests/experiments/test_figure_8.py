@@ -69,7 +69,7 @@ def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: Executo
 def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path: Path) -> None:
     """Once-Info's belief is the one that Twice-Info goes on from, whichever models are asked for."""
     first = config(tmp_path, here)
-    learnt = drift_runs.load(None)
+    learnt = drift_runs.load_model(None)
     both = drift_runs.gather_all(first, frozenset({"once_info", "twice_info"}), learnt, tmp_path)[0, 0]
     assert set(both) == {"once_info", "twice_info"}
     (tmp_path / "one").mkdir()

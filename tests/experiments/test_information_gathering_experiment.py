@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.gathering.plan import GatheringConfig, Trajectory
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT
 from drift_drake.model.posterior import covariance_norms, update_all
@@ -80,7 +80,7 @@ def test_random_steering_is_lagged_as_its_own_commands_are() -> None:
 
 
 def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> None:
-    model = load()
+    model = load_model()
     generator = np.random.default_rng(0)
     phi, y = generator.normal(size=(30, 4, FEATURE_COUNT)), generator.normal(size=(30, 4))
     assert (model.sample_weight < 1.0).all()
@@ -90,7 +90,7 @@ def test_the_total_at_full_weight_is_that_of_samples_that_count_in_full() -> Non
 
 
 def test_halves_of_the_own_drives_judge_what_the_other_half_taught() -> None:
-    model = load()
+    model = load_model()
     generator = np.random.default_rng(1)
     count = 60
     x = np.array([0.5, 13.0, -0.5, 17.0, 0.0, 0.0]) + 0.1 * generator.normal(size=(4 * count, 6))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drift_drake.gathering.plan import GatheringConfig, Trajectory
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import adapted
 from drift_drake.model.samples import PHASE_STRIDE, Samples, load_samples, save_samples
@@ -40,11 +40,11 @@ def execution(real: Any, trajectory: Trajectory, *rest: Any) -> Any:
 
 def test_the_pool_begins_with_information_gatherings_own_first_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(lane_drives, "plan", lambda *arguments: calls.append(arguments))
+    monkeypatch.setattr(lane_drives, "plan_drive", lambda *arguments: calls.append(arguments))
     for number in (0, 1):  # in every round
         lane_drives.lane_plan((lane_drives.LaneDrivesConfig(round=number), 0))
     for _, belief, config, alpha in calls:
-        np.testing.assert_array_equal(belief.covariance, load().prior().covariance)
+        np.testing.assert_array_equal(belief.covariance, load_model().prior().covariance)
         assert config == GatheringConfig()
         assert alpha == GatheringConfig().alpha
     assert len(calls) == 2
@@ -86,7 +86,7 @@ def test_a_vehicle_is_driven_along_the_first_plan_plans_of_the_pool_and_of_its_o
     every_tenth = load_samples(folder / "lane.npz")
     np.testing.assert_array_equal(table.of_vehicle(1).x, every_tenth.x)
     # What an own plan knows is what was driven since the last that was not of its own.
-    model = load()
+    model = load_model()
     for (belief, _, _), drive in zip(PLANNED, (0, 2), strict=True):
         told = adapted(model, every_tenth.where(every_tenth.drive == drive))
         np.testing.assert_allclose(belief.covariance, told.covariance, rtol=1e-9, atol=1e-9)

@@ -9,7 +9,7 @@ import pytest
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.quality import step_model
 from drift_drake.model.samples import Samples, concatenate, save_samples
@@ -45,7 +45,7 @@ def test_the_true_curve_is_the_oracles_with_effects() -> None:
 
 
 def test_the_models_curve_is_its_step() -> None:
-    model = load()
+    model = load_model()
     x, u = states_and_inputs()
     step = step_model(model, model.prior()).step(np.hstack([x, u]), u, u, np.zeros(len(x)))  # settled lags
     mean, deviation = model_change(model, model.prior(), STEERING)

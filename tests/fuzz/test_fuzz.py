@@ -30,7 +30,7 @@ from drift_drake.identification.calibration_file import read_trust
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import read_run
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.samples import load_samples
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -179,7 +179,7 @@ def test_calibrations_by_prediction(folder: Path, content: bytes) -> None:
 @given(content=spoilt(CHECKPOINT.read_bytes()))
 def test_checkpoints(folder: Path, content: bytes) -> None:
     path = written(folder / "model.npz", content)
-    model = tried("checkpoints", load, path)
+    model = tried("checkpoints", load_model, path)
     if model is not None:
         assert np.isfinite(model.prior().covariance).all()
     tried("samples", load_samples, path)
@@ -202,7 +202,7 @@ def test_arrays_of_checkpoints(folder: Path, data: st.DataObject) -> None:
         junk = {"shape": array.reshape(-1)[:-1], "number": np.float64(data.draw(st.floats())), "text": np.array("x")}
         arrays[name] = junk.get(kind, np.zeros(0))
     np.savez(folder / "arrays.npz", **arrays)
-    tried("arrays", load, folder / "arrays.npz")
+    tried("arrays", load_model, folder / "arrays.npz")
 
 
 @cases(0.1)

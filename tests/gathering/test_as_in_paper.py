@@ -7,8 +7,8 @@ import pytest
 
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, as_in_paper, plan, round_alpha
-from drift_drake.model.checkpoint import BayesianModel, load, paper_checkpoint
+from drift_drake.gathering.plan import GatheringConfig, Trajectory, as_in_paper, plan_drive, round_alpha
+from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.quality import step_model
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -18,12 +18,12 @@ EFFECTS = draw_effects("validation", 0, 0)
 
 @pytest.fixture(scope="module")
 def model() -> BayesianModel:
-    return load(paper_checkpoint())
+    return load_model(paper_checkpoint())
 
 
 @pytest.fixture(scope="module")
 def info(model: BayesianModel) -> Trajectory:
-    return plan(model, model.prior(), CONFIG, CONFIG.alpha)
+    return plan_drive(model, model.prior(), CONFIG, CONFIG.alpha)
 
 
 def test_the_model_is_the_papers(model: BayesianModel) -> None:
@@ -49,9 +49,9 @@ def test_a_plans_path_is_eulers(model: BayesianModel, info: Trajectory) -> None:
 
 def test_plans_are_not_bounded_beyond_the_lane(model: BayesianModel, info: Trajectory) -> None:
     narrow = dataclasses.replace(CONFIG, max_slip=0.1)
-    free = plan(model, model.prior(), narrow, narrow.alpha)
+    free = plan_drive(model, model.prior(), narrow, narrow.alpha)
     np.testing.assert_array_equal(free.x, info.x)
-    bounded = plan(model, model.prior(), dataclasses.replace(narrow, bounded=True), narrow.alpha)
+    bounded = plan_drive(model, model.prior(), dataclasses.replace(narrow, bounded=True), narrow.alpha)
     assert np.abs(bounded.x[:, 3] - bounded.x[:, 1]).max() < np.abs(free.x[:, 3] - free.x[:, 1]).max()
 
 

@@ -19,14 +19,15 @@ from drift_drake.gathering.plan import (
     InfeasiblePlanError,
     Objective,
     Trajectory,
+    info_ocp,
     information_cost,
     information_expected,
     information_gained,
-    plan,
     plan_again,
+    plan_drive,
     round_alpha,
 )
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import learn, step_model
@@ -40,17 +41,17 @@ EFFECTS = draw_effects("validation", 0, 0)
 
 @pytest.fixture(scope="module")
 def model() -> BayesianModel:
-    return load()
+    return load_model()
 
 
 @pytest.fixture(scope="module")
 def ocp(model: BayesianModel) -> Trajectory:
-    return plan(model, model.prior(), CONFIG, 0.0)
+    return plan_drive(model, model.prior(), CONFIG, 0.0)
 
 
 @pytest.fixture(scope="module")
 def info(model: BayesianModel) -> Trajectory:
-    return plan(model, model.prior(), CONFIG, CONFIG.alpha)
+    return plan_drive(model, model.prior(), CONFIG, CONFIG.alpha)
 
 
 def test_the_problem_is_the_papers() -> None:
@@ -66,6 +67,18 @@ def test_the_ocp_drives_straight_and_info_ocp_does_not(ocp: Trajectory, info: Tr
     assert np.abs(ocp.x[:, 4]).max() < 0.05
     assert info.information > 1.5 * ocp.information
     assert np.abs(info.u[:, 0]).max() > 0.02
+
+
+def test_info_ocp_says_what_each_cost_and_constraint_is(model: BayesianModel) -> None:
+    problem = info_ocp(model, model.prior(), CONFIG)
+    said = [b.evaluator().get_description() for b in (*problem.GetAllCosts(), *problem.GetAllConstraints())]
+    assert all(said)
+    assert {"information, times -alpha", "sideslip, softened", "straight at the end, softened", "dynamics"} < set(said)
+    guess = problem.GetInitialGuess(problem.decision_variables())
+    information, *_ = (b for b in problem.GetAllCosts() if "information" in b.evaluator().get_description())
+    assert problem.EvalBinding(information, guess)[0] < 0.0
+    plain = info_ocp(model, model.prior(), CONFIG, alpha=0.0)
+    assert len(plain.GetAllCosts()) == len(problem.GetAllCosts()) - 1
 
 
 def test_plans_keep_their_bounds(info: Trajectory) -> None:
@@ -96,7 +109,7 @@ def test_a_plans_path_is_the_learnt_cars(model: BayesianModel, info: Trajectory)
 def test_a_bound_that_binds_is_kept(model: BayesianModel, info: Trajectory) -> None:
     """Half the wheel spin of the free plan."""
     free = np.abs(info.x[:, 3] - info.x[:, 1]).max()
-    tight = plan(model, model.prior(), dataclasses.replace(CONFIG, max_slip=0.5 * free), CONFIG.alpha)
+    tight = plan_drive(model, model.prior(), dataclasses.replace(CONFIG, max_slip=0.5 * free), CONFIG.alpha)
     assert np.abs(tight.x[:, 3] - tight.x[:, 1]).max() < 0.5 * free + 0.02
 
 
@@ -142,7 +155,7 @@ def test_later_rounds_plan_for_the_drifts_to_come(
     model: BayesianModel, info: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[tuple[Any, ...]] = []
-    monkeypatch.setattr(planning, "plan", lambda *arguments: calls.append(arguments) or info)
+    monkeypatch.setattr(planning, "plan_drive", lambda *arguments: calls.append(arguments) or info)
     belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
     plan_again(model, belief, info, CONFIG, 7)
     plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later="updated"))
@@ -174,13 +187,13 @@ def test_informative_plans_end_straight(model: BayesianModel, info: Trajectory) 
         sizes = [abs(sum(weight * end[state] for state, weight in weights.items())) for weights, _ in ENDS]
         return max(size / limit for size, (_, limit) in zip(sizes, ENDS, strict=True))
 
-    free = plan(model, model.prior(), dataclasses.replace(CONFIG, ends_straight=False), CONFIG.alpha)
+    free = plan_drive(model, model.prior(), dataclasses.replace(CONFIG, ends_straight=False), CONFIG.alpha)
     assert excess(info.x[-1]) < 1.01 < excess(free.x[-1])
 
 
 def test_a_plan_that_is_not_feasible_is_refused(model: BayesianModel) -> None:
     with pytest.raises(InfeasiblePlanError, match="widen the lane, lower alpha or allow more iterations"):
-        plan(model, model.prior(), dataclasses.replace(CONFIG, starts=1, max_iterations=1), CONFIG.alpha)
+        plan_drive(model, model.prior(), dataclasses.replace(CONFIG, starts=1, max_iterations=1), CONFIG.alpha)
 
 
 def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:

@@ -6,7 +6,7 @@ from control_problems import check_against_referees, check_gradient, lane_ocp, s
 
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import predict, update_all
 
@@ -15,7 +15,7 @@ ALPHA = 1.7
 
 @pytest.fixture(scope="module")
 def model() -> BayesianModel:
-    return load()
+    return load_model()
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.model.checkpoint import PRECISION_FLOOR, BayesianModel, InvalidCheckpointError, load
+from drift_drake.model.checkpoint import PRECISION_FLOOR, BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.features import Network, features
 from drift_drake.model.posterior import block_diagonal, predict, state_blocks, update
 from drift_drake.model.samples import DRIFTING
@@ -28,7 +28,7 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
                           random_model.vehicle.replace(mass=1700.0), {"epochs": 3})  # fmt: skip
     path = tmp_path / "folder" / "model.npz"
     model.save(path)
-    again = load(path)
+    again = load_model(path)
     for ours, theirs in zip(model.network, again.network, strict=True):
         np.testing.assert_array_equal(ours, theirs)
     np.testing.assert_array_equal(model.prior_mean, again.prior_mean)
@@ -44,14 +44,14 @@ def test_a_checkpoint_comes_back(random_model: BayesianModel, tmp_path: Path) ->
 
 def test_a_checkpoint_names_drifts_or_none(random_model: BayesianModel, tmp_path: Path) -> None:
     random_model.save(tmp_path / "none.npz")
-    assert load(tmp_path / "none.npz").drifts is None
+    assert load_model(tmp_path / "none.npz").drifts is None
     drifts = np.arange(30.0).reshape(3, 10)
     dataclasses.replace(random_model, drifts=drifts).save(tmp_path / "some.npz")
-    np.testing.assert_array_equal(load(tmp_path / "some.npz").drifts, drifts)
+    np.testing.assert_array_equal(load_model(tmp_path / "some.npz").drifts, drifts)
 
 
 def test_the_shipped_checkpoint_names_drifts_to_both_sides() -> None:
-    drifts = load().drifts
+    drifts = load_model().drifts
     assert drifts is not None
     assert drifts.shape == (200, 10)
     assert np.abs(drifts[:, 2]).min() > DRIFTING
@@ -67,7 +67,7 @@ def test_a_checkpoint_of_before_the_states_were_coupled_predicts_as_it_did(
         arrays = {name: stored[name] for name in stored.files}
     factor = np.eye(16) + 0.2 * np.random.default_rng(1).normal(size=(4, 16, 16))
     np.savez(tmp_path / "old.npz", **(arrays | {"precision_factor": factor, "sample_weight": np.float64(0.3)}))
-    model = load(tmp_path / "old.npz")
+    model = load_model(tmp_path / "old.npz")
     np.testing.assert_array_equal(model.sample_weight, np.full(4, 0.3))
     generator = np.random.default_rng(2)
     phi, y = generator.normal(size=(9, 4, 16)), generator.normal(size=(9, 4)) * model.sigma
@@ -87,7 +87,7 @@ def test_a_checkpoint_of_before_the_states_were_coupled_predicts_as_it_did(
     np.testing.assert_array_equal(learnt.covariance, np.diag(learnt.variance))
     # Written again, it comes back as a model of today.
     model.save(tmp_path / "again.npz")
-    again = load(tmp_path / "again.npz")
+    again = load_model(tmp_path / "again.npz")
     np.testing.assert_array_equal(again.precision_factor, model.precision_factor)
     np.testing.assert_array_equal(again.sample_weight, model.sample_weight)
 
@@ -98,7 +98,7 @@ def test_bad_files_are_named(tmp_path: Path) -> None:
     np.savez(foreign, numbers=np.zeros(3))
     for path in (missing, garbage, foreign):
         with pytest.raises(InvalidCheckpointError, match=path.name):
-            load(path)
+            load_model(path)
 
 
 def test_a_network_with_physical_inputs_comes_back_with_its_car(
@@ -106,7 +106,7 @@ def test_a_network_with_physical_inputs_comes_back_with_its_car(
 ) -> None:
     model = dataclasses.replace(random_model, network=physical_network, vehicle=VehicleParameters(mass=1700.0))
     model.save(tmp_path / "model.npz")
-    again = load(tmp_path / "model.npz")
+    again = load_model(tmp_path / "model.npz")
     assert again.network.w1.shape == (18, 128)
     assert again.network.nominal == VehicleParameters(mass=1700.0).constants()
 
@@ -118,4 +118,4 @@ def test_a_network_with_other_inputs_is_refused(random_model: BayesianModel, tmp
     dataclasses.replace(random_model, network=old).save(path)
     message = r"old\.npz: its network has 16 inputs, this version's have 8 or 18; train it anew"
     with pytest.raises(InvalidCheckpointError, match=message):
-        load(path)
+        load_model(path)

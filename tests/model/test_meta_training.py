@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.model.bayesian_step import residual
-from drift_drake.model.checkpoint import InvalidCheckpointError, load
+from drift_drake.model.checkpoint import InvalidCheckpointError, load_model
 from drift_drake.model.features import (
     FEATURE_COUNT,
     STATE_COUNT,
@@ -108,7 +108,7 @@ def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network
     assert model.record["epochs"] == 30
     assert len(model.record["data"]) == 64
     assert not config.output.with_name("model.npz.resume").exists()
-    stored = load(config.output)
+    stored = load_model(config.output)
     np.testing.assert_array_equal(stored.sigma, model.sigma)
     z = network_inputs(*(np.random.default_rng(4).normal(size=(20, n)) for n in (8, 2, 2)))
     parameters = {
@@ -154,7 +154,9 @@ def test_training_goes_on_from_a_checkpoint(config: TrainingConfig) -> None:
     again = dataclasses.replace(config, start=config.output, output=config.output.with_name("again.npz"), epochs=0)
     unchanged = train(again)  # no epoch: the numbers there and back
     for name in ("w1", "b2", "w_out"):
-        np.testing.assert_array_equal(getattr(unchanged.network, name), getattr(load(config.output).network, name))
+        np.testing.assert_array_equal(
+            getattr(unchanged.network, name), getattr(load_model(config.output).network, name)
+        )
     for name in ("prior_mean", "precision_factor", "sigma"):
         np.testing.assert_allclose(getattr(unchanged, name), getattr(first, name), rtol=1e-12, atol=1e-15)
     further = train(dataclasses.replace(again, epochs=4))
@@ -280,7 +282,7 @@ def test_training_on_tasks_lowers_their_objective_and_goes_on_where_it_was(trans
     model = train(transfer)
     first = train(dataclasses.replace(transfer, epochs=1, output=transfer.output.with_name("one.npz")))
     assert model.record["history"][-1]["validation"] < first.record["history"][-1]["validation"] - 1.0
-    stored = load(transfer.output)
+    stored = load_model(transfer.output)
     assert stored.sample_weight.shape == (4,)
     assert (stored.sample_weight > 0.0).all()
     assert (stored.sample_weight < 1.0).all()

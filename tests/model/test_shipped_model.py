@@ -7,7 +7,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import adapted, coverage, rollout_errors, standardized_errors, step_model
@@ -19,7 +19,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 @pytest.fixture(scope="module")
 def model() -> BayesianModel:
-    return load()
+    return load_model()
 
 
 @pytest.fixture(scope="module")

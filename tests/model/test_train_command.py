@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.cli import main
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.samples import Samples, save_samples
 
@@ -28,7 +28,7 @@ def test_it_writes_a_checkpoint(tmp_path: Path) -> None:
     arguments = ["--data", str(tmp_path / "train.npz"), "--output", str(tmp_path / "model.npz"), "--validation", "None",
                  "--epochs", "2", "--threads", "1"]  # fmt: skip
     assert main(["train", *arguments, "--recipe", "windows"]) == 0
-    model = load(tmp_path / "model.npz")
+    model = load_model(tmp_path / "model.npz")
     assert model.record["epochs"] == 2
     assert model.record["config"]["data"] == "train.npz"
     np.testing.assert_array_equal(model.sample_weight, np.ones(4))

@@ -10,7 +10,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
@@ -25,7 +25,7 @@ CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)
 
 @pytest.fixture(scope="module")
 def adaptive() -> tuple[ClosedLoop, BayesianAdapter]:
-    learnt, parameters = load(), VehicleParameters()
+    learnt, parameters = load_model(), VehicleParameters()
     model = BayesianStepModel(learnt.network, learnt.prior().mean, learnt.vehicle.constants(), path_step="trapezoid")
     adapter = BayesianAdapter(learnt)
     reference = dataclasses.replace(figure_8(parameters), distance=35.0)
@@ -44,7 +44,7 @@ def posterior_mean(adaptive: tuple[ClosedLoop, BayesianAdapter], frozen: bool) -
 
 
 def test_the_controller_follows_the_adapter(adaptive: tuple[ClosedLoop, BayesianAdapter]) -> None:
-    prior = load().prior().mean.ravel()
+    prior = load_model().prior().mean.ravel()
     assert prior.size == MEAN_COUNT
     held, without = posterior_mean(adaptive, frozen=True)
     moved, with_adaptation = posterior_mean(adaptive, frozen=False)
@@ -61,7 +61,7 @@ def test_the_lags_follow_the_commands_in_force(adaptive: tuple[ClosedLoop, Bayes
     loop, _ = adaptive
     context = loop.initial_context(seed=1)
     table = loop.run(context, RunLimits(time_factor=0.1)).table
-    lag = loop.diagram.GetSubsystemByName("command_lag")
+    lag = loop.diagram.GetSubsystemByName("observer")
     held = lag.GetMyContextFromRoot(context).get_discrete_state_vector().value()
     expected = lagged_commands(table["t"].to_numpy(), table[["delta", "tau"]].to_numpy())
     row = int(np.argmin(np.abs(table["t"] - held[0])))
@@ -96,14 +96,14 @@ def test_a_car_without_effects_cannot_change() -> None:
 
 def test_a_detector_needs_an_adapter() -> None:
     parameters = VehicleParameters()
-    detector = OutOfDistributionDetector(load(), threshold=10.0)
+    detector = OutOfDistributionDetector(load_model(), threshold=10.0)
     with pytest.raises(ValueError, match="give an adapter"):
         ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), detector=detector)
 
 
 def test_a_lane_tightened_by_uncertainty() -> None:
     """A controller that trusts its model little finds the car outside what it leaves of the lane."""
-    learnt, parameters = load(), VehicleParameters()
+    learnt, parameters = load_model(), VehicleParameters()
     reference = dataclasses.replace(figure_8(parameters), distance=4.0)
     model, tables = step_model(learnt, learnt.prior(), "trapezoid"), []
     for kappa in (0.0, 200.0):

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.diagnose import Diagnosis
-from drift_drake.diagnosis.report_figures import posterior_bars
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import lane_for_pictures
 from drift_drake.logs.table import read_case
+from drift_drake.pages import page as pages
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
 from drift_drake.pictures.side_by_side import side_by_side
@@ -102,8 +102,9 @@ def write_page(
     tables = {NAMES[kind]: table for kind, table in drifts.items()}
     compared = {NAMES[kind]: drifts[kind] for kind in COMPARED}
     name, errors, beside = replayed_log(diagnosis, config.log)
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    page = environment.from_string(TEMPLATE.read_text()).render(
+    loader = jinja2.FileSystemLoader([TEMPLATE.parent, pages.FOLDER])
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    page = environment.get_template(TEMPLATE.name).render(
         config=config,
         numbers=numbers,
         names=NAMES,
@@ -119,7 +120,7 @@ def write_page(
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
         answer=diagnosis.answer,
-        posterior=Markup(posterior_bars(diagnosis.answer.posterior)),
+        posterior=list(diagnosis.answer.posterior.items())[:8],
         log_name=name,
         errors=errors,
         units=UNITS,

@@ -5,10 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.diagnosis.day_hypotheses import REACH
+from drift_drake.diagnosis.detection_limits import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT
 from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
 from drift_drake.estimation.prior import scale, starts
 from drift_drake.estimation.problem import Problem, filter_case, observe_case
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,6 +29,27 @@ class Isolability:
             for name, sigma in zip(self.names, self.deviation, strict=True)
             if 2.0 * sigma > max(abs(CATALOGUE[name].low), abs(CATALOGUE[name].high))
         ]
+
+    def limits(self, vehicle: VehicleParameters) -> dict[str, dict[str, object]]:
+        """By effect the least magnitude that would be named with 95 % probability, as an answer's `details.detection`.
+
+        To first order in the magnitude: it must be far enough from zero, and from what the effect most like it can do.
+        A steering rate limit, which acts the more the lower it is, is left out.
+        """
+        out: dict[str, dict[str, object]] = {}
+        alike = self.likeness - np.eye(len(self.names))
+        for i, name in enumerate(self.names):
+            if name == RATE_LIMIT:
+                continue
+            rival = int(np.argmax(alike[i]))
+            apart = np.sqrt(max(1.0 - float(alike[i, rival]) ** 2, 1e-12))
+            beside = BESIDE_RIVAL / apart
+            least = float(self.deviation[i] * max(BESIDE_NONE, beside))
+            info = CATALOGUE[name]
+            within = least <= REACH * max(abs(end) for end in info.range_for(vehicle))
+            taken_for = self.names[rival] if beside > BESIDE_NONE else "none"
+            out[name] = {"unit": info.unit, "least": least if within else None, "taken_for": taken_for}
+        return out
 
 
 def isolability(problem: Problem, fit: Fit, names: Sequence[str]) -> Isolability:

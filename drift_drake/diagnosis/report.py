@@ -1,21 +1,25 @@
-"""The report of a diagnosis: one self-contained HTML file."""
+"""The report of a diagnosis by the filter's likelihood: one self-contained HTML file, by verdict."""
 
 from pathlib import Path
-
-import jinja2
-from markupsafe import Markup
+from typing import Any
 
 from drift_drake.diagnosis import report_figures as figures
+from drift_drake.diagnosis.day_hypotheses import REACH
 from drift_drake.diagnosis.diagnose import Diagnosis
-from drift_drake.diagnosis.isolability import isolability
-from drift_drake.diagnosis.posterior import hypothesis_name
+from drift_drake.diagnosis.isolability import Isolability, isolability
+from drift_drake.diagnosis.limit_rows import limit_rows
+from drift_drake.diagnosis.manoeuvres import shown_by
+from drift_drake.diagnosis.posterior import UNKNOWN, hypothesis_name
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed
+from drift_drake.pages.page import GLOSSARY, Source, page_html
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
+MOST_SHOWN = 8  # hypotheses
+LOOK_ALIKE = 0.9  # cosine of two signatures
 TEMPLATE = Path(__file__).parent / "report.html"
 
 
@@ -44,45 +48,79 @@ def comparison(d: Diagnosis) -> dict[str, float]:
     nothing = next(f for f in hypotheses if not f.names)
     excess = 1.0 - best.mean_square / nothing.mean_square
     if excess > LEAST_EXCESS:
-        out["free-form ceiling"] = min(misfit(d.problem, nothing, "functions").removed / excess, 1.0)
+        out["free-form ceiling"] = misfit(d.problem, nothing, "functions").removed / excess
     return out
 
 
-def report_html(d: Diagnosis) -> str:
-    """The report's HTML; pictures are inline SVG, nothing is loaded from elsewhere."""
-    answer, where = d.answer, d.answer.where
-    before = figures.squares(d.problem, figures.nothing(d.problem))
-    after = figures.squares(d.problem, d.fit)
-    signatures = isolability(d.problem, d.fit, tuple(CATALOGUE))
-    unexcited = signatures.unexcited()
-    warnings = list(answer.warnings)
-    if unexcited:
-        warnings.append(f"These logs hardly excite {', '.join(unexcited)}: nothing can be said of them.")
-    warnings.append("Logs of feedback driving: the driver answers to the car, so that causes and commands correlate.")
+def look_alikes(found: Isolability) -> list[tuple[str, str, float]]:
+    """Pairs of effects that these logs hardly tell apart, the most alike first."""
+    pairs = [
+        (a, b, float(found.likeness[i, j]))
+        for i, a in enumerate(found.names)
+        for j, b in enumerate(found.names[:i])
+        if found.likeness[i, j] >= LOOK_ALIKE
+    ]
+    return sorted(pairs, key=lambda pair: -pair[2])
+
+
+def gap_charts(d: Diagnosis) -> dict[str, Any]:
+    """What shows the gap, and with a named cause what is left of it; nothing where there is none."""
+    if d.answer.verdict == "none":
+        return {}
+    cars = figures.cars_of(d)
+    errors = {name: figures.squares(d.problem, fit) for name, fit in cars.items()}
+    charts = {
+        "time_line": figures.time_line(d, errors),
+        "heat_maps": figures.heat_maps(d, errors),
+        "overlays": [(d.problem.runs[i].name, figures.overlay(d, i, cars)) for i in figures.worst_runs(d)],
+        "correlations": figures.correlations(d, cars),
+    }
+    if d.answer.verdict == "effect":
+        charts["by_horizon"] = figures.error_by_horizon(d)
+    return charts
+
+
+def doubtful(d: Diagnosis, unnamed: list[str]) -> list[str]:
+    """Effects that another drive should show: rivals that are still open, or what these logs cannot name."""
+    if d.answer.verdict == "none":
+        return unnamed
+    names = [name for names in d.answer.ambiguity for name in names.split("+") if name in CATALOGUE]
+    return list(dict.fromkeys(names)) if len(d.answer.ambiguity) > 1 else []
+
+
+def report_html(d: Diagnosis, source: Source | None = None) -> str:
+    """The report's HTML; nothing is loaded from elsewhere."""
+    answer = d.answer
+    without = next(f for f, _ in d.found.hypotheses() if not f.names)
+    signatures = isolability(d.problem, without if answer.verdict == "none" else d.fit, tuple(CATALOGUE))
+    limits = limit_rows(signatures.limits(d.problem.vehicle), d.problem.vehicle) if answer.verdict == "none" else []
     learnt = answer.details["learned"]
-    tables = [("state", where["states"]), ("force", where["channels"]), ("run", where["runs"])]
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(TEMPLATE.read_text()).render(
+    return page_html(
+        TEMPLATE,
+        tuple(GLOSSARY),
         answer=answer,
-        sentence=answer.sentence(),
-        warnings=warnings,
+        source=source or Source(),
+        runs=[(run.name, len(run.y) * run.period) for run in d.problem.runs],
+        probabilities=[(name.replace("+", " + "), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
         catalogue=CATALOGUE,
-        tables=tables,
+        charts=gap_charts(d),
+        ahead="0.5 s",
+        worst=d.problem.runs[figures.worst_runs(d, 1)[0]].name,
         removed=answer.details["reduction_by_state"] | answer.details["reduction_by_horizon"],
-        unexcited=unexcited,
-        comparison=comparison(d),
-        posterior=Markup(figures.posterior_bars(answer.posterior)),
-        time_line=Markup(figures.time_line(d, before, after)),
-        heat_maps=Markup(figures.heat_maps(d, before, after)),
-        overlays=Markup(figures.overlays(d)),
-        by_horizon=Markup(figures.error_by_horizon(d)),
-        correlations=Markup(figures.correlations(d)),
+        comparison=comparison(d) if answer.verdict == "effect" else {},
+        nearest=answer.details.get("nearest"),
+        limits=limits,
+        reach=REACH,
+        unexcited=signatures.unexcited(),
+        alike=look_alikes(signatures),
+        isolability=figures.isolability_matrix(signatures),
         learned=learnt,
-        uncertainty=Markup(figures.uncertainty(learnt["map"])) if learnt["map"] else "",
-        isolability=Markup(figures.isolability_matrix(signatures)),
+        uncertainty=figures.uncertainty(learnt["map"]) if learnt["map"] else "",
+        drives=shown_by(doubtful(d, [row.name for row in limits if not row.named or row.share > 1.0])),
+        unknown=answer.verdict == UNKNOWN,
     )
 
 
-def write_report(d: Diagnosis, path: str | Path) -> None:
+def write_report(d: Diagnosis, path: str | Path, source: Source | None = None) -> None:
     """Writes the report."""
-    write_text(path, report_html(d))
+    write_text(path, report_html(d, source))

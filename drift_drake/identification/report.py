@@ -2,31 +2,32 @@
 
 from pathlib import Path
 
-import jinja2
-from markupsafe import Markup
-
 from drift_drake.identification import report_figures as figures
 from drift_drake.identification.calibration import Identification
+from drift_drake.pages.page import Source, page_html
 from drift_drake.safe_files import write_text
 
 TEMPLATE = Path(__file__).parent / "report.html"
+WORDS = ("95 % interval", "innovation", "held out", "calibrated car", "sideslip (beta)", "yaw rate (r)", "omega_r")
 
 
-def report_html(found: Identification) -> str:
-    """The report's HTML; pictures are inline SVG, nothing is loaded from elsewhere."""
+def report_html(found: Identification, source: Source | None = None) -> str:
+    """The report's HTML; nothing is loaded from elsewhere."""
     c = found.calibration
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
+    return page_html(
+        TEMPLATE,
+        WORDS,
         c=c,
+        source=source or Source(),
         sentence=c.sentence(),
         untold=[direction.sentence() for direction in c.untold],
         rows=found.rows,
-        intervals=Markup(figures.intervals(c.parameters)),
-        errors=Markup(figures.errors(c.held_out)),
-        correlations=Markup(figures.correlations(list(c.parameters), c.correlation)),
+        intervals=figures.intervals(c.parameters),
+        errors=figures.errors(c.held_out),
+        correlations=figures.correlations(list(c.parameters), c.correlation),
     )
 
 
-def write_report(found: Identification, path: str | Path) -> None:
+def write_report(found: Identification, path: str | Path, source: Source | None = None) -> None:
     """Writes the report."""
-    write_text(path, report_html(found))
+    write_text(path, report_html(found, source))

@@ -27,6 +27,15 @@ TRANSITION = "#E3E3E0"
 # Okabe and Ito's colours, which the colour-blind tell apart, in an order that greys tell apart too.
 RUNS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 
+CARS = {"real": INK, "measured": INK, "nominal": RUNS[1], "calibrated": RUNS[1], "corrected": RUNS[0]}
+"""The car of that name has this colour in every picture, page and replay."""
+
+
+def colour_of(name: str, index: int) -> str:
+    """A run's colour: its car's, or else that of its number."""
+    return CARS.get(name, RUNS[index % len(RUNS)])
+
+
 SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])
 """From right to left (sideslip): dark in the middle, so that it shows on a light lane."""
 

@@ -11,7 +11,7 @@ def command_line(name: str, command: Any, positional: str) -> str:
     Args:
         command: a command's dataclass; positional: its field that is given without a name.
     """
-    words = ["drift-drake", name, str(getattr(command, positional))]
+    words = ["drift-drake", name, *_words(getattr(command, positional))]
     for field in dataclasses.fields(command):
         value = getattr(command, field.name)
         if field.name == positional or value == field.default:
@@ -20,5 +20,9 @@ def command_line(name: str, command: Any, positional: str) -> str:
         if isinstance(value, bool):
             words.append(option if value else option.replace("--", "--no-", 1))
         else:
-            words += [option, *(map(str, value) if isinstance(value, tuple) else [str(value)])]
+            words += [option, *_words(value)]
     return shlex.join(words)
+
+
+def _words(value: Any) -> list[str]:
+    return list(map(str, value)) if isinstance(value, tuple) else [str(value)]

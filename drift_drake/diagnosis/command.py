@@ -178,15 +178,17 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
     from drift_drake.diagnosis.another_day import DayDiagnosis
-    from drift_drake.diagnosis.day_report import Source, write_day_report
+    from drift_drake.diagnosis.day_report import write_day_report
     from drift_drake.diagnosis.report import write_report
+    from drift_drake.pages.page import Source
 
+    said = command_line("diagnose", command, "case")
+    answer = None if command.json == STANDARD_OUTPUT else command.json
+    source = Source(said, command.case, command.vehicle, command.calibration, answer)
     if isinstance(diagnosis, DayDiagnosis):
-        said = command_line("diagnose", command, "case")
-        source = Source(said, command.case, command.vehicle, command.calibration, command.json)
         write_day_report(diagnosis, path, source)
     else:
-        write_report(diagnosis, path)
+        write_report(diagnosis, path, source)
 
 
 def _diagnose_many(

@@ -90,6 +90,7 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         source=source,
         vehicle=search.vehicle,
         runs=[(run.name, len(run.y) * run.period, len(run.starts)) for run in search.day.runs],
+        worst=search.day.runs[worst_run(d)].name,
         probabilities=[(name.replace("+", " + "), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
         at_least=answer.details["at_least"],
         brought_along=answer.details["with"],

@@ -29,7 +29,8 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
         left = {name: errors[day.run == index][:, -1, i] for name, errors in cars.items()}
         predicted = [Line(name, at * run.period, run.y[at, i] - e, dots=True) for name, e in left.items()]
         measured = Line("measured", t, run.y[:, i])
-        panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach_of(run.y[:, i])))
+        reach = reach_of(run.y[:, i], [line.y for line in predicted])
+        panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach))
         misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
         title = f"measured less predicted [{UNITS[state]}]; grey: normal (2 sigma)"
         panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))

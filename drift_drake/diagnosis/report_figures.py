@@ -20,6 +20,7 @@ from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map,
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}
 LONGEST_CORRELATION = 40  # rows
 CELLS = 8  # of a map, along either axis
+ASTRAY = 1.5  # times the measured range beyond which a prediction is left out of the picture
 
 Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
 
@@ -69,7 +70,7 @@ def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
     for i, state in enumerate(STATES):
         measured = [Line("measured", t, run.y[:, i])] if run.used[i] else []
         lines = [Line(name, rows * run.period, values[:, i]) for name, (rows, values) in predicted.items()]
-        reach = reach_of(run.y[:, i]) if run.used[i] else None
+        reach = reach_of(run.y[:, i], [line.y for line in lines]) if run.used[i] else None
         panels.append(Panel(f"{state} [{UNITS[state]}]", [*measured, *lines], reach=reach))
         if run.used[i]:
             left = [Line(name, rows * run.period, run.y[rows, i] - values[:, i])
@@ -78,10 +79,13 @@ def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
     return stacked(panels, "t [s]", {} if onset is None else {"gap sets in": onset})
 
 
-def reach_of(values: np.ndarray) -> tuple[float, float]:
-    """Of an axis that a car which goes astray does not stretch."""
-    low, high = float(np.min(values)), float(np.max(values))
-    return low - 0.4 * (high - low), high + 0.4 * (high - low)
+def reach_of(measured: np.ndarray, predicted: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Of an axis that shows all predictions, but for those that go far astray."""
+    low, high = float(np.min(measured)), float(np.max(measured))
+    span, all_of = high - low, np.concatenate(predicted)
+    ends = max(float(np.nanmin(all_of)), low - ASTRAY * span), min(float(np.nanmax(all_of)), high + ASTRAY * span)
+    low, high = min(low, ends[0]), max(high, ends[1])
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
 
 
 def squares(problem: Problem, fit: Fit) -> list[np.ndarray]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 from tqdm import tqdm
 
+from drift_drake.command_line import command_line
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
@@ -85,9 +86,13 @@ def run_identify(command: Identify) -> None:
     if command.json is not None:
         write_text(command.json, to_json(found.calibration))
     if command.report is not None:
-        from drift_drake.identification.report import write_report  # matplotlib is slow to import
+        from drift_drake.identification.report import write_report  # plotly is slow to import
+        from drift_drake.pages.page import Source
 
-        write_report(found, command.report)
+        said = command_line("identify", command, "logs")
+        calibration = None if command.json == STANDARD_OUTPUT else command.json
+        vehicle_file = command.out or command.vehicle
+        write_report(found, command.report, Source(said, None, vehicle_file, calibration))
 
 
 def summary(found: "Identification", json: Path | None = None) -> str:

@@ -35,8 +35,10 @@ def errors(held: HeldOut) -> Markup:
     horizons = np.array(held.horizons)
     panels = []
     for i, state in enumerate(held.states):
-        lines = [Line(name, horizons, np.array([row[i] for row in values]), colour, dots=True)
-                 for name, values, colour in (("first guess", held.before, NORMAL), ("calibrated", held.after, ""))]
+        lines = [
+            Line(name, horizons, np.array([row[i] for row in values]), colour, dots=True)
+            for name, values, colour in (("first guess", held.before, NORMAL), ("calibrated", held.after, ""))
+        ]
         panels.append(Panel(f"{state} [{UNITS[state]}]", lines, 140, log=True))  # fmt: skip
     return beside(panels, "horizon [s]", log_x=True)
 

@@ -108,7 +108,9 @@ def heat_map(
     figure.update_layout(title={"text": title, "font": {"size": 12}, "x": 0.0, "xanchor": "left"})
     figure.update_xaxes(title_text=x_title)
     figure.update_yaxes(title_text=y_title)
-    return finished(figure, height, legend=False, ticks=max(len(y), 6) if isinstance(y[0], str) else 6)
+    if isinstance(x[0], str):
+        figure.update_xaxes(tickangle=-90, automargin=True, nticks=len(x))
+    return finished(figure, height, legend=False, ticks=len(y) if isinstance(y[0], str) else 6)
 
 
 def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
@@ -128,7 +130,15 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
     _titled(figure, panel.title, row, column)
     if panel.normal is not None:
         figure.add_hrect(-panel.normal, panel.normal, fillcolor=NORMAL, opacity=0.35, line_width=0, row=row, col=column)
-    figure.update_yaxes(range=panel.reach, type="log" if panel.log else "linear", row=row, col=column)
+    figure.update_yaxes(range=panel.reach, row=row, col=column)
+    if panel.log:
+        figure.update_yaxes(type="log", dtick=_decades(panel), row=row, col=column)
+
+
+def _decades(panel: Panel) -> float | str:
+    """Labels at each power of ten, or at 1, 2 and 5 where there is hardly one."""
+    values = np.concatenate([np.asarray(line.y)[np.asarray(line.y) > 0.0] for line in panel.lines])
+    return "D2" if len(values) and np.max(values) < 20.0 * np.min(values) else 1
 
 
 def _short(values: Array) -> Array:
@@ -151,6 +161,7 @@ def finished(figure: go.Figure, height: int, legend: bool = True, ticks: int = 6
     figure.update_layout(
         template="none", font=FONT, margin=MARGIN | {"t": top}, paper_bgcolor="rgba(0,0,0,0)",
         plot_bgcolor="rgba(0,0,0,0)", hovermode="x unified" if legend else "closest", showlegend=legend,
+        modebar={"bgcolor": "rgba(0,0,0,0)", "color": "#aaaaaa", "activecolor": INK},
         legend={"orientation": "h", "x": 0.0, "y": 1.0, "yref": "container", "yanchor": "top"},
         height=height + MARGIN["b"] + top,
     )  # fmt: skip

@@ -21,9 +21,9 @@ from drift_drake.pictures.style import (
     LANE,
     LEVELS,
     REFERENCE,
-    RUNS,
     SIDES,
     check_columns,
+    colours_of,
     new_figure,
     styled,
 )
@@ -74,8 +74,7 @@ def overhead(
     if reference is not None:
         draw_reference(axes, reference)
     mappable = _mappable(colour, runs)
-    for index, run in enumerate(runs.values()):
-        run_colour = RUNS[index % len(RUNS)]
+    for run, run_colour in zip(runs.values(), colours_of(runs), strict=True):
         _draw_path(axes, run, mappable, colour, run_colour)
         if car_every > 0.0:
             draw_cars(axes, run, shape, car_every, INK if mappable else run_colour)
@@ -173,7 +172,10 @@ def draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colo
 def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None, colour: Colour) -> None:
     handles = []
     if colour == "run":
-        handles += [Line2D([], [], color=RUNS[k % len(RUNS)], linewidth=1.6, label=name) for k, name in enumerate(runs)]
+        handles += [
+            Line2D([], [], color=paint, linewidth=1.6, label=name)
+            for name, paint in zip(runs, colours_of(runs), strict=True)
+        ]
     if reference is not None:
         handles.append(Line2D([], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), label="reference"))
         handles.append(Line2D([], [], color="#B8B8B4", linewidth=0.8, label="lane"))

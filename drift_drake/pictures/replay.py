@@ -19,10 +19,10 @@ from drift_drake.pictures.scene import (
     Scene,
     car_path,
     car_pose,
-    colour,
     front_wheels,
     poses,
 )
+from drift_drake.pictures.style import colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -80,7 +80,7 @@ def replay(
     recording.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     meshcat.PublishRecording()
     path = Path(path)
-    cars = [{"name": name, "colour": colour(index)} for index, name in enumerate(runs)]
+    cars = [{"name": name, "colour": colour} for name, colour in zip(runs, colours_of(runs), strict=True)]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     panel = environment.from_string(PANEL.read_text()).render(
         cars=cars, home=home, title=title, note=note, camera=camera

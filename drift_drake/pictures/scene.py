@@ -12,7 +12,7 @@ from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drift_drake.pictures.car_shape import CarShape, model_scale
-from drift_drake.pictures.style import RUNS, check_columns
+from drift_drake.pictures.style import check_columns, colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -107,15 +107,10 @@ class Scene:
         _draw_grid(canvas, low - GRID_MARGIN, high + GRID_MARGIN)
         if self.reference is not None:
             _draw_reference(canvas, self.reference, self.scale)
-        for index, run in enumerate(self.runs.values()):
-            paint = to_rgb(colour(index))
+        for index, (run, colour) in enumerate(zip(self.runs.values(), colours_of(self.runs), strict=True)):
+            paint = to_rgb(colour)
             _draw_trace(canvas, f"/traces/{index}", run, TRACE + 0.02 * index, paint)
             _build_car(canvas, car_path(index), self.shape, paint, 1.0 if index == 0 else GHOST_OPACITY)
-
-
-def colour(index: int) -> str:
-    """Of the run of that number."""
-    return RUNS[index % len(RUNS)]
 
 
 def car_path(index: int) -> str:

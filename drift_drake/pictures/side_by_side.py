@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from drift_drake.pictures.style import DEGREES, KMH, RUNS, check_columns, legend_above, new_figure, styled
+from drift_drake.pictures.style import DEGREES, KMH, check_columns, colours_of, legend_above, new_figure, styled
 
 COLUMNS = ("t", "x", "y", "r", "v", "beta", "omega_r", "delta")
 SMALLEST_REACH = 1.0  # of the axes: that a simulated car may leave the real one's range by, at least
@@ -25,7 +25,7 @@ def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
     """
     for name, run in runs.items():
         check_columns(run, COLUMNS, name)
-    real = next(iter(runs.values()))
+    real, colours = next(iter(runs.values())), colours_of(runs)
     figure = new_figure(7.5, 5.4)
     grid = figure.subplots(3, 2, sharex=True)
     lines = (
@@ -38,7 +38,7 @@ def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
         for index, (name, run) in enumerate(runs.items()):
             # The real car is beneath, wide and pale: a car that does the same is seen on it.
             look = {"linewidth": 2.4, "alpha": 0.45} if index == 0 else {"linewidth": 1.0}
-            axes.plot(run["t"], run[column] * unit, color=RUNS[index % len(RUNS)], label=name, **look)
+            axes.plot(run["t"], run[column] * unit, color=colours[index], label=name, **look)
         axes.set_ylabel(label)
         if real[column].notna().any():
             low, high = float(real[column].min()) * unit, float(real[column].max()) * unit
@@ -46,12 +46,12 @@ def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
             bottom, top = axes.get_ylim()
             axes.set_ylim(max(bottom, low - reach), min(top, high + reach))
     steering, distance = grid[-1]
-    steering.plot(real["t"], real["delta"] * DEGREES, color=RUNS[0])
+    steering.plot(real["t"], real["delta"] * DEGREES, color=colours[0])
     steering.set_ylabel("steering command [deg]")
     for index, run in enumerate(runs.values()):
         if index > 0:
             away = np.hypot(run["x"] - real["x"], run["y"] - real["y"])
-            distance.plot(run["t"], away, color=RUNS[index % len(RUNS)], linewidth=1.0)
+            distance.plot(run["t"], away, color=colours[index], linewidth=1.0)
     distance.set_ylabel("distance from the real car [m]")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")

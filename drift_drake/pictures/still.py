@@ -35,11 +35,10 @@ from drift_drake.pictures.scene import (
     Scene,
     car_path,
     car_pose,
-    colour,
     front_wheels,
     poses,
 )
-from drift_drake.pictures.style import RESOLUTION, styled
+from drift_drake.pictures.style import RESOLUTION, colours_of, styled
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -92,7 +91,8 @@ def still(
     width, height = (round(RESOLUTION * length) for length in size)
     axes.imshow(canvas.render(view, width, height))
     axes.set_axis_off()
-    handles = [Line2D([], [], color=colour(k), linewidth=3.0, label=name) for k, name in enumerate(runs)]
+    colours = dict(zip(runs, colours_of(runs), strict=True))
+    handles = [Line2D([], [], color=colour, linewidth=3.0, label=name) for name, colour in colours.items()]
     axes.legend(handles=handles, loc="upper left", frameon=True, framealpha=0.85, edgecolor="none",
                 title=f"after {time:.1f} s", alignment="left")  # fmt: skip
     return figure

@@ -1,5 +1,6 @@
 """The look that all pictures share: quiet, readable in print and by the colour-blind, units on every axis."""
 
+import itertools
 from collections.abc import Callable, Iterable
 from functools import wraps
 from pathlib import Path
@@ -31,9 +32,12 @@ CARS = {"real": INK, "measured": INK, "nominal": RUNS[1], "calibrated": RUNS[1],
 """The car of that name has this colour in every picture, page and replay."""
 
 
-def colour_of(name: str, index: int) -> str:
-    """A run's colour: its car's, or else that of its number."""
-    return CARS.get(name, RUNS[index % len(RUNS)])
+def colours_of(names: Iterable[str]) -> list[str]:
+    """A colour for each run: its car's, and for others the next one that none of these cars has."""
+    names = list(names)
+    taken = {CARS[name] for name in names if name in CARS}
+    free = itertools.cycle([colour for colour in RUNS if colour not in taken])
+    return [CARS[name] if name in CARS else next(free) for name in names]
 
 
 SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])

@@ -15,9 +15,9 @@ from drift_drake.pictures.style import (
     INK,
     KMH,
     REFERENCE,
-    RUNS,
     TRANSITION,
     check_columns,
+    colours_of,
     legend_above,
     new_figure,
     styled,
@@ -126,8 +126,8 @@ def _column(name: str, unit: float) -> Callable[[pd.DataFrame], Array]:
 def _draw(
     axes: Axes, runs: Mapping[str, pd.DataFrame], against: str, quantity: Callable[[pd.DataFrame], Array]
 ) -> None:
-    for index, (name, run) in enumerate(runs.items()):
-        axes.plot(run[against], quantity(run), color=RUNS[index % len(RUNS)], linewidth=1.1, label=name, zorder=2.5)
+    for (name, run), colour in zip(runs.items(), colours_of(runs), strict=True):
+        axes.plot(run[against], quantity(run), color=colour, linewidth=1.1, label=name, zorder=2.5)
 
 
 def _widen(axes: Axes, span: float) -> None:

@@ -30,6 +30,98 @@ UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip
 
 
 @compiled
+def measurement_matrix(effects: Any, h: Any) -> Any:
+    """Derivatives h [9, 9] of the channels by the corrected states; the accelerations' rows are left zero."""
+    for i in range(MEASURED):
+        if i < 4:
+            h[i, i] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
+        elif i >= 6:
+            h[i, i - 2] = 1.0
+
+
+@compiled
+def propagate(f: Any, process: Any, period: Any, p: Any, t: Any) -> Any:
+    """Covariance p [9, 9] a row later, in place, under the transition f; t is scratch."""
+    n = CORRECTED
+    for i in range(n):
+        for j in range(n):
+            total = 0.0
+            for c in range(n):
+                total += f[i, c] * p[c, j]
+            t[i, j] = total
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for c in range(n):
+                total += t[i, c] * f[j, c]
+            p[i, j] = total
+            p[j, i] = total
+        p[i, i] += process[i] * period
+
+
+@compiled
+def update_covariance(
+    h: Any, noise: Any, used: Any, p: Any, gain: Any, whitening: Any, ph: Any, s: Any, low: Any, t: Any, scratch: Any
+) -> Any:
+    """Fills gain and whitening matrix [9, 9] of a measurement, and p with the covariance after it; the rest is scratch.
+
+    The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
+    """
+    n, m = CORRECTED, MEASURED
+    for i in range(n):
+        for j in range(m):
+            total = 0.0
+            for c in range(n):
+                total += p[i, c] * h[j, c]
+            ph[i, j] = total if used[j] else 0.0
+    for i in range(m):
+        for j in range(m):
+            total = 0.0
+            for c in range(n):
+                total += h[i, c] * ph[c, j]
+            s[i, j] = total if used[i] else 0.0
+        s[i, i] += noise[i] if used[i] else 1.0
+    for i in range(m):
+        for j in range(i + 1):
+            total = s[i, j]
+            for c in range(j):
+                total -= low[i, c] * low[j, c]
+            low[i, j] = np.sqrt(max(total, 1e-18)) if i == j else total / low[j, j]
+    for j in range(m):
+        for i in range(m):
+            if i < j:
+                whitening[i, j] = 0.0
+            elif i == j:
+                whitening[i, j] = 1.0 / low[i, i]
+            else:
+                total = 0.0
+                for c in range(j, i):
+                    total += low[i, c] * whitening[c, j]
+                whitening[i, j] = -total / low[i, i]
+    for i in range(n):
+        for j in range(m):
+            total = 0.0
+            for c in range(j + 1):
+                total += ph[i, c] * whitening[j, c]
+            t[i, j] = total  # p h' L^-T
+    for i in range(n):
+        for j in range(m):
+            total = 0.0
+            for c in range(j, m):
+                total += t[i, c] * whitening[c, j]
+            gain[i, j] = total if used[j] else 0.0
+        for j in range(i + 1):
+            total = 0.0
+            for c in range(m):
+                total += t[i, c] * t[j, c]
+            scratch[i, j] = total
+    for i in range(n):
+        for j in range(i + 1):
+            p[i, j] -= scratch[i, j]
+            p[j, i] = p[i, j]
+
+
+@compiled
 def filter_run(
     y: Any,
     first: Any,
@@ -66,12 +158,7 @@ def filter_run(
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
     graded = effects.road_grade != 0.0
-    for i in range(m):
-        scale = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
-        if i == 0 or i == 1 or i == 2 or i == 3:
-            h[i, i] = scale
-        elif i >= 6:
-            h[i, i - 2] = 1.0
+    measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
     for i in range(4):
         p[i, i] = noise[i] if used[i] else UNMEASURED
@@ -87,20 +174,7 @@ def filter_run(
     )
     for row in range(first + 1, rows):
         transition(jacobian, period, f, t, scratch)
-        for i in range(n):
-            for j in range(n):
-                total = 0.0
-                for c in range(n):
-                    total += f[i, c] * p[c, j]
-                t[i, j] = total
-        for i in range(n):
-            for j in range(i + 1):
-                total = 0.0
-                for c in range(n):
-                    total += t[i, c] * f[j, c]
-                p[i, j] = total
-                p[j, i] = total
-            p[i, i] += process[i] * period
+        propagate(f, process, period, p, t)
         advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, out, jacobian)
@@ -109,76 +183,24 @@ def filter_run(
         for j in range(n):
             h[4, j] = jacobian[13, j]
             h[5, j] = jacobian[14, j]
-        for i in range(n):
-            for j in range(m):
-                total = 0.0
-                for c in range(n):
-                    total += p[i, c] * h[j, c]
-                ph[i, j] = total if used[j] else 0.0
-        for i in range(m):
-            for j in range(m):
-                total = 0.0
-                for c in range(n):
-                    total += h[i, c] * ph[c, j]
-                s[i, j] = total if used[i] else 0.0
-            s[i, i] += noise[i] if used[i] else 1.0
-        # Cholesky factor of s, its inverse (the whitening matrix), and the gain p h' s^-1.
-        for i in range(m):
-            for j in range(i + 1):
-                total = s[i, j]
-                for c in range(j):
-                    total -= low[i, c] * low[j, c]
-                low[i, j] = np.sqrt(max(total, 1e-18)) if i == j else total / low[j, j]
-        for j in range(m):
-            for i in range(m):
-                if i < j:
-                    whitening[row, i, j] = 0.0
-                elif i == j:
-                    whitening[row, i, j] = 1.0 / low[i, i]
-                else:
-                    total = 0.0
-                    for c in range(j, i):
-                        total += low[i, c] * whitening[row, c, j]
-                    whitening[row, i, j] = -total / low[i, i]
-        for i in range(n):
-            for j in range(m):
-                total = 0.0
-                for c in range(j + 1):
-                    total += ph[i, c] * whitening[row, j, c]
-                t[i, j] = total  # p h' L^-T
-        for i in range(n):
-            for j in range(m):
-                total = 0.0
-                for c in range(j, m):
-                    total += t[i, c] * whitening[row, c, j]
-                gain[row, i, j] = total if used[j] else 0.0
-            for j in range(i + 1):
-                total = 0.0
-                for c in range(m):
-                    total += t[i, c] * t[j, c]
-                scratch[i, j] = total
-        for i in range(n):
-            for j in range(i + 1):
-                p[i, j] -= scratch[i, j]
-                p[j, i] = p[i, j]
-        _correct(y, row, used, predicted, gain, whitening, nu, z, innovations)
+        update_covariance(h, noise, used, p, gain[row], whitening[row], ph, s, low, t, scratch)
+        correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
 
 
 @compiled
-def _correct(
-    y: Any, row: Any, used: Any, predicted: Any, gain: Any, whitening: Any, nu: Any, z: Any, innovations: Any
-) -> Any:
+def correct(y: Any, used: Any, predicted: Any, gain: Any, whitening: Any, nu: Any, z: Any, innovations: Any) -> Any:
+    """Corrects z by one row's measurement y [9] and writes its whitened innovations [9]; nu is scratch."""
     for j in range(MEASURED):
-        nu[j] = y[row, j] - predicted[j] if used[j] else 0.0
+        nu[j] = y[j] - predicted[j] if used[j] else 0.0
     for i in range(MEASURED):
         total = 0.0
         for j in range(i + 1):
-            total += whitening[row, i, j] * nu[j]
-        innovations[row, i] = total
+            total += whitening[i, j] * nu[j]
+        innovations[i] = total
     for i in range(CORRECTED):
         total = 0.0
         for j in range(MEASURED):
-            total += gain[row, i, j] * nu[j]
+            total += gain[i, j] * nu[j]
         z[i] += total
     z[1] = max(z[1], MIN_FILTER_SPEED)
     z[3] = max(z[3], 0.0)
@@ -226,6 +248,6 @@ def observe_run(
             push[:] = pushes[row]
         rates_of(z, delta[at], torque[at], constants, effects, push, k)
         predict_measurement(z, k[13], k[14], effects, predicted)
-        _correct(y, row, used, predicted, gain, whitening, nu, z, innovations)
+        correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
         if keep:
             states[row] = z

@@ -1,0 +1,175 @@
+"""A bank of filters that runs beside the car: the simulator's car, and the same car with each effect.
+
+One extended Kalman filter of the simulator's car (`estimation.filter`) gives the gain and the whitening of every row;
+all cars of the bank are corrected with that gain. The whitened innovations of the first car are white noise of variance
+one where the simulator is right. Where an effect acts with an amplitude a, their mean is a times the difference between
+the first car's innovations and those of the car that has the effect: its signature (Willsky and Jones 1976; for
+constant parameters the same as Friedland's separated filter, 1969).
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.np.unsafe.ndarray import to_fixed_tuple
+
+from drift_drake.compilation import compiled
+from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
+from drift_drake.estimation.filter import UNMEASURED, correct, first_state, measurement_matrix, propagate
+from drift_drake.estimation.filter import update_covariance
+from drift_drake.estimation.filter_state import (
+    CORRECTED,
+    MEASURED,
+    SIZE,
+    advance,
+    linearise,
+    predict_measurement,
+    rates_of,
+    transition,
+)
+from drift_drake.monitoring.nodes import Node
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+
+EFFECTS, CONSTANTS = len(Effects._fields), len(Constants._fields)
+
+
+class Bank(NamedTuple):
+    """What does not change: the cars [m], the first of them the simulator's, and the filter's noise."""
+
+    period: float  # [s] between rows
+    constants: np.ndarray  # [12]
+    effects: np.ndarray  # [m, 28]
+    dynamic: np.ndarray  # [m, 28] without those of actuators
+    delays: np.ndarray  # [m, 2] of steering and torque [rows]
+    pushes: np.ndarray  # [m, 3]
+    noise: np.ndarray  # [9] variances of the channels
+    process: np.ndarray  # [9] variances a second
+
+
+class BankState(NamedTuple):
+    """What is carried from row to row."""
+
+    z: np.ndarray  # [m, 13] states of the cars
+    actuators: np.ndarray  # [m, 2] road-wheel angle before its offset [rad], engine torque [N m]
+    p: np.ndarray  # [9, 9] covariance of the first car
+    jacobian: np.ndarray  # [15, 9] of the first car's rates, at the last prediction
+    commands: np.ndarray  # [rows kept, 2], newest last
+
+
+def make_bank(
+    nodes: Sequence[Node], vehicle: VehicleParameters, own: Effects, period: float, noise: np.ndarray,
+    process: np.ndarray,
+) -> Bank:  # fmt: skip
+    """The bank of a simulator's car, vehicle and own effects; noise [9], process [9]: variances."""
+    cars = [own, *(node.car(own) for node in nodes)]
+    delays = [[(q.steering_delay + q.sensor_latency) / period, q.sensor_latency / period] for q in cars]
+    return Bank(
+        period, np.array(vehicle.constants(), dtype=float), np.array(cars, dtype=float),
+        np.array([without_actuators(q) for q in cars], dtype=float), np.array(delays),
+        np.array([(0.0, 0.0, 0.0), *(node.push for node in nodes)]), noise, process,
+    )  # fmt: skip
+
+
+def make_state(bank: Bank) -> BankState:
+    """A state to be filled by `start`."""
+    m, kept = len(bank.effects), int(np.ceil(bank.delays.max())) + 2
+    return BankState(np.zeros((m, SIZE)), np.zeros((m, 2)), np.zeros((CORRECTED, CORRECTED)),
+                     np.zeros((SIZE + 2, CORRECTED)), np.zeros((kept, 2)))  # fmt: skip
+
+
+@compiled
+def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
+    constants = Constants(*to_fixed_tuple(bank.constants, CONSTANTS))
+    delta, torque = np.full(1, command[0]), np.full(1, command[1])
+    rows = np.empty((1, MEASURED))
+    rows[0] = y
+    for j in range(len(state.z)):
+        effects = Effects(*to_fixed_tuple(bank.dynamic[j], EFFECTS))
+        first_state(rows, 0, used, delta, torque, constants, effects, state.z[j])
+        state.actuators[j] = command
+    state.commands[:] = command
+    state.p[:] = 0.0
+    for i in range(4):
+        state.p[i, i] = bank.noise[i] if used[i] else UNMEASURED
+    for i in range(3):
+        state.p[4 + i, 4 + i] = bank.noise[6 + i] if used[6 + i] else 0.0
+    own = Effects(*to_fixed_tuple(bank.dynamic[0], EFFECTS))
+    if own.tyre_relaxation > 0.0:
+        state.p[7, 7] = state.p[8, 8] = 1e-4
+    _linearised(state.z[0], command[0], command[1], constants, own, state.jacobian)
+
+
+@compiled
+def _linearised(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, jacobian: Any) -> Any:
+    probe, out = np.zeros(SIZE, np.complex128), np.zeros(SIZE + 2, np.complex128)
+    relaxed, graded = effects.tyre_relaxation > 0.0, effects.road_grade != 0.0
+    linearise(z, delta, torque, constants, effects, relaxed, graded, probe, out, jacobian)
+
+
+@compiled
+def _late(commands: Any, column: Any, delay: Any, out: Any) -> Any:
+    """The command `delay` rows ago, over the last row, on the stages' grid."""
+    last = len(commands) - 1
+    for i in range(STAGES + 1):
+        place = max(last - 1 + i / STAGES - delay, 0.0)
+        row = min(int(place), last - 1)
+        out[i] = commands[row, column] + (place - row) * (commands[row + 1, column] - commands[row, column])
+
+
+@compiled
+def _actuated(bank: Any, state: Any, j: Any, delta: Any, torque: Any) -> Any:
+    """Road-wheel angle and torque of car j over the last row; carries its actuators on."""
+    effects = Effects(*to_fixed_tuple(bank.effects[j], EFFECTS))
+    step = bank.period / STAGES
+    _late(state.commands, 0, bank.delays[j, 0], delta)
+    _late(state.commands, 1, bank.delays[j, 1], torque)
+    if effects.steering_rate_limit > 0.0:
+        delta[:] = limited_steering(delta, state.actuators[j, 0], step, effects)
+    elif effects.steering_lag > 0.0:
+        delta[:] = first_order_lag(delta, state.actuators[j, 0], step, effects.steering_lag)
+    if effects.torque_lag > 0.0:
+        torque[:] = first_order_lag(torque, state.actuators[j, 1], step, effects.torque_lag)
+    state.actuators[j, 0], state.actuators[j, 1] = delta[-1], torque[-1]
+
+
+@compiled
+def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: Any) -> Any:
+    n, m = CORRECTED, MEASURED
+    constants = Constants(*to_fixed_tuple(bank.constants, CONSTANTS))
+    delta, torque, k, w = np.empty(STAGES + 1), np.empty(STAGES + 1), np.zeros(SIZE + 2), np.zeros((2, SIZE))
+    f, t, scratch, s, low = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((m, m)), np.zeros((m, m))
+    h, ph, gain, whitening = np.zeros((m, n)), np.zeros((n, m)), np.zeros((n, m)), np.zeros((m, m))
+    predicted, nu = np.zeros(m), np.zeros(m)
+    state.commands[:-1] = state.commands[1:].copy()
+    state.commands[-1] = command
+    transition(state.jacobian, bank.period, f, t, scratch)
+    propagate(f, bank.process, bank.period, state.p, t)
+    for j in range(len(state.z)):
+        effects, z = Effects(*to_fixed_tuple(bank.dynamic[j], EFFECTS)), state.z[j]
+        _actuated(bank, state, j, delta, torque)
+        advance(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
+        rates_of(z, delta[-1], torque[-1], constants, effects, bank.pushes[j], k)
+        predict_measurement(z, k[13], k[14], effects, predicted)
+        if j == 0:
+            _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)
+            measurement_matrix(effects, h)
+            h[4, :n], h[5, :n] = state.jacobian[13], state.jacobian[14]
+            update_covariance(h, bank.noise, used, state.p, gain, whitening, ph, s, low, t, scratch)
+        correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
+
+
+def start(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> None:
+    """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
+    _start(y, used, command, bank, state)
+
+
+def row(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:
+    """Carries the state one row on, in place, to a measurement and the command in force there.
+
+    Returns:
+        Whitened innovations [m, 9] of all cars; zero in channels that are not `used`.
+    """
+    innovations = np.empty((len(bank.effects), MEASURED))
+    _row(y, used, command, bank, state, innovations)
+    return innovations

@@ -1,0 +1,157 @@
+"""From scores to the posterior over what has changed, since when, and by how much.
+
+The summed scores of the rows since an age are normal: their covariance is the information, and what the tolerances of
+the car add that the rows before that age have left unknown; their mean is the information times the node's amplitude.
+So each node's evidence against no change is an integral over a normal cut at zero, in closed form. A change may come
+at any moment with the same hazard, and the oldest age also stands for a gap that was there from the start.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import log_ndtr, logsumexp
+
+from drift_drake.diagnosis.posterior import NONE, UNKNOWN
+from drift_drake.monitoring.history import History, Sums, since, until
+from drift_drake.monitoring.nodes import FORCES, Node
+from drift_drake.vehicle.catalogue import CATALOGUE
+
+TWO_SIDED = 1.96
+RIDGE = 1e-3  # of a score's variance: no signature is exact to more than that
+
+
+@dataclasses.dataclass(frozen=True)
+class Beliefs:
+    """What is believed before the drive."""
+
+    hazard: float = 1.0 / 600.0  # [1/s] of a change
+    gap_at_start: float = 0.1  # probability that the simulator lacks something from the first row on
+    unknown: float = 0.1  # of a change, that it is none of the catalogue
+    shape: float = 0.15  # relative error of what an effect does (see `diagnosis.day_posterior`)
+    second: float = 1.0  # amplitude of each node in an unknown gap, one standard deviation
+
+
+class Problem(NamedTuple):
+    """What is judged: the nodes, and how the car may be off within its tolerances."""
+
+    nodes: tuple[Node, ...]
+    names: tuple[str, ...]  # of the effects
+    tolerance: np.ndarray  # [n] standard deviation of each node's amplitude within the vehicle file's tolerances
+    excess: np.ndarray  # [n, n] covariance of scores beyond white innovations, by roots of information
+
+
+class Verdict(NamedTuple):
+    """The posterior and what goes with its leading effect."""
+
+    probabilities: np.ndarray  # none, the effects in the order of `names`, unknown
+    magnitude: float  # of the leading effect
+    low: float  # 95 % interval
+    high: float
+    age: float  # [s] since the change
+    edge: float  # [blocks] the most probable of the ages
+
+
+def make_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarray | None = None) -> Problem:
+    """The problem of nodes; without `excess`, innovations are white."""
+    names = tuple(dict.fromkeys(node.name for node in nodes if node.name not in FORCES))
+    n = len(nodes)
+    return Problem(tuple(nodes), names, tolerance, np.zeros((n, n)) if excess is None else excess)
+
+
+def residual_scores(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
+    """Scores [m, n] less what the tolerances that the older rows show explain, and their covariance [m, n, n]."""
+    t = np.flatnonzero(problem.tolerance > 0.0)
+    prior = np.diag(1.0 / problem.tolerance[t] ** 2)
+    worth = 1.0 / (1.0 + np.diag(problem.excess)[t].mean()) if len(t) else 1.0
+    left = np.linalg.inv(prior + worth * older.information[:, t[:, None], t])
+    deviations = np.einsum("mij,mj->mi", left, worth * older.score[:, t])
+    by = recent.information[:, :, t]
+    score = recent.score - np.einsum("mij,mj->mi", by, deviations)
+    covariance = recent.information + by @ left @ by.swapaxes(1, 2)
+    root = np.sqrt(np.einsum("mii->mi", recent.information))
+    covariance = covariance + root[:, :, None] * problem.excess * root[:, None, :]
+    at = np.arange(score.shape[1])
+    covariance[:, at, at] *= 1.0 + RIDGE
+    covariance[:, at, at] += 1e-9
+    return score, covariance
+
+
+def judge(problem: Problem, beliefs: Beliefs, history: History, block: float) -> Verdict:
+    """The posterior at the end of a history of blocks of `block` seconds."""
+    ages, recent = since(history)
+    if not len(ages):
+        p = np.zeros(len(problem.names) + 2)
+        p[0] = 1.0
+        return Verdict(p, np.nan, np.nan, np.nan, np.nan, 0.0)
+    older = until(history)
+    score, covariance = residual_scores(problem, recent, older)
+    root = np.linalg.cholesky(covariance)
+    whitened = np.linalg.solve(root, np.concatenate([score[:, :, None], recent.information], axis=2))
+    w, m = whitened[:, :, 0], whitened[:, :, 1:]
+    a, b = np.einsum("mij,mij->mj", m, m), np.einsum("mij,mi->mj", m, w)
+    mean, deviation = (np.array([getattr(node, key) for node in problem.nodes]) for key in ("mean", "deviation"))
+    signed = np.array([node.signed for node in problem.nodes])
+    explained = 0.5 * b**2 / np.maximum(a, 1e-12) * (signed | (b > 0.0))
+    temper = 1.0 + 2.0 * beliefs.shape**2 * float(np.max(explained)) / len(problem.nodes)
+    a, b = a / temper, b / temper
+    precision = a + 1.0 / deviation**2
+    amplitude = (b + mean / deviation**2) / precision
+    log_factor = (
+        0.5 * amplitude**2 * precision - 0.5 * (mean / deviation) ** 2 - 0.5 * np.log(precision * deviation**2)
+        + np.where(signed, 0.0, log_ndtr(amplitude * np.sqrt(precision)) - log_ndtr(mean / deviation))
+    )  # fmt: skip
+    unknown = _unknown(m, w, temper, beliefs.second)
+    spans = np.diff(ages, prepend=0.0) * block
+    begun = np.log(beliefs.hazard * spans)
+    if not np.any(history.before.rows):
+        begun[-1] = np.logaddexp(begun[-1], np.log(beliefs.gap_at_start))
+    joint = begun[:, None] + log_factor + _log_priors(problem, beliefs)
+    return _verdict(problem, joint, begun + unknown + np.log(beliefs.unknown), amplitude, precision, ages, block)
+
+
+def _unknown(m: np.ndarray, w: np.ndarray, temper: float, deviation: float) -> np.ndarray:
+    """Log evidence [m] of any mixture of all nodes, of either sign, against no change."""
+    inner = np.eye(m.shape[2]) + deviation**2 * m.swapaxes(1, 2) @ m
+    root = np.linalg.cholesky(inner)
+    projected = np.linalg.solve(root, deviation * np.einsum("mij,mi->mj", m, w)[:, :, None])[:, :, 0]
+    price = np.sum(np.log(np.einsum("mii->mi", root)), axis=1)
+    return np.asarray(0.5 * np.sum(projected**2, axis=1) / temper - price)
+
+
+def _log_priors(problem: Problem, beliefs: Beliefs) -> np.ndarray:
+    """Log prior [n] of each node once something has changed; minus infinity for forces."""
+    daily = sum(CATALOGUE[name].daily for name in problem.names)
+    counts = {name: sum(node.name == name for node in problem.nodes) for name in problem.names}
+    share = [0.0 if node.name in FORCES else CATALOGUE[node.name].daily / daily / counts[node.name]
+             for node in problem.nodes]  # fmt: skip
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log((1.0 - beliefs.unknown) * np.array(share)))
+
+
+def _verdict(
+    problem: Problem, joint: np.ndarray, unknown: np.ndarray, amplitude: np.ndarray, precision: np.ndarray,
+    ages: np.ndarray, block: float,
+) -> Verdict:  # fmt: skip
+    """Marginals of joint log posteriors [m, n] of ages and nodes, of `unknown` [m], against zero for none."""
+    of = np.array([problem.names.index(node.name) if node.name in problem.names else -1 for node in problem.nodes])
+    values = [0.0, *(logsumexp(joint[:, of == i]) for i in range(len(problem.names))), logsumexp(unknown)]
+    p = np.exp(values - logsumexp(values))
+    leading = int(np.argmax(p[1:-1]))
+    part = joint[:, of == leading]
+    share = np.exp(part - logsumexp(part))
+    nodes = [node for node, i in zip(problem.nodes, of, strict=True) if i == leading]
+    q = np.array([[node.magnitude_at(x) for node, x in zip(nodes, row, strict=True)]
+                  for row in amplitude[:, of == leading]])  # fmt: skip
+    spread = np.array([node.magnitude for node in nodes]) / np.sqrt(precision[:, of == leading])
+    mean = float(np.sum(share * q))
+    half = TWO_SIDED * float(np.sqrt(np.sum(share * (spread**2 + (q - mean) ** 2))))
+    by_age = share.sum(axis=1) if p[-1] < p[1 + leading] else np.exp(unknown - logsumexp(unknown))
+    edge = float(ages[int(np.argmax(by_age))])
+    return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge)
+
+
+def labels(problem: Problem) -> tuple[str, ...]:
+    """Names of the posterior's entries."""
+    return (NONE, *problem.names, UNKNOWN)

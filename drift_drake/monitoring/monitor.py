@@ -1,0 +1,150 @@
+"""The monitor as plain functions: one row in, and every tenth of a second a verdict out."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED
+from drift_drake.estimation.problem import PROCESS_NOISE
+from drift_drake.monitoring import bank as filters
+from drift_drake.monitoring.bank import Bank, BankState, make_bank
+from drift_drake.monitoring.evidence import Beliefs, Problem, Verdict, judge, labels, make_problem
+from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
+from drift_drake.monitoring.nodes import Node, make_nodes
+from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+BLOCK = 0.1  # [s] between verdicts
+SETTLING = 0.35  # [s] after the first row that do not count: commands before it are unknown
+CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
+PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
+FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
+STATES = ("r", "v", "beta", "omega_r")
+CHANGED = 0.5  # probability of none, below which the edge of the change is kept
+SLOWEST = 3.0  # [m/s] below which the equations are not judged
+SPIN = 1.2  # [rad]
+
+
+class State(NamedTuple):
+    """What is carried from row to row."""
+
+    clock: np.ndarray  # [3] rows since the start (0: not started), rows in the block, blocks since a change (0: none)
+    bank: BankState
+    block: Sums
+    history: np.ndarray  # `history.packed`
+    verdict: np.ndarray  # posterior, then magnitude, low, high, age
+
+
+@dataclasses.dataclass(frozen=True)
+class Monitor:
+    """What does not change during a drive."""
+
+    bank: Bank
+    used: np.ndarray  # [9] channels
+    problem: Problem
+    beliefs: Beliefs
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the posterior's entries: none, the effects, unknown."""
+        return labels(self.problem)
+
+    @property
+    def rows_per_block(self) -> int:
+        return max(round(BLOCK / self.bank.period), 1)
+
+    def start(self) -> State:
+        """Before the first row."""
+        n = len(self.problem.nodes)
+        p = np.zeros(len(self.labels) + 4)
+        p[0], p[-4:] = 1.0, np.nan
+        return State(np.zeros(3), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
+
+    def verdict(self, state: State) -> Verdict:
+        """The last verdict."""
+        return Verdict(state.verdict[:-4], *(float(x) for x in state.verdict[-4:]), float(state.clock[2]))
+
+
+def seen(used: Sequence[str]) -> list[str]:
+    """Effects that the measured channels `used` can show; the commands are known."""
+    return [name for name, info in CATALOGUE.items() if set(info.needs) <= {*used, "tau_cmd"}]
+
+
+def make_monitor(
+    vehicle: VehicleParameters, own: Effects | None = None, used: Sequence[str] = STATES, period: float = 0.01,
+    noise: NoiseLevels | None = None, beliefs: Beliefs | None = None, process_scale: float = PROCESS_SCALE,
+) -> Monitor:  # fmt: skip
+    """A monitor of the simulator's car.
+
+    Args:
+        vehicle, own: the simulator's car; used: measured channels (of `CHANNELS`, x and y are of no use here);
+        period: [s] between rows; noise: of the sensors; process_scale: on the process noise.
+    """
+    own, noise = own or Effects(), noise or NoiseLevels()
+    nodes = make_nodes(seen(used), vehicle)
+    levels = np.array([max(getattr(noise, name), 1e-6) for name in CHANNELS])
+    bank = make_bank(nodes, vehicle, own, period, levels**2, (process_scale * PROCESS_NOISE) ** 2)
+    mask = np.array([name in used for name in CHANNELS])
+    return Monitor(bank, mask, make_problem(nodes, tolerances(nodes, vehicle)), beliefs or Beliefs())
+
+
+def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviation [n] of each node's amplitude within the vehicle file's tolerances; one node an effect."""
+    out, taken = np.zeros(len(nodes)), set[str]()
+    for i, node in enumerate(nodes):
+        tolerance = CATALOGUE[node.name].tolerance if node.name in CATALOGUE else None
+        if tolerance and node.name not in taken:
+            taken.add(node.name)
+            out[i] = abs(float(getattr(vehicle.tolerance, tolerance)) / node.magnitude)
+    return out
+
+
+def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
+    """The state after one more row: measurements y [9] (`CHANNELS`, NaN where there is none), the command in force."""
+    used = monitor.used & np.isfinite(y)
+    y = np.where(used, y, 0.0)
+    bank = BankState(*(a.copy() for a in state.bank))
+    rows, filled, edge = state.clock
+    if rows == 0.0:
+        if not used[:2].all() or not np.isfinite(command).all():
+            return state
+        filters.start(y, used, command, monitor.bank, bank)
+        return state._replace(clock=np.array([1.0, 0.0, 0.0]), bank=bank)
+    if not np.isfinite(command).all():
+        command = bank.commands[-1].copy()
+    innovations = filters.row(y, used, command, monitor.bank, bank)
+    if not np.isfinite(bank.z).all():
+        return monitor.start()
+    judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > SLOWEST and abs(bank.z[0, 2]) < SPIN
+    block = summed(state.block, innovations, used) if judged else state.block
+    state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge]), bank=bank, block=block)
+    return _closed(monitor, state) if filled + 1.0 >= monitor.rows_per_block else state
+
+
+def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
+    """The block with one more row of innovations [1 + n, 9]."""
+    nu = innovations[0][used]
+    signatures = nu - innovations[1:][:, used]
+    squares = float(nu @ nu)
+    share = min(1.0, CLIPPED**2 / max(squares, 1e-12))
+    return Sums(
+        block.rows + 1.0, block.energy + share * squares, block.freedom + len(nu),
+        block.score + share * (signatures @ nu), block.information + share * (signatures @ signatures.T),
+    )  # fmt: skip
+
+
+def _closed(monitor: Monitor, state: State) -> State:
+    """A block is full: it joins the history, which is judged anew."""
+    rows, _, edge = state.clock
+    if state.block.rows == 0.0:
+        return state._replace(clock=np.array([rows, 0.0, edge]))
+    n = len(monitor.problem.nodes)
+    history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
+    verdict = judge(monitor.problem, monitor.beliefs, history, BLOCK)
+    edge = verdict.edge if verdict.probabilities[0] < CHANGED else 0.0
+    values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, verdict.age]])
+    return State(np.array([rows, 0.0, edge]), state.bank, no_sums(n), packed(history), values)

@@ -34,6 +34,7 @@ COMMANDS = {
     "apply": Command("drift_drake.diagnosis.apply", "the vehicle file corrected by an answer"),
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
+    "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),
     "train": Command("drift_drake.model.command", "the Bayesian vehicle model, meta-trained"),
 }
 

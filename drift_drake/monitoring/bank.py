@@ -15,13 +15,19 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
-from drift_drake.estimation.filter import UNMEASURED, correct, first_state, measurement_matrix, propagate
-from drift_drake.estimation.filter import update_covariance
+from drift_drake.estimation.filter import (
+    UNMEASURED,
+    correct,
+    measurement_matrix,
+    propagate,
+    update_covariance,
+)
 from drift_drake.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     SIZE,
     advance,
+    first_state,
     linearise,
     predict_measurement,
     rates_of,

@@ -35,7 +35,8 @@ class History(NamedTuple):
 
 def no_sums(n: int, *leading: int) -> Sums:
     """Zeros."""
-    return Sums(*(np.zeros(leading) for _ in range(3)), np.zeros((*leading, n)), np.zeros((*leading, n, n)))
+    rows, energy, freedom = (np.zeros(leading) for _ in range(3))
+    return Sums(rows, energy, freedom, np.zeros((*leading, n)), np.zeros((*leading, n, n)))
 
 
 def no_history(n: int) -> History:
@@ -143,5 +144,5 @@ def unpacked(vector: np.ndarray, n: int) -> History:
         information = np.zeros((*leading, n, n))
         information[..., lower[0], lower[1]] = parts[4]
         information[..., lower[1], lower[0]] = parts[4]
-        found.append(Sums(*parts[:4], information))
+        found.append(Sums(parts[0], parts[1], parts[2], parts[3], information))
     return History(vector[:SLOTS], *found)

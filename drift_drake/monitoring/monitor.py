@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.estimation.filter_state import CHANNELS, MEASURED
+from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import PROCESS_NOISE
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
-from drift_drake.monitoring.evidence import Beliefs, Problem, Verdict, judge, labels, make_problem
+from drift_drake.monitoring.evidence import Beliefs, Problem, judge, labels, make_problem
 from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
 from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.simulation.sensors import NoiseLevels
@@ -24,7 +24,7 @@ CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
 STATES = ("r", "v", "beta", "omega_r")
-CHANGED = 0.5  # probability of none, below which the edge of the change is kept
+TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
 SLOWEST = 3.0  # [m/s] below which the equations are not judged
 SPIN = 1.2  # [rad]
 
@@ -36,7 +36,7 @@ class State(NamedTuple):
     bank: BankState
     block: Sums
     history: np.ndarray  # `history.packed`
-    verdict: np.ndarray  # posterior, then magnitude, low, high, age
+    verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,10 +63,6 @@ class Monitor:
         p = np.zeros(len(self.labels) + 4)
         p[0], p[-4:] = 1.0, np.nan
         return State(np.zeros(3), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
-
-    def verdict(self, state: State) -> Verdict:
-        """The last verdict."""
-        return Verdict(state.verdict[:-4], *(float(x) for x in state.verdict[-4:]), float(state.clock[2]))
 
 
 def seen(used: Sequence[str]) -> list[str]:
@@ -103,8 +99,12 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
     return out
 
 
-def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
-    """The state after one more row: measurements y [9] (`CHANNELS`, NaN where there is none), the command in force."""
+def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
+    """The state after one more row.
+
+    Args:
+        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]); t: [s].
+    """
     used = monitor.used & np.isfinite(y)
     y = np.where(used, y, 0.0)
     bank = BankState(*(a.copy() for a in state.bank))
@@ -122,7 +122,7 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) 
     judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > SLOWEST and abs(bank.z[0, 2]) < SPIN
     block = summed(state.block, innovations, used) if judged else state.block
     state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge]), bank=bank, block=block)
-    return _closed(monitor, state) if filled + 1.0 >= monitor.rows_per_block else state
+    return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
 
 
 def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
@@ -137,7 +137,7 @@ def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
     )  # fmt: skip
 
 
-def _closed(monitor: Monitor, state: State) -> State:
+def _closed(monitor: Monitor, state: State, t: float) -> State:
     """A block is full: it joins the history, which is judged anew."""
     rows, _, edge = state.clock
     if state.block.rows == 0.0:
@@ -145,6 +145,6 @@ def _closed(monitor: Monitor, state: State) -> State:
     n = len(monitor.problem.nodes)
     history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
     verdict = judge(monitor.problem, monitor.beliefs, history, BLOCK)
-    edge = verdict.edge if verdict.probabilities[0] < CHANGED else 0.0
-    values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, verdict.age]])
+    edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
+    values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
     return State(np.array([rows, 0.0, edge]), state.bank, no_sums(n), packed(history), values)

@@ -1,4 +1,4 @@
-"""The cars of a monitor's bank: each the simulator's car with one effect at one magnitude, or with one further force."""
+"""The cars of a monitor's bank: each the simulator's car with one effect at one magnitude, or one further force."""
 
 import dataclasses
 from collections.abc import Sequence

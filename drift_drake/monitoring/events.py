@@ -1,0 +1,73 @@
+"""What is worth telling of a monitor's verdicts: a change, its cause once it is known, and its end."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.posterior import UNKNOWN
+from drift_drake.monitoring.monitor import TRUSTED, Monitor, State
+from drift_drake.vehicle.catalogue import CATALOGUE
+
+ALARM = 0.05  # probability of none, below which a change is reported
+NAMED = 0.8  # probability, from which on a cause is
+
+
+@dataclasses.dataclass(frozen=True)
+class Events:
+    """What has been told: whether there is a change, and which cause."""
+
+    changed: bool = False
+    cause: str | None = None
+
+    def after(self, monitor: Monitor, state: State, t: float) -> tuple["Events", list[dict[str, Any]]]:
+        """What has been told after a verdict at t [s], and what it adds, as plain data."""
+        p, new = state.verdict[:-4], list[dict[str, Any]]()
+        told = self
+        if told.changed and p[0] >= TRUSTED:
+            told, new = Events(), [{"t": t, "event": "over"}]
+        if not told.changed and p[0] < ALARM:
+            told = Events(changed=True)
+            new.append({"t": t, "event": "change"} | details(monitor, state))
+        if told.changed:
+            leading = 1 + int(np.argmax(p[1:]))
+            name = monitor.labels[leading]
+            if p[leading] >= NAMED and name != told.cause:
+                told = Events(True, name)
+                new.append({"t": t, "event": "cause"} | details(monitor, state))
+        return told, [{key: _rounded(value) for key, value in event.items()} for event in new]
+
+
+def details(monitor: Monitor, state: State) -> dict[str, Any]:
+    """The leading hypothesis that is not none: probability, magnitude, onset."""
+    p = state.verdict[:-4]
+    leading = 1 + int(np.argmax(p[1:]))
+    name, (q, low, high, onset) = monitor.labels[leading], state.verdict[-4:]
+    out = {"cause": name, "probability": p[leading], "none": p[0], "onset": onset}
+    if name == UNKNOWN:
+        return out
+    return out | {"magnitude": q, "low": low, "high": high, "unit": CATALOGUE[name].unit}
+
+
+def sentence(event: Mapping[str, Any]) -> str:
+    """An event in words."""
+    t = f"{event['t']:.1f} s:"
+    if event["event"] == "over":
+        return f"{t} the car is again the one that the simulator knows"
+    since = f"since {event['onset']:.1f} s"
+    if event["event"] == "change":
+        return f"{t} the car has changed {since}; the simulator may not be believed ({_cause(event)})"
+    return f"{t} {_cause(event)}, {since}"
+
+
+def _cause(event: Mapping[str, Any]) -> str:
+    if event["cause"] == UNKNOWN:
+        return f"unknown cause, probability {event['probability']:.2f}"
+    interval = f"95 %: {event['low']:.3g} to {event['high']:.3g}"
+    unit = "" if event["unit"] == "-" else f" {event['unit']}"
+    return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}), probability {event['probability']:.2f}"
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.6g}") if isinstance(value, float) else value

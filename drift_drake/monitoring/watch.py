@@ -1,0 +1,64 @@
+"""A log watched row by row, as the monitor would have seen it in the car."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.noise import white_noise_level
+from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.monitoring.events import Events
+from drift_drake.monitoring.monitor import Monitor, advance, make_monitor
+from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+HEAD = 3.0  # [s] of a log that the sensors' noise is taken from
+LEAST_NOISE = 0.25  # of a good inertial system's: a smoothed column hides its noise
+WATCHED = ("r", "v", "beta", "omega_r", "psi", "ax", "ay")
+
+
+class Row(NamedTuple):
+    """One row of a log."""
+
+    t: float
+    y: np.ndarray  # [9] `CHANNELS`, NaN where there is none
+    command: np.ndarray  # [2]
+
+
+def rows_of(run: Run) -> Iterator[Row]:
+    """The rows of a run."""
+    columns = [run.column(name) for name in CHANNELS]
+    y = np.stack([np.full(len(run), np.nan) if a is None else a for a in columns], axis=1)
+    y[:, CHANNELS.index("psi")] = np.unwrap(y[:, CHANNELS.index("psi")])
+    commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
+    for i in range(len(run)):
+        yield Row(float(run.t[i]), y[i], commands[i])
+
+
+def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
+    """A monitor for a log's columns; the sensors' noise is what its first seconds show.
+
+    Raises:
+        InvalidLogError: the log has no torque commands.
+    """
+    if run.tau_cmd is None:
+        raise InvalidLogError(f"{run.name}: has no column tau_cmd, without which the monitor cannot predict; add it")
+    used = [name for name in WATCHED if run.column(name) is not None]
+    head = run.rows(0, max(round(HEAD / run.period), 1))
+    good, levels = NoiseLevels(), {}
+    for name in used:
+        found = white_noise_level(np.asarray(head.column(name)))
+        levels[name] = max(float(found), LEAST_NOISE * getattr(good, name))
+    return make_monitor(vehicle, own, used, run.period, NoiseLevels(**levels))
+
+
+def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
+    """At every verdict: the time [s], the verdict (`monitor.State`) and what is worth telling."""
+    state, told = monitor.start(), Events()
+    for row in rows:
+        state = advance(monitor, state, row.y, row.command, row.t)
+        if state.clock[0] > 1.0 and state.clock[1] == 0.0:
+            told, events = told.after(monitor, state, row.t)
+            yield row.t, state.verdict, events

@@ -1,0 +1,64 @@
+"""Drives during which the car becomes another one: of the nominal equations and of the double-track car."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.effects import Effects, settled_memory
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments import gap_cases
+from experiments.gap_cases import NOISE, PERIOD, SPIN, Driver, sensed
+from experiments.strange_effects import Strange
+
+SLOWEST = 3.0  # [m/s] at which a drive ends
+NOTHING = Strange(*([0.0] * len(Strange._fields)))
+
+
+def changed_drive(
+    kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0,
+    vehicle: VehicleParameters | None = None,
+) -> Run:  # fmt: skip
+    """A drive of the nominal car that has `effects` from `onset` [s] on; it ends early where the car spins.
+
+    The commands' part of the effects' memory begins settled at the change: actuators that begin to lag do not jump.
+    """
+    vehicle = vehicle or VehicleParameters()
+    driver, constants = Driver(kind, np.random.default_rng([seed, 0]), vehicle), vehicle.constants()
+    rows, nominal = round(duration / PERIOD) + 1, Effects()
+    delta, tau = np.zeros(rows), np.zeros(rows)
+    state = driver.start()
+    delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
+    z, scratch = np.zeros(17), np.zeros(19)
+    z[:4] = state
+    z[7:15] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, nominal)
+    z[15] = tau[0]
+    gap_cases._rates(z, 0.0, delta[0], tau[0], constants, nominal, NOTHING, scratch)
+    states, accelerations = np.zeros((rows, 17)), np.zeros((rows, 2))
+    states[0], accelerations[0] = z, scratch[17:]
+    end, change = rows, round(onset / PERIOD)
+    for row in range(rows - 1):
+        if row == change:
+            z[7:11] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, effects)[:4]
+        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
+        now = effects if row >= change else nominal
+        accelerations[row + 1] = gap_cases._advance(z, row, delta, tau, constants, now, NOTHING)
+        states[row + 1] = z
+        if abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST:
+            end = row + 1
+            break
+    return sensed_across(states[:end], accelerations[:end], delta[:end], tau[:end], effects, onset, seed)
+
+
+def sensed_across(
+    states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau: np.ndarray, effects: Effects, onset: float,
+    seed: int,
+) -> Run:  # fmt: skip
+    """What sensors log of true states that get `effects` at `onset` [s]: the same noise before and after."""
+    runs = [sensed(states, accelerations, delta, tau, q, np.random.default_rng([seed, 1]), "run_0")
+            for q in (Effects(), effects)]  # fmt: skip
+    late = runs[0].t >= onset
+    before, after = ({name: np.asarray(run.column(name)) for name in NOISE} for run in runs)
+    columns: dict[str, Any] = {name: np.where(late, after[name], before[name]) for name in NOISE}
+    return dataclasses.replace(runs[0], **columns)

@@ -99,8 +99,8 @@ class MpcController(LeafSystem):
         try:
             last, model = self._last(context, before), self._believed(context)
             solution = self.mpc.solve(x, s, context.get_time(), last, model, covariance)
-        except (ArithmeticError, IndexError, RuntimeError, ValueError):
-            # Numbers far off, or an error of the solver itself: a failure like any other.
+        except (ArithmeticError, IndexError, RuntimeError, SystemExit, ValueError):
+            # Numbers far off, or an error of the solver itself (Drake's assertions exit): a failure like any other.
             failed = before._replace(failed=1.0, failures=before.failures + 1.0)
             discrete.set_value(self._statistics, np.array(failed))
             return

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
@@ -43,7 +42,7 @@ class LinearInterpolationActuator(LeafSystem):
         command: u(t) = (delta [rad], tau [N m]), within the vehicle's limits.
         command_rate: u_dot(t) [rad/s], [N m/s]; zero in a saturated channel.
         saturated: 1 for each channel where the plan asked for more than the limits, else 0.
-        status: `PlanStatus` (abstract).
+        status: `PlanStatus`, as a number.
         plan_age: time since the start of the plan in force [s]; infinite while there is none.
         refused: how many samples of the plan's port were refused so far.
 
@@ -88,9 +87,7 @@ class LinearInterpolationActuator(LeafSystem):
         self.DeclareVectorOutputPort("command", 2, self._calc_command, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort("command_rate", 2, self._calc_command_rate, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort("saturated", 2, self._calc_saturated, prerequisites_of_calc=now)
-        self.DeclareAbstractOutputPort(
-            "status", lambda: Value(PlanStatus.MISSING), self._calc_status, prerequisites_of_calc=now
-        )
+        self.DeclareVectorOutputPort("status", 1, self._calc_status, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort("plan_age", 1, self._calc_plan_age, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort(
             "refused", 1, self._calc_refused, prerequisites_of_calc={self.discrete_state_ticket(self._refused)}
@@ -158,7 +155,7 @@ class LinearInterpolationActuator(LeafSystem):
                 status = PlanStatus.LATE
             else:
                 status = PlanStatus.FRESH
-        output.set_value(status)
+        output[0] = float(status)
 
     def _calc_plan_age(self, context: Context, output: Any) -> None:
         plan = self._plan(context)

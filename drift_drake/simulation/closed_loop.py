@@ -16,6 +16,7 @@ from drift_drake.control.plan import DT
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
+from drift_drake.errors import one_line
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
@@ -31,11 +32,11 @@ from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.path_plant import POSE, PathPlant
+from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 
 Array = NDArray[np.float64]
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
-Outcome = Literal["completed", "spin", "left the lane", "time is up"]
+Outcome = Literal["completed", "spin", "left the lane", "time is up", "simulation failed"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,6 +197,8 @@ class ClosedLoop:
     ) -> "ClosedLoopRun":
         """Simulates until the reference's end, a spin, the lane's edge or the time limit.
 
+        An error of the integrator or of a system ends the run as "simulation failed", with what it left.
+
         Raises:
             ValueError: a change of a car that was built without effects, whose plant has no states for any, or one
                 that the plant cannot make.
@@ -215,15 +218,20 @@ class ClosedLoop:
             return "completed" if s >= reference.distance else None
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
-        simulator.Initialize()
         end = context.get_time() + limits.time_factor * reference.duration
-        status = simulator.AdvanceTo(end if change is None else min(change.time, end))
-        if change is not None and not status.message():
-            plant_context = plant.GetMyMutableContextFromRoot(context)
-            plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
-            status = simulator.AdvanceTo(end)
-        outcome: Outcome = status.message() or "time is up"
-        return ClosedLoopRun(self._logs.table(simulator.get_context()), outcome, reference, self.parameters)
+        error = ""
+        try:
+            status = simulator.Initialize()
+            if not status.message():
+                status = simulator.AdvanceTo(end if change is None else min(change.time, end))
+            if change is not None and not status.message():
+                plant_context = plant.GetMyMutableContextFromRoot(context)
+                plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
+                status = simulator.AdvanceTo(end)
+            outcome: Outcome = status.message() or "time is up"
+        except (MotionError, RuntimeError, SystemExit) as failure:  # SystemExit is how Drake's assertions fail
+            outcome, error = "simulation failed", one_line(failure)
+        return ClosedLoopRun(self._logs.table(simulator.get_context()), outcome, reference, self.parameters, error)
 
     def _logged(
         self, received: OutputPort, detector: OutOfDistributionDetector | None
@@ -237,6 +245,7 @@ class ClosedLoop:
             "path_position": (car.GetOutputPort("path_position"), ("s",)),
             "pose": (car.GetOutputPort("pose"), POSE),
             "command": (actuator.GetOutputPort("command"), INPUTS),
+            "plan_status": (actuator.GetOutputPort("status"), ("plan_status",)),
             "plan_age": (actuator.GetOutputPort("plan_age"), ("plan_age",)),
             "refused": (actuator.GetOutputPort("refused"), ("refused_plans",)),
             "reading": (self.screen.GetOutputPort("reading"), ("reading",)),
@@ -259,6 +268,7 @@ class ClosedLoopRun:
     outcome: Outcome
     reference: Reference
     parameters: VehicleParameters
+    error: str = ""  # why the simulation failed
 
     def metrics(self) -> RunMetrics:
         """The run in numbers."""

@@ -102,5 +102,5 @@ def main(config: ClosedLoopConfig) -> None:
         f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations "
         f"each, {m.qp_fallbacks} QPs by interior point, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the "
         f"median, {m.solve_ms_99:.1f} ms in 99 of 100\n"
-        f"{m.faults()}results in {folder}"
+        f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}"
     )

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.actuation import PlanStatus
 from drift_drake.simulation.screening import Reading
 
 GRID = 0.5  # [m] along the path
-LATE = 0.1  # [s] from which on a plan in force is late, as the actuator has it
 START = 0.1  # [s] until which there need not be a plan
 STEADY_SIDESLIP = 0.2  # [rad] of the reference from which on it is a drift
 
@@ -41,7 +41,7 @@ class RunMetrics:
     stopped_readings: int = 0  # in which they gave a speed of zero or less
     jumped_readings: int = 0  # in which a reading was out of reach of the last good one
     frozen_readings: int = 0  # in which readings repeated themselves
-    late_plans: int = 0  # control periods whose plan in force was older than `LATE`
+    late_plans: int = 0  # control periods whose plan in force was late, or had ended
     missing_plans: int = 0  # without any plan in force
     refused_plans: int = 0  # samples of the plan's port that the actuator refused
 
@@ -60,10 +60,10 @@ def loop_faults(table: pd.DataFrame) -> dict[str, int]:
     if "reading" not in table:
         return {}
     kinds = table["reading"].to_numpy(dtype=int)
-    age, start = table["plan_age"].to_numpy(dtype=float), table["t"].to_numpy() > START
+    status, started = table["plan_status"].to_numpy(dtype=int), table["t"].to_numpy() > START
     return {f"{kind.name.lower()}_readings": int((kinds == kind).sum()) for kind in Reading if kind != Reading.GOOD} | {
-        "late_plans": int((np.isfinite(age) & (age > LATE)).sum()),
-        "missing_plans": int((~np.isfinite(age) & start).sum()),
+        "late_plans": int(np.isin(status, (PlanStatus.LATE, PlanStatus.ENDED)).sum()),
+        "missing_plans": int(((status == PlanStatus.MISSING) & started).sum()),
         "refused_plans": int(table["refused_plans"].iloc[-1]),
     }
 

@@ -1,11 +1,13 @@
 """What every plant of a car shares: its first ten states, its ports, and its place on a path and in the world."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.vehicle.bicycle import INPUTS, STATES, path_rates, world_rates
 from drift_drake.vehicle.scalar import jitable
 
@@ -16,6 +18,10 @@ POSE_AT, OWN_AT = PLANT_STATES.index("x"), len(PLANT_STATES)
 CURVATURE_STEP = 1e-3  # [m] of the difference that gives a path's curvature its slope for AutoDiffXd
 
 _NO_WRENCH = np.zeros(3)
+
+
+class MotionError(DriftDrakeError, ArithmeticError):
+    """A car's state that is not finite: none to begin with, or one that a run came to."""
 
 
 class CurvedPath(Protocol):
@@ -82,8 +88,12 @@ class PathPlant:
 
         Raises:
             ValueError: a pose beside a path.
+            MotionError: a number that is not finite.
         """
         r, v, beta, omega_r, e, dphi = (float(value) for value in state)
+        for name, value in zip((*STATES, "s"), (*state, s), strict=True):
+            if not math.isfinite(value):
+                raise MotionError(f"the car's state has {name} = {float(value):g}; give finite numbers")
         if self.path is not None:
             if pose is not None:
                 raise ValueError("the pose follows from the plant's path, s, e and dphi; leave it out")
@@ -92,6 +102,14 @@ class PathPlant:
         elif pose is None:
             pose = (0.0, e, dphi - beta)
         return (r, v, beta, omega_r, e, dphi, s, *pose)
+
+    def check_finite(self, x: Any, t: float) -> None:
+        """Ends a simulation that has lost its numbers, which an integrator would try to go on with for ever.
+
+        Speed and path position say it for all: the others' rates enter theirs.
+        """
+        if not math.isfinite(x[1] + x[6]):
+            raise MotionError(f"the car's state is no longer finite at {t:g} s")
 
     def inputs(self: Any, context: Any) -> tuple[Any, Any]:
         """(actuation, disturbance) at a Context; no disturbance where its port is left open."""

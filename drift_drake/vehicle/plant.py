@@ -166,6 +166,7 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             u, wrench = self.inputs(context)
             curvature = self.path_curvature(context, x[6])
             if T is float:
+                self.check_finite(x, context.get_time())
                 constants = context.get_numeric_parameter(0).CopyToVector()
                 if self.has_memory:
                     magnitudes = context.get_numeric_parameter(1).CopyToVector()

@@ -64,7 +64,7 @@ class Run:
 
     @property
     def status(self):
-        return self.read("status")
+        return PlanStatus(int(self.read("status")[0]))
 
 
 def test_interpolation_is_the_papers():
@@ -150,7 +150,7 @@ def test_an_unconnected_port_is_a_missing_plan():
     actuator = LinearInterpolationActuator(PARAMETERS, STEPS)
     simulator = Simulator(actuator)
     simulator.AdvanceTo(0.1)
-    assert actuator.GetOutputPort("status").Eval(simulator.get_context()) == PlanStatus.MISSING
+    assert actuator.GetOutputPort("status").Eval(simulator.get_context()) == [PlanStatus.MISSING]
 
 
 def test_a_plan_that_stops_coming_is_late():

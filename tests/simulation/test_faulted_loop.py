@@ -6,17 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import Context
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.step_model import NominalStepModel
+from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation.actuation import LinearInterpolationActuator, PlanStatus
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import MotionError
 
 PARAMETERS = VehicleParameters()
 FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
@@ -41,7 +45,7 @@ def loop_with(reference: Reference, *faults: str, effects: Effects | None = None
         ("spike:1:0.2:1e6:r", "jumped_readings", 10),
         ("bias:1:0.2:-30:v", "stopped_readings", 10),
         ("freeze:1:0.2", "frozen_readings", 8),
-        ("lost_plans:1:0.4", "late_plans", 17),
+        ("lost_plans:1:0.4", "late_plans", 16),
         ("lost_plans:0:0.5", "missing_plans", 20),
         ("late_plans:1:0.3:0.06", "refused_plans", 2),
     ],
@@ -68,7 +72,10 @@ def test_the_model_of_effects_survives_readings_that_are_none(short: Reference) 
     assert metrics.solver_failures == metrics.missing_readings == 15
 
 
-@pytest.mark.parametrize("error", [ValueError("workspace"), ZeroDivisionError(), np.linalg.LinAlgError("singular")])
+@pytest.mark.parametrize(
+    "error",
+    [ValueError("workspace"), ZeroDivisionError(), np.linalg.LinAlgError("singular"), SystemExit("condition failed")],
+)
 def test_an_error_of_the_solver_is_a_failure(
     short: Reference, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
@@ -84,6 +91,61 @@ def test_an_error_of_the_solver_is_a_failure(
     metrics = loop.run(loop.initial_context(0)).metrics()
     assert metrics.outcome == "completed"
     assert metrics.solver_failures == 5
+
+
+@pytest.mark.parametrize("error", [MotionError("no number"), RuntimeError("no step"), SystemExit("condition failed")])
+def test_a_simulation_that_fails_is_a_named_outcome(
+    short: Reference, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    calc = LinearInterpolationActuator._calc_command
+
+    def failing(self: LinearInterpolationActuator, context: Context, output: object) -> None:
+        if context.get_time() > 0.5:
+            raise error
+        calc(self, context, output)
+
+    monkeypatch.setattr(LinearInterpolationActuator, "_calc_command", failing)
+    loop = loop_with(short)
+    run = loop.run(loop.initial_context(0))
+    assert (run.outcome, run.error) == ("simulation failed", str(error))
+    assert run.table["t"].iloc[-1] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("at", "value", "name"), [(1, np.nan, "v"), (0, np.inf, "r"), (4, -np.inf, "e")])
+def test_a_state_that_is_none_is_refused(short: Reference, at: int, value: float, name: str) -> None:
+    error = np.zeros(6)
+    error[at] = value
+    with pytest.raises(DriftDrakeError, match=f"has {name} = .*; give finite numbers"):
+        loop_with(short).initial_context(0, error)
+
+
+def test_a_motion_without_numbers_ends(short: Reference) -> None:
+    loop = loop_with(short)
+    context = loop.initial_context(0)
+    plant = loop.car.plant
+    plant.GetMyMutableContextFromRoot(context).get_mutable_continuous_state_vector().SetAtIndex(1, np.nan)
+    assert loop.run(context).outcome == "simulation failed"
+
+
+def test_the_centre_of_the_path_is_off_the_lane(short: Reference) -> None:
+    loop = loop_with(short)
+    centre = 1.0 / float(short.path.curvature(0.0))
+    assert loop.run(loop.initial_context(0, np.array([0.0, 0.0, 0.0, 0.0, centre, 0.0]))).outcome == "left the lane"
+    read_there = loop_with(short, f"bias:1:0.1:{centre}:e")
+    metrics = read_there.run(read_there.initial_context(0)).metrics()
+    assert (metrics.outcome, metrics.jumped_readings) == ("completed", 5)
+
+
+def test_what_the_actuator_does_is_logged(short: Reference) -> None:
+    loop = loop_with(short, "lost_plans:1:0.4")
+    table = loop.run(loop.initial_context(0)).table
+    age, status = table["plan_age"].to_numpy(), table["plan_status"].to_numpy()
+    assert status[0] == PlanStatus.MISSING
+    assert np.isinf(age[0])
+    late = (table["t"] >= 1.12) & (table["t"] < 1.39)
+    assert (status[late] == PlanStatus.LATE).all()
+    assert (np.diff(age[late]) > 0.0).all()
+    assert (table["refused_plans"] == 0.0).all()
 
 
 def test_places_that_are_none_have_no_row(short: Reference) -> None:

@@ -141,6 +141,7 @@ def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template
             u, wrench = self.inputs(context)
             curvature = self.path_curvature(context, x[6])
             if T is float:
+                self.check_finite(x, context.get_time())
                 constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
                 derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
                 return

@@ -41,6 +41,7 @@ from .simulation.closed_loop import ControlConfig as ControlConfig
 from .simulation.drive import Drive as Drive
 from .simulation.sensors import NoiseLevels as NoiseLevels
 from .vehicle.catalogue import CATALOGUE as CATALOGUE
+from .vehicle.effect import Effect as Effect
 from .vehicle.effects import Effects as Effects
 from .vehicle.effects import make_effects as make_effects
 from .vehicle.parameters import Tolerance as Tolerance

@@ -24,6 +24,7 @@ class Command(NamedTuple):
 
     module: str
     summary: str
+    options: str = ""  # the dataclass's name, where it is not the command's
 
 
 COMMANDS = {
@@ -35,6 +36,9 @@ COMMANDS = {
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
     "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),
+    "effects": Command(
+        "drift_drake.diagnosis.effects_command", "the effects that a diagnosis knows, and what shows them", "ListEffects"
+    ),
     "train": Command("drift_drake.model.command", "the Bayesian vehicle model, meta-trained"),
 }
 
@@ -84,7 +88,8 @@ def load(name: str) -> tuple[type, Callable[[Any], None]]:
         raise InvalidOptionError(f"{shown(name)} is no command; {mend}")
     module = import_module(COMMANDS[name].module)
     parts = name.split("-")
-    return getattr(module, "".join(map(str.capitalize, parts))), getattr(module, "_".join(["run", *parts]))
+    options = COMMANDS[name].options or "".join(map(str.capitalize, parts))
+    return getattr(module, options), getattr(module, "_".join(["run", *parts]))
 
 
 def usage() -> str:

@@ -1,5 +1,6 @@
 """Compiled functions: numba, cached on disk, without numba's stale-cache trap."""
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -7,6 +8,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+
+from drift_drake.vehicle.installed import fingerprint
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -23,8 +26,21 @@ def _drop_stale_caches() -> None:
                 index.unlink()
 
 
+@cache
+def _cache_folder() -> str:
+    """Where compiled functions are kept: numba's own choice, but where other packages' effects are compiled in."""
+    installed = fingerprint()
+    if not installed:
+        return str(numba.config.CACHE_DIR)
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    newest = max(source.stat().st_mtime for source in Path(__file__).parent.rglob("*.py"))
+    return str(home / "drift_drake" / f"{installed}-{newest:.0f}")
+
+
 def compiled(function: Function) -> Function:
     """Compiles a function for floats: IEEE arithmetic (no fast-math), so that a run replays to the bit."""
     _drop_stale_caches()
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     result: Function = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    numba.config.CACHE_DIR = before
     return result

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from drift_drake.control.effects_step import MEMORY_SCALE, EffectsStepModel
 from drift_drake.control.step_model import StepModel
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, measured
 from drift_drake.vehicle.parameters import Constants
 
 Array = NDArray[np.float64]
@@ -55,7 +55,8 @@ class Rival(NamedTuple):
 def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
     """What sensors read of the six states: gain * x + bias."""
     gain, bias = np.ones(BODY), np.zeros(BODY)
-    bias[0], bias[2], gain[3] = sensors.gyro_bias, sensors.sideslip_bias, 1.0 + sensors.wheel_radius_error
+    bias[[0, 2, 3]] = measured(0.0, 0.0, 0.0, sensors)
+    gain[[0, 2, 3]] = np.array(measured(1.0, 1.0, 1.0, sensors)) - bias[[0, 2, 3]]
     return gain, bias
 
 

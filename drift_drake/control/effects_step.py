@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.compilation import compiled
 from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.bicycle import path_rates
+from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import jitable
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0])
 STATE_SIZE = 6 + len(Memory._fields)
 COMPLEX_STEP = 1e-30
+BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 
 class EffectsStepModel(StepModel):
@@ -37,8 +39,7 @@ class EffectsStepModel(StepModel):
     """
 
     def __init__(self, parameters: VehicleParameters, effects: Effects, dt: float = 0.1, substeps: int = 8) -> None:
-        beyond = [n for n in ("steering_delay", "road_grade", "gyro_bias", "sideslip_bias", "wheel_radius_error",
-                              "sensor_latency") if getattr(effects, n) != 0.0]  # fmt: skip
+        beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
         if beyond:
             raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
         self.memory_scale = MEMORY_SCALE

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 
+from drift_drake.vehicle.catalogue import CATALOGUE
+
 SHOWN_BY: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "steps and fast sine sweeps of the steering (up to 2 Hz) at constant speed, well within grip",
@@ -33,5 +35,6 @@ SHOWN_BY: tuple[tuple[str, tuple[str, ...]], ...] = (
 def shown_by(effects: Iterable[str]) -> list[tuple[str, list[str]]]:
     """Manoeuvres that show some of the effects, each with those."""
     asked = set(effects)
-    parts = [(words, [name for name in shown if name in asked]) for words, shown in SHOWN_BY]
+    others = tuple((effect.shown_by, (name,)) for name, effect in CATALOGUE.items() if effect.shown_by)
+    parts = [(words, [name for name in shown if name in asked]) for words, shown in (*SHOWN_BY, *others)]
     return [(words, names) for words, names in parts if names]

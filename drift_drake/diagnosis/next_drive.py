@@ -22,7 +22,7 @@ from drift_drake.control.discrimination import (
     RivalsStepModel,
     gains_and_biases,
 )
-from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.effects_step import BEYOND, EffectsStepModel
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
@@ -285,6 +285,5 @@ def stand_ins(effects: Effects) -> Effects:
         steering_lag=q["steering_lag"] + q["steering_delay"] + late,
         torque_lag=q["torque_lag"] + late,
         rolling_resistance=q["rolling_resistance"] + float(np.sin(q["road_grade"])),
-        steering_delay=0.0, sensor_latency=0.0, road_grade=0.0, gyro_bias=0.0, sideslip_bias=0.0,
-        wheel_radius_error=0.0,
-    )  # fmt: skip
+        **dict.fromkeys(BEYOND, 0.0),
+    )

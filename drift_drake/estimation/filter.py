@@ -25,6 +25,7 @@ from drift_drake.estimation.filter_state import (
     rates_of,
     transition,
 )
+from drift_drake.vehicle.effects import depends_on_heading
 
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
 
@@ -157,7 +158,7 @@ def filter_run(
     h, ph, s, low = np.zeros((m, n)), np.zeros((n, m)), np.zeros((m, m)), np.zeros((m, m))
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
-    graded = effects.road_grade != 0.0
+    graded = depends_on_heading(effects)
     measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
     for i in range(4):

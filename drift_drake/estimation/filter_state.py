@@ -11,7 +11,14 @@ import numpy as np
 from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
-from drift_drake.vehicle.effects import Memory, changed_constants, measured, motion_with_effects, settled_memory
+from drift_drake.vehicle.effects import (
+    Memory,
+    changed_constants,
+    measured,
+    motion_with_effects,
+    settled_memory,
+    unbiased,
+)
 from drift_drake.vehicle.scalar import cos, jitable, sin
 
 CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
@@ -121,10 +128,11 @@ def advance(
 @compiled
 def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
     """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
-    z[0] = y[first, 0] - effects.gyro_bias
+    r, beta, omega_r = unbiased(y[first, 0], y[first, 2], y[first, 3], effects)
+    z[0] = r
     z[1] = max(y[first, 1], MIN_FILTER_SPEED)
-    z[2] = y[first, 2] - effects.sideslip_bias if used[2] else y[first, 2]
-    z[3] = y[first, 3] / (1.0 + effects.wheel_radius_error) if used[3] else z[1]
+    z[2] = beta if used[2] else y[first, 2]
+    z[3] = omega_r if used[3] else z[1]
     for i in range(3):
         z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
     at = STAGES * first

@@ -25,7 +25,7 @@ from drift_drake.estimation.filter_state import (
 )
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.effects import Effects, settled_memory
+from drift_drake.vehicle.effects import Effects, settled_memory, unbiased
 from drift_drake.vehicle.parameters import Constants
 
 PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
@@ -123,10 +123,8 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
 @compiled
 def _measured_state(y: Any, effects: Any, z: Any) -> Any:
     """The car's states from what sensors read, biases taken out."""
-    z[0] = y[0] - effects.gyro_bias
+    z[0], z[2], z[3] = unbiased(y[0], y[2], y[3], effects)
     z[1] = max(y[1], MIN_FILTER_SPEED)
-    z[2] = y[2] - effects.sideslip_bias
-    z[3] = y[3] / (1.0 + effects.wheel_radius_error)
     z[4] = y[4]
 
 
@@ -169,10 +167,9 @@ def predict(
                 _advance(z, delta, torque, row, period, constants, effects, fed, start_y[row], start_y[row + 1],
                          push, k, w)  # fmt: skip
             end = start + (h + 1) * stride
-            out[s, h, 0] = y[end, 0] - effects.gyro_bias - z[0]
-            out[s, h, 1] = y[end, 1] - z[1]
-            out[s, h, 2] = y[end, 2] - effects.sideslip_bias - z[2]
-            out[s, h, 3] = y[end, 3] / (1.0 + effects.wheel_radius_error) - z[3]
+            r, beta, omega_r = unbiased(y[end, 0], y[end, 2], y[end, 3], effects)
+            out[s, h, 0], out[s, h, 1] = r - z[0], y[end, 1] - z[1]
+            out[s, h, 2], out[s, h, 3] = beta - z[2], omega_r - z[3]
             out[s, h, 4] = y[end, 4] - z[4]
             for i in range(5):
                 if not abs(out[s, h, i]) < LARGEST_ERROR:

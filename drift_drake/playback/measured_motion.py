@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, unbiased
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -42,8 +42,8 @@ class MeasuredMotion:
         """
         at = min(row + round(effects.sensor_latency / period), len(self.smooth) - 1)
         r, v, beta, omega_r, *pose = (float(value) for value in self.smooth[at])
-        omega_r /= 1.0 + effects.wheel_radius_error
-        return [r - effects.gyro_bias, v, beta - effects.sideslip_bias, omega_r], pose
+        r, beta, omega_r = unbiased(r, beta, omega_r, effects)
+        return [r, v, beta, omega_r], pose
 
 
 def measured_motion(run: Run, vehicle: VehicleParameters) -> MeasuredMotion:

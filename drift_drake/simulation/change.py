@@ -4,12 +4,10 @@ import math
 from typing import NamedTuple
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import check_effects
-
-OUTSIDE_PLANT = tuple(name for name, info in CATALOGUE.items() if info.stage in ("command", "sensor"))
 
 
 class Change(NamedTuple):
@@ -33,7 +31,7 @@ def check_change(change: Change, parameters: VehicleParameters, before: Effects,
     if not 0.0 <= change.time < math.inf:
         raise InvalidOptionError(f"the change at {change.time:g} s: give a time of 0 s or more")
     check_effects(change.effects, parameters, "the change")
-    for name in OUTSIDE_PLANT:
+    for name in OFF_THE_MOTION:
         old, new = getattr(before, name), getattr(change.effects, name)
         if old != new:
             raise InvalidOptionError(

@@ -101,11 +101,12 @@ class SampleAndHold(LeafSystem):
             return held
         sample = np.concatenate(([t], self._signals.Eval(context) + self._levels * self._noise.Eval(context)))
         at = _SAMPLE_AT
+        beta = sample[at["beta"]]
         sample[at["r"]], sample[at["beta"]], sample[at["omega_r"]] = measured(
-            sample[at["r"]], sample[at["beta"]], sample[at["omega_r"]], self._effects
+            sample[at["r"]], beta, sample[at["omega_r"]], self._effects
         )
         # The course is the measured heading plus the measured sideslip, so it takes over the bias.
-        sample[at["dphi"]] += self._effects.sideslip_bias
+        sample[at["dphi"]] += sample[at["beta"]] - beta
         return sample
 
     def _update(self, context: Context, state: State) -> None:

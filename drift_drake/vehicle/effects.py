@@ -6,7 +6,9 @@ at zero it is `bicycle.motion`. Effects with memory (lags, relaxation, heat, fil
 what is measured (`measured`); delays of either are systems of their own (`drift_drake.simulation.delay`).
 """
 
-from typing import Any, NamedTuple
+from collections import namedtuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from drift_drake.vehicle.bicycle import (
     Motion,
@@ -18,6 +20,7 @@ from drift_drake.vehicle.bicycle import (
     static_loads,
     wheel_acceleration,
 )
+from drift_drake.vehicle.installed import installed_effects, physics
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
 from drift_drake.vehicle.tires import brush_force
@@ -31,7 +34,10 @@ RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a comman
 
 
 class Effects(NamedTuple):
-    """Magnitudes of all effects, in the units of `catalogue.CATALOGUE`; zero switches an effect off."""
+    """Magnitudes of all effects, in the units of `catalogue.CATALOGUE`; zero switches an effect off.
+
+    Those that other packages install are fields too, behind these.
+    """
 
     friction_level: Any = 0.0
     front_rear_friction_split: Any = 0.0
@@ -63,6 +69,14 @@ class Effects(NamedTuple):
     sensor_latency: Any = 0.0
 
 
+if not TYPE_CHECKING and installed_effects():
+    more = tuple(installed_effects())
+    everything = (*Effects._fields, *more)
+    Effects = namedtuple("Effects", everything, defaults=(0.0,) * len(everything), module=__name__)
+
+COUNT = len(Effects._fields)
+
+
 class Memory(NamedTuple):
     """States that effects own; as a value or as a time derivative."""
 
@@ -74,6 +88,45 @@ class Memory(NamedTuple):
     rear_heat: Any = 0.0  # [-]
     a_x: Any = 0.0  # [m/s^2] filtered
     a_y: Any = 0.0  # [m/s^2] filtered
+
+
+def _chained(kind: str, nothing: Callable[..., Any], join: Callable[..., Callable[..., Any]]) -> Callable[..., Any]:
+    """One function of `Effects` from those of all installed effects."""
+    chain = jitable(nothing)
+    for name, function in physics(kind):
+        chain = jitable(join(chain, jitable(function), Effects._fields.index(name)))
+    return chain
+
+
+def _after(before: Any, change: Any, index: int) -> Callable[..., Any]:
+    def actuation(delta: Any, tau: Any, v: Any, q: Effects) -> Any:
+        angle, torque = before(delta, tau, v, q)
+        return change(angle, torque, v, q[index])
+
+    return actuation
+
+
+def _with_force(before: Any, force: Any, index: int) -> Callable[..., Any]:
+    def total(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Constants, q: Effects) -> Any:
+        x, y, moment = before(r, v, beta, omega_r, psi, car, q)
+        more_x, more_y, more_moment = force(r, v, beta, omega_r, psi, car, q[index])
+        return x + more_x, y + more_y, moment + more_moment
+
+    return total
+
+
+def _with_error(before: Any, reading: Any, index: int) -> Callable[..., Any]:
+    def total(r: Any, beta: Any, omega_r: Any, q: Effects) -> Any:
+        errors, more = before(r, beta, omega_r, q), reading(r, beta, omega_r, q[index])
+        return errors[0] + more[0], errors[1] + more[1], errors[2] + more[2]
+
+    return total
+
+
+installed_actuation = _chained("actuation", lambda delta, tau, v, q: (delta, tau), _after)  # noqa: ARG005
+installed_force = _chained("force", lambda r, v, beta, omega_r, psi, car, q: (0.0, 0.0, 0.0), _with_force)  # noqa: ARG005
+installed_reading = _chained("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error)  # noqa: ARG005
+HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)
 
 
 @jitable
@@ -125,8 +178,10 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     """
     p = changed_constants(nominal, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
-    wheel_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
-    torque = select(0.0, q.torque_lag, memory.torque, tau)
+    wheel_angle, torque = installed_actuation(
+        select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset,
+        select(0.0, q.torque_lag, memory.torque, tau), v, q)  # fmt: skip
+    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q)
 
     f_zf, f_zr = static_loads(p)
     shift = p.mass * q.longitudinal_load_transfer * memory.a_x / (p.front_axle_distance + p.rear_axle_distance)
@@ -151,9 +206,9 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - uphill * cos(psi) + force_x
-    f_y = f_y - drag * sin(beta) + uphill * sin(psi) + force_y
-    m_z = m_z - q.differential_yaw_moment * r * v + moment
+    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - uphill * cos(psi) + force_x + own_x
+    f_y = f_y - drag * sin(beta) + uphill * sin(psi) + force_y + own_y
+    m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
@@ -183,7 +238,8 @@ def settled_memory(
 ) -> Memory:
     """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
-    v_x, v_y = front_contact_velocity(r, v, beta, delta + q.steering_offset, p.front_axle_distance)
+    angle, _ = installed_actuation(delta + q.steering_offset, tau, v, q)
+    v_x, v_y = front_contact_velocity(r, v, beta, angle, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     zero = 0.0 * v_x
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
@@ -197,7 +253,23 @@ def settled_memory(
 @jitable
 def measured(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any]:
     """What biased sensors read for the yaw rate, sideslip and rim speed, latency aside."""
-    return r + q.gyro_bias, beta + q.sideslip_bias, omega_r * (1.0 + q.wheel_radius_error)
+    r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
+    return (r + q.gyro_bias + r_error, beta + q.sideslip_bias + beta_error,
+            omega_r * (1.0 + q.wheel_radius_error) + rim_error)  # fmt: skip
+
+
+@jitable
+def unbiased(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any]:
+    """What readings of the yaw rate, sideslip and rim speed stand for: `measured` the other way, to first order."""
+    r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
+    return (r - q.gyro_bias - r_error, beta - q.sideslip_bias - beta_error,
+            (omega_r - rim_error) / (1.0 + q.wheel_radius_error))  # fmt: skip
+
+
+@jitable
+def depends_on_heading(q: Effects) -> bool:
+    """Whether the motion depends on the heading."""
+    return HEADED or q.road_grade != 0.0
 
 
 def combined(first: Effects, second: Effects) -> Effects:

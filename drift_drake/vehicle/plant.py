@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import BasicVector_, LeafSystem_
@@ -12,10 +11,11 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import STATES, motion
-from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.catalogue import OFF_THE_MOTION
+from drift_drake.vehicle.effects import COUNT, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
-from drift_drake.vehicle.scalar import jitable
+from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 Array = NDArray[np.float64]
 
@@ -24,9 +24,6 @@ PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
 StateView = namedview("StateView", STATES)
 PlantStateView = namedview("PlantStateView", PLANT_STATES)
 PlantStateWithMemoryView = namedview("PlantStateWithMemoryView", PLANT_STATES_WITH_MEMORY)
-
-OFF_THE_MOTION = ("steering_delay", "gyro_bias", "sideslip_bias", "wheel_radius_error", "sensor_latency")
-"""Effects that act before the plant (`steering_delay`) or after it (the sensors'), never on its motion."""
 
 
 def acts_on_motion(effects: Effects) -> bool:
@@ -67,12 +64,12 @@ def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: 
 # tuples of numbers.
 @compiled
 def _nominal_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array) -> Array:
-    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*to_fixed_tuple(p, 12))))
+    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*fixed_tuple(p, 12))))
 
 
 @compiled
 def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    constants, effects = Constants(*to_fixed_tuple(p, 12)), Effects(*to_fixed_tuple(q, 28))
+    constants, effects = Constants(*fixed_tuple(p, 12)), Effects(*fixed_tuple(q, COUNT))
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.extending import overload, register_jitable
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from pydrake.symbolic import Expression, if_then_else
 
 jitable = register_jitable
@@ -115,6 +116,16 @@ def _select(a, b, if_less, otherwise):  # type: ignore[no-untyped-def]  # noqa: 
     if isinstance(a, types.Complex) or isinstance(b, types.Complex):
         return lambda a, b, if_less, otherwise: if_less if a.real < b.real else otherwise
     return lambda a, b, if_less, otherwise: if_less if a < b else otherwise
+
+
+def fixed_tuple(values: Any, count: int) -> tuple[Any, ...]:
+    """The first `count` numbers of an array as a tuple; compiled code needs `count` as a constant."""
+    return tuple(values[:count])
+
+
+@overload(fixed_tuple)
+def _fixed_tuple(values, count):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    return lambda values, count: to_fixed_tuple(values, count)
 
 
 @jitable

@@ -14,7 +14,7 @@ from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, Motion, planar_motion, w
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants, changed_constants
 from drift_drake.vehicle.double_track.loads import roll_arm_moment, wheel_loads
 from drift_drake.vehicle.double_track.tires import tire_force
-from drift_drake.vehicle.effects import Effects, steering_rate
+from drift_drake.vehicle.effects import Effects, installed_actuation, installed_force, steering_rate
 from drift_drake.vehicle.scalar import cos, jitable, maximum, select, sin, tanh
 
 NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
@@ -165,17 +165,19 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     """
     p = changed_constants(nominal, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
-    steering = select(0.0, lagged_steering, own.steering, delta) + q.steering_offset
-    torque = select(0.0, q.torque_lag, own.torque, tau)
+    steering, torque = installed_actuation(
+        select(0.0, lagged_steering, own.steering, delta) + q.steering_offset,
+        select(0.0, q.torque_lag, own.torque, tau), v, q)  # fmt: skip
 
     forces = wheel_forces(own, p)
     left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
     w = wheel_motion(r, v, beta, omega_r, left, right, own.rim_difference, own.roll_rate, p)
     ground_x, ground_y, m_z = ground_wrench(forces, left, right, p)
+    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q)
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
     drag, uphill = p.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    a_x = (ground_x - drag * cos(beta) - uphill * cos(psi) + force_x) / p.mass
-    a_y = (ground_y - drag * sin(beta) + uphill * sin(psi) + force_y) / p.mass
+    a_x = (ground_x - drag * cos(beta) - uphill * cos(psi) + force_x + own_x) / p.mass
+    a_y = (ground_y - drag * sin(beta) + uphill * sin(psi) + force_y + own_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
@@ -200,4 +202,4 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
         relaxed(w.rear_left_drive_slip, own.rear_left_drive_slip, w.rear_left_speed, drive),
         relaxed(w.rear_right_drive_slip, own.rear_right_drive_slip, w.rear_right_speed, drive),
     )
-    return Motion((m_z + moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
+    return Motion((m_z + moment + own_moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates

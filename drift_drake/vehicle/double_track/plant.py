@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 from pydrake.systems.framework import BasicVector_, LeafSystem_
@@ -16,10 +15,10 @@ from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, 
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.settled import settled_states
 from drift_drake.vehicle.double_track.tires import TireConstants
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
-from drift_drake.vehicle.scalar import jitable
+from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 Array = NDArray[np.float64]
 
@@ -56,9 +55,9 @@ def rates_of(
 # Compiled for floats, which comes with constants and magnitudes as arrays.
 @compiled
 def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    front, rear = TireConstants(*to_fixed_tuple(p[25:36], 11)), TireConstants(*to_fixed_tuple(p[36:47], 11))
-    constants = DoubleTrackConstants(*(to_fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
-    first, own = rates_of(x, u, wrench, curvature, constants, Effects(*to_fixed_tuple(q, 28)))
+    front, rear = TireConstants(*fixed_tuple(p[25:36], 11)), TireConstants(*fixed_tuple(p[36:47], 11))
+    constants = DoubleTrackConstants(*(fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
+    first, own = rates_of(x, u, wrench, curvature, constants, Effects(*fixed_tuple(q, COUNT)))
     rates = np.empty(23)
     for i, value in enumerate(first):
         rates[i] = value

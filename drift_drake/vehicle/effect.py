@@ -1,0 +1,86 @@
+"""What is known of one effect: a record, and, for an effect from another package, its physics beside it.
+
+Functions of the physics take floats, complex numbers and Drake's scalars alike and are compiled by numba: plain
+arithmetic and the functions of `drift_drake.vehicle.scalar` (sin, cos, exp, tanh, sqrt, maximum, select, ...). They
+have no memory, and give nothing where the magnitude is zero.
+"""
+
+import dataclasses
+from typing import Any, Literal, Protocol
+
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+
+Stage = Literal["command", "actuator", "motion", "sensor"]
+Command = Literal["delta_cmd", "tau_cmd"]
+REFERENCE = VehicleParameters()
+
+
+class Force(Protocol):
+    """A further force on the body, of an effect on the motion."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Constants, magnitude: Any
+    ) -> tuple[Any, Any, Any]:
+        """(force_x, force_y [N] in the body frame, yaw moment [N m]) from r [rad/s], v [m/s], beta [rad], omega_r
+        [m/s], the heading psi [rad] and the car's numbers (mass, yaw_inertia, wheel_radius, gravity, ...)."""
+
+
+class Actuation(Protocol):
+    """A change of what the actuators do, behind their lags."""
+
+    def __call__(self, delta: Any, tau: Any, v: Any, magnitude: Any) -> tuple[Any, Any]:
+        """(road-wheel angle [rad], engine torque [N m]) from what they would be without the effect, and v [m/s]."""
+
+
+class Reading(Protocol):
+    """An error of the sensors."""
+
+    def __call__(self, r: Any, beta: Any, omega_r: Any, magnitude: Any) -> tuple[Any, Any, Any]:
+        """What is added to the readings of the yaw rate [rad/s], the sideslip [rad] and the rim speed [m/s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """One effect: unit, practical range, where it acts and what it needs to be seen.
+
+    The range is that of the reference car, `VehicleParameters()`; `mass`, `length` and `radius` are the powers of a
+    car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
+    has one of `force`, `actuation` and `reading`.
+    """
+
+    unit: str
+    low: float  # end of the practical range
+    high: float
+    change: str  # in words, of the magnitude q
+    stage: Stage = "motion"
+    needs: tuple[str, ...] = ()  # columns without which a filter cannot see it
+    tolerance: str | None = None  # of the vehicle file, that this effect is a larger deviation of
+    spread: bool = False  # magnitudes are spread evenly by their logarithm
+    remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter
+    mass: float = 0.0
+    length: float = 0.0
+    radius: float = 0.0
+    daily: float = 1.0  # how often it changes from one day to another, beside the others
+    shown_by: str = ""  # the manoeuvre that shows it best, in words
+    force: Force | None = None
+    actuation: Actuation | None = None
+    reading: Reading | None = None
+
+    @property
+    def signed(self) -> bool:
+        """Whether the magnitude may have either sign."""
+        return self.low < 0.0
+
+    def range_for(self, vehicle: VehicleParameters) -> tuple[float, float]:
+        """Practical range of the magnitude for a car of another size (1.6 kg to 40 t)."""
+        size = (
+            (vehicle.mass / REFERENCE.mass) ** self.mass
+            * (wheelbase(vehicle) / wheelbase(REFERENCE)) ** self.length
+            * (vehicle.wheel_radius / REFERENCE.wheel_radius) ** self.radius
+        )
+        return self.low * size, self.high * size
+
+
+def wheelbase(vehicle: VehicleParameters) -> float:
+    """Distance between the axles [m]."""
+    return vehicle.front_axle_distance + vehicle.rear_axle_distance

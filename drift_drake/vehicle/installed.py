@@ -1,0 +1,91 @@
+"""Effects of other packages, found by their entry points: records that the catalogue then holds, and their physics.
+
+A package names an effect in its pyproject.toml:
+
+    [project.entry-points."drift_drake.effects"]
+    side_wind = "my_package.wind:SIDE_WIND"
+
+where `SIDE_WIND` is a `vehicle.effect.Effect` with its physics.
+"""
+
+import hashlib
+import sys
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from drift_drake.errors import DriftDrakeError, one_line
+from drift_drake.vehicle.effect import REFERENCE, Effect
+
+GROUP = "drift_drake.effects"
+PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
+
+
+class InvalidEffectError(DriftDrakeError, ValueError):
+    """An effect of another package that cannot be used; the message names it and the mend."""
+
+
+@cache
+def installed_effects() -> dict[str, Effect]:
+    """Effects of other packages by name, in the order of their names.
+
+    Raises:
+        InvalidEffectError: one cannot be imported, or is none.
+    """
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return {point.name: _loaded(point) for point in points}
+
+
+def _loaded(point: EntryPoint) -> Effect:
+    where = f"effect {point.name} ({point.value})"
+    try:
+        effect = point.load()
+    except Exception as error:
+        raise InvalidEffectError(f"{where}: cannot be imported ({one_line(error)}); mend it or uninstall it") from None
+    if not point.name.isidentifier() or point.name.startswith("_"):
+        raise InvalidEffectError(f"{where}: its name is no name of a variable; choose one such as side_wind")
+    if not isinstance(effect, Effect):
+        raise InvalidEffectError(f"{where}: is no drift_drake.Effect; name one in the entry point")
+    _check_physics(where, effect)
+    return effect
+
+
+def _check_physics(where: str, effect: Effect) -> None:
+    """Sees that the effect's function is there, and does nothing at a magnitude of zero."""
+    given = [name for name in PHYSICS.values() if getattr(effect, name) is not None]
+    wanted = PHYSICS.get(effect.stage, "")
+    if given != [wanted]:
+        stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in PHYSICS.items())
+        raise InvalidEffectError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
+    trials: dict[str, tuple[tuple[Any, ...], tuple[float, ...]]] = {
+        "force": ((0.1, 12.0, 0.02, 12.1, 0.3, REFERENCE.constants()), (0.0, 0.0, 0.0)),
+        "actuation": ((0.05, 100.0, 12.0), (0.05, 100.0)),
+        "reading": ((0.1, 0.02, 12.1), (0.0, 0.0, 0.0)),
+    }
+    arguments, nothing = trials[wanted]
+    try:
+        found = tuple(float(value) for value in getattr(effect, wanted)(*arguments, 0.0))
+    except Exception as error:
+        raise InvalidEffectError(f"{where}: its {wanted} fails ({one_line(error)}); mend it") from None
+    if found != nothing:
+        raise InvalidEffectError(f"{where}: its {wanted} gives {found} at a magnitude of zero; let it give {nothing}")
+
+
+def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
+    """(name, function) of the installed effects that have a `force`, an `actuation` or a `reading`."""
+    pairs = [(name, getattr(effect, kind)) for name, effect in installed_effects().items()]
+    return [(name, function) for name, function in pairs if function is not None]
+
+
+def fingerprint() -> str:
+    """What the installed effects' sources hash to; empty without any."""
+    functions = [pair for kind in PHYSICS.values() for pair in physics(kind)]
+    if not functions:
+        return ""
+    digest = hashlib.sha256()
+    for name, function in functions:
+        source = sys.modules[function.__module__].__file__
+        digest.update(name.encode() + (Path(source).read_bytes() if source else b""))
+    return digest.hexdigest()[:16]

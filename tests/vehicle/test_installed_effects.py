@@ -1,0 +1,182 @@
+"""Effects of another package, found by entry points: plant, sensors, filter, diagnosis and command line know them.
+
+Each test runs in a process of its own, since effects are found once. All but one run without numba, whose compilation
+takes longer than what is tested.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+WIND = """
+from drift_drake import Effect
+from drift_drake.vehicle.scalar import cos, sin
+
+def push(r, v, beta, omega_r, psi, car, magnitude):
+    return -magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
+
+def limp(delta, tau, v, magnitude):
+    return delta, tau * (1.0 - magnitude)
+
+def drift(r, beta, omega_r, magnitude):
+    return magnitude * omega_r, 0.0, 0.0
+
+SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right pushes with q", needs=("psi",),
+                   shown_by="straight stretches there and back", force=push)
+LIMP_MODE = Effect("-", 0.05, 0.6, "torque falls by q", "actuator", needs=("tau_cmd",), actuation=limp)
+GYRO_SCALE = Effect("rad/m", -0.005, 0.005, "the yaw rate reads q omega_r more", "sensor", reading=drift)
+BROKEN = Effect("N", -1.0, 1.0, "always there", force=lambda r, v, beta, omega_r, psi, car, q: (1.0, 0.0, 0.0))
+"""
+EFFECTS = {"side_wind": "SIDE_WIND", "limp_mode": "LIMP_MODE", "gyro_scale": "GYRO_SCALE"}
+
+
+def install(folder: Path, effects: dict[str, str]) -> None:
+    (folder / "wind.py").write_text(WIND)
+    info = folder / "wind-1.0.dist-info"
+    info.mkdir(exist_ok=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wind\nVersion: 1.0\n")
+    points = "\n".join(f"{name} = wind:{attribute}" for name, attribute in effects.items())
+    (info / "entry_points.txt").write_text(f"[drift_drake.effects]\n{points}\n")
+
+
+def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {
+        "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder / "cache")
+    }  # fmt: skip
+    return subprocess.run([sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True)
+
+
+PHYSICS = """
+import numpy as np
+from drift_drake import CATALOGUE, Effects, NoiseLevels, Run, VehicleParameters, VehiclePlant, make_effects
+from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.estimation.problem import filter_case, make_problem
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
+from drift_drake.vehicle.effects import measured, unbiased
+
+car = VehicleParameters()
+
+def rates(plant, psi):
+    context = plant.CreateDefaultContext()
+    plant.GetInputPort("actuation").FixValue(context, [0.0, 100.0])
+    plant.set_initial(context, [0.0, 12.0, 0.0, 12.1, 0.0, 0.0], pose=(0.0, 0.0, psi), actuation=(0.0, 100.0))
+    return plant.EvalTimeDerivatives(context).CopyToVector()[:10]
+
+# Plants: at a heading of a quarter turn the wind blows against the course.
+for make, mass in ((lambda q: VehiclePlant(car, q), car.mass), (lambda q: DoubleTrackPlant(CARS["coupe"], q), None)):
+    mass = mass or CARS["coupe"].mass
+    still = make(make_effects({"gyro_scale": 0.001}))
+    blown, limping = make(make_effects({"side_wind": 500.0})), make(make_effects({"limp_mode": 0.5}))
+    change = rates(blown, np.pi / 2) - rates(still, np.pi / 2)
+    np.testing.assert_allclose(change[1], -500.0 / mass, rtol=1e-6)
+    assert rates(limping, 0.0)[3] < rates(still, 0.0)[3] - 1.0
+assert VehiclePlant(car, make_effects({"side_wind": 500.0})).ToAutoDiffXd().has_memory
+
+# Sensors, and back.
+q = make_effects({"gyro_scale": 0.002, "gyro_bias": 0.01})
+assert measured(0.1, 0.0, 10.0, q)[0] == 0.1 + 0.01 + 0.02
+np.testing.assert_allclose(unbiased(*measured(0.1, 0.02, 10.0, q), q), [0.1, 0.02, 10.0], atol=1e-12)
+
+# A one-step model takes what has no heading.
+EffectsStepModel(car, make_effects({"limp_mode": 0.3}))
+try:
+    EffectsStepModel(car, make_effects({"side_wind": 300.0}))
+except ValueError as error:
+    assert "side_wind" in str(error)
+
+# The filter: what a side wind does to a straight drive is small once it is known of.
+rows, push = 60, 1200.0
+t = 0.02 * np.arange(rows)
+plant = VehiclePlant(car, make_effects({"side_wind": push}))
+from pydrake.systems.analysis import Simulator
+simulator = Simulator(plant)
+context = simulator.get_mutable_context()
+plant.GetInputPort("actuation").FixValue(context, [0.0, 100.0])
+plant.set_initial(context, [0.0, 15.0, 0.0, 15.1, 0.0, 0.0], pose=(0.0, 0.0, 0.0), actuation=(0.0, 100.0))
+states = []
+for time in t:
+    simulator.AdvanceTo(time)
+    states.append(context.get_continuous_state_vector().CopyToVector())
+x = np.array(states) + np.random.default_rng(0).normal(size=(rows, len(states[0]))) * 1e-3
+run = Run("run_0", t, x[:, 0], x[:, 1], np.zeros(rows), np.full(rows, 100.0), x[:, 2], x[:, 3], x=x[:, 7], y=x[:, 8],
+          psi=x[:, 9])
+problem = make_problem([run], car)
+theta = np.zeros(problem.nuisances)
+without = filter_case(problem, theta, ())
+known = filter_case(problem, np.append(theta, push), ("side_wind",))
+assert np.sum(known.innovations[0] ** 2) < 0.7 * np.sum(without.innovations[0] ** 2)
+print("all hold")
+"""
+
+
+def test_plants_sensors_and_filter_know_them(tmp_path: Path) -> None:
+    install(tmp_path, EFFECTS)
+    done = run(tmp_path, "-c", PHYSICS)
+    assert done.stdout == "all hold\n", done.stderr
+
+
+def test_the_command_line_knows_them(tmp_path: Path) -> None:
+    install(tmp_path, EFFECTS)
+    told = run(tmp_path, "-m", "drift_drake", "effects").stdout
+    line, *_ = (line for line in told.splitlines() if line.startswith("side_wind"))
+    assert line.split()[1:5] == ["N", "-1.5e+03", "to", "1.5e+03"]
+    assert "Shown by straight stretches there and back:\n  side_wind" in told
+
+
+def test_a_vehicle_file_may_have_them(tmp_path: Path) -> None:
+    install(tmp_path, EFFECTS)
+    program = """
+from drift_drake import VehicleParameters, make_effects, read_vehicle, write_vehicle
+write_vehicle("car.yaml", VehicleParameters(), make_effects({"side_wind": 300.0}))
+assert read_vehicle("car.yaml")[1].side_wind == 300.0
+write_vehicle("storm.yaml", VehicleParameters(), make_effects({"side_wind": 1e6}))
+"""
+    assert run(tmp_path, "-c", program).stderr == ""
+    refused = run(tmp_path, "-m", "drift_drake", "simulate", "slalom", "--vehicle", "storm.yaml", "--out", "x.csv")
+    assert refused.returncode == 2
+    assert "storm.yaml: effects.side_wind is 1e+06 N" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("effects", "says"),
+    [
+        ({"storm": "STORM"}, "effect storm (wind:STORM): cannot be imported"),
+        ({"number": "WIND"}, "effect number (wind:WIND): cannot be imported"),
+        ({"push": "push"}, "effect push (wind:push): is no drift_drake.Effect"),
+        ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
+        ({"aero_drag": "SIDE_WIND"}, "effect aero_drag: is in the catalogue already"),
+    ],
+)
+def test_one_that_cannot_be_used_is_one_sentence(tmp_path: Path, effects: dict[str, str], says: str) -> None:
+    install(tmp_path, effects)
+    done = run(tmp_path, "-m", "drift_drake", "effects")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+DIAGNOSED = """
+import numpy as np
+from drift_drake import VehicleParameters, write_vehicle, write_run, Effects
+from experiments.gap_cases import Truth, make_case
+car = VehicleParameters()
+for run in make_case(Truth({"side_wind": 900.0}, {}, {"friction": 0.01}), car, np.random.default_rng(2)):
+    write_run(run, f"logs/{run.name}.csv")
+car.to_yaml("car.yaml")
+"""
+
+
+@pytest.mark.slow
+def test_a_diagnosis_names_one(tmp_path: Path) -> None:
+    """Compiled: what a user gets."""
+    install(tmp_path, EFFECTS)
+    (tmp_path / "logs").mkdir()
+    made = run(tmp_path, "-c", DIAGNOSED, jit=True)
+    assert made.returncode == 0, made.stderr
+    told = run(tmp_path, "-m", "drift_drake", "diagnose", "logs", "--vehicle", "car.yaml", "--quiet", jit=True)
+    assert told.stdout.startswith("logs: side_wind "), told.stdout + told.stderr

@@ -37,7 +37,7 @@ COMMANDS = {
     "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
     "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),
     "effects": Command(
-        "drift_drake.diagnosis.effects_command", "the effects that a diagnosis knows, and what shows them", "ListEffects"
+        "drift_drake.diagnosis.effects_command", "the effects that can be named, and what shows them", "ListEffects"
     ),
     "train": Command("drift_drake.model.command", "the Bayesian vehicle model, meta-trained"),
 }

@@ -62,7 +62,7 @@ def listing(vehicle: VehicleParameters) -> str:
         needs = ", ".join(effect.needs) or "-"
         rows.append((name, effect.unit, f"{low:.3g} to {high:.3g}", effect.stage, needs, effect.change))
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
-    lines = ["  ".join([*(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)), row[5]]) for row in rows]
+    lines = ["  ".join([f"{row[i]:<{width}}" for i, width in enumerate(widths)] + [row[5]]) for row in rows]
     for words, names in shown_by(CATALOGUE):
         lines += ["", f"Shown by {words}:", *textwrap.wrap(", ".join(names), 96, initial_indent="  ",
                   subsequent_indent="  ")]  # fmt: skip

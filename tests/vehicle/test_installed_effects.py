@@ -45,7 +45,7 @@ def install(folder: Path, effects: dict[str, str]) -> None:
 
 def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {
-        "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder / "cache")
+        "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder),
     }  # fmt: skip
     return subprocess.run([sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True)
 

@@ -29,6 +29,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "import": Command("drift_drake.logs.importing.command", "recordings of any format to logs, with what looks wrong"),
+    "check": Command("drift_drake.diagnosis.check", "what logs are worth: quality, coverage, what they could show"),
     "diagnose": Command("drift_drake.diagnosis.command", "where a simulator is wrong, and which effect it lacks"),
     "identify": Command("drift_drake.identification.command", "a vehicle file calibrated on logs"),
     "plan-next": Command("drift_drake.diagnosis.plan_next", "the drive that tells rival hypotheses apart best"),
@@ -72,11 +73,11 @@ def _run(words: list[str]) -> int:
             import tyro
 
             options, run = load(name)
-        run(tyro.cli(options, prog=f"drift-drake {name}", args=rest))
+        return run(tyro.cli(options, prog=f"drift-drake {name}", args=rest)) or 0
     return 0
 
 
-def load(name: str) -> tuple[type, Callable[[Any], None]]:
+def load(name: str) -> tuple[type, Callable[[Any], int | None]]:
     """A command's dataclass of options, and what runs it.
 
     Raises:
@@ -96,7 +97,7 @@ def usage() -> str:
     """What `drift-drake --help` says."""
     about = "A car's logs in, what its simulator lacks out, and the corrected car driven again."
     more = "drift-drake COMMAND --help says what a command does and shows an example. Bad input ends with one sentence "
-    more += "and exit code 2."
+    more += "and exit code 2; 'diagnose --exit-code' ends with 3 where there is a gap."
     lines = [f"  {name:<11}{command.summary}" for name, command in COMMANDS.items()]
     return "\n".join([
         "usage: drift-drake [--help] [--version] COMMAND ...", "", about, "", *lines, "", *textwrap.wrap(more, 80),

@@ -1,6 +1,8 @@
 """The class above all refusals: input, options and outputs that cannot be used, each said in one sentence."""
 
+import difflib
 import reprlib
+from collections.abc import Iterable
 from typing import Any
 
 _SHORT = reprlib.Repr()
@@ -31,3 +33,10 @@ def one_line(error: BaseException) -> str:
     """An error's message on one line of bounded length."""
     text = " ".join(str(error).split())
     return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """What a mistyped name was meant to be, or else all that are known, to end a message with."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, 2)
+    return f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"

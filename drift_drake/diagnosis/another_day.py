@@ -78,23 +78,10 @@ def diagnose_day(
     doubts = suspicions(runs, vehicle)
     runs, warnings = usable(runs, vehicle)
     warnings = [doubt.sentence for doubt in doubts] + warnings
-    if any(run.beta is None for run in runs):
-        raise InvalidLogError(
-            f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
-        )
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
-    windows = [windowed(run, run.filled) for run in runs]
-    covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
-    if covered < LEAST_TIME:
-        raise InvalidLogError(
-            f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
-        )
-    windows = thinned(windows, MOST_WINDOWS)
     tell("errors and their derivatives", 0.0)
-    day = make_day(
-        windows, vehicle.constants(), own, normal.names, normal.units, normal.scales, normal.covered, workers
-    )
-    search = Search(day, normal, vehicle, names, workers)
+    search = search_of(runs, vehicle, normal, own, names, case, workers)
+    day = search.day
     none = search.none()
     singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
     pairs: list[Hypothesis] = []
@@ -136,6 +123,32 @@ def diagnose_day(
     )  # fmt: skip
     tell("done", 1.0)
     return DayDiagnosis(answer, search, found, shrinks)
+
+
+def search_of(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal, own: Effects, names: Sequence[str], case: str,
+    workers: int,
+) -> Search:  # fmt: skip
+    """The search for causes in usable runs of one day, among the effects of these names.
+
+    Raises:
+        InvalidLogError: a column is missing, or there is too little driving.
+    """
+    if any(run.beta is None for run in runs):
+        raise InvalidLogError(
+            f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
+        )
+    windows = [windowed(run, run.filled) for run in runs]
+    covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
+    if covered < LEAST_TIME:
+        raise InvalidLogError(
+            f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
+        )
+    day = make_day(
+        thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal.scales,
+        normal.covered, workers,
+    )  # fmt: skip
+    return Search(day, normal, vehicle, names, workers)
 
 
 def believed(

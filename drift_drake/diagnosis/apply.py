@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -21,7 +22,7 @@ class Apply:
     drift-drake apply answer.json --vehicle car.yaml --out corrected.yaml
     """
 
-    answer: tyro.conf.Positional[Path]
+    answer: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="ANSWER")]
     """Answer of `drift-drake diagnose --json`."""
     vehicle: Path
     """The vehicle file that was diagnosed."""

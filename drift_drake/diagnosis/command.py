@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import tyro
 from tqdm import tqdm
@@ -12,7 +12,7 @@ from tqdm import tqdm
 from drift_drake.command_line import command_line
 from drift_drake.diagnosis.answer import Answer
 from drift_drake.diagnosis.provenance import all_answered
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, meant
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
@@ -38,8 +38,8 @@ class Diagnose:
     CASE is a folder of runs (run_0.csv, run_1.csv, ...) of one car, or a folder of such folders.
     """
 
-    case: tyro.conf.Positional[Path]
-    """Folder of runs, or of cases."""
+    case: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CASE")]
+    """Folder of runs, or of cases; or one run's file."""
     vehicle: Path
     """What the simulator believes of the car (YAML)."""
     json: Path | None = None
@@ -68,12 +68,17 @@ class Diagnose:
     """Threads for one case; a folder of cases is spread over processes."""
     again: bool = False
     """Diagnose anew the cases of a folder that --json holds answers to, found from the same logs and files."""
+    exit_code: bool = False
+    """End with exit code 3 where there is a gap (a named effect, or unknown), with 0 where there is none."""
     quiet: bool = False
     """No progress bar."""
 
 
-def run_diagnose(command: Diagnose) -> None:
-    """`drift-drake diagnose`."""
+GAP_FOUND = 3  # exit code, where it is asked for
+
+
+def run_diagnose(command: Diagnose) -> int:
+    """`drift-drake diagnose`; returns its exit code."""
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
@@ -87,9 +92,10 @@ def run_diagnose(command: Diagnose) -> None:
         **trust_options(command),
     }
     if folders != [command.case]:
-        _diagnose_many(command, vehicle, folders, options)
+        answers = _diagnose_many(command, vehicle, folders, options)
     else:
-        _diagnose_one(command, vehicle, options)
+        answers = [_diagnose_one(command, vehicle, options)]
+    return GAP_FOUND if command.exit_code and any(answer.verdict != "none" for answer in answers) else 0
 
 
 def check_trust(command: Diagnose) -> None:
@@ -133,7 +139,7 @@ def chosen_effects(command: Diagnose) -> tuple[str, ...]:
     """
     for name in (*command.effects, *command.exclude):
         if name not in CATALOGUE:
-            raise InvalidVehicleError(f"unknown effect {name}; the catalogue has {', '.join(CATALOGUE)}")
+            raise InvalidVehicleError(f"unknown effect {name}; {meant(name, CATALOGUE)}")
     chosen = tuple(name for name in command.effects if name not in command.exclude)
     if not chosen:
         raise InvalidVehicleError("--exclude leaves no effect to consider; name fewer")
@@ -144,9 +150,7 @@ def checked_columns(names: Sequence[str]) -> tuple[str, ...]:
     """Columns that may be left out; InvalidLogError where one may not."""
     for name in names:
         if name not in OPTIONAL:
-            raise InvalidLogError(
-                f"--without {name}: no column that can be left out; choose from {', '.join(OPTIONAL)}"
-            )
+            raise InvalidLogError(f"--without {name}: no column that can be left out; {meant(name, OPTIONAL)}")
     return tuple(names)
 
 
@@ -157,7 +161,7 @@ def checked_every(every: int) -> int:
     return every
 
 
-def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> None:
+def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
     try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
@@ -174,6 +178,7 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
         write_text(command.json, diagnosis.answer.to_json())
     if command.report is not None:
         _report(command, diagnosis, command.report)
+    return diagnosis.answer
 
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
@@ -193,7 +198,7 @@ def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path
 
 def _diagnose_many(
     command: Diagnose, vehicle: VehicleParameters, folders: Sequence[Path], options: Mapping[str, Any]
-) -> None:
+) -> list[Answer]:
     """A folder of cases; those that `--json` holds the answers to already are left as they are."""
     count, before = len(folders), dict[Path, Answer]()
     if command.report is not None:
@@ -220,10 +225,12 @@ def _diagnose_many(
 
         refused: list[InvalidLogError] = []
         answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, only=only, **options)
-    for answer in [*before.values(), *answers]:
+    answers = [*before.values(), *answers]
+    for answer in answers:
         _say(answer)
     if refused:
         raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
+    return answers
 
 
 def _say(answer: Answer, to: TextIO | None = None) -> None:

@@ -13,6 +13,8 @@ from drift_drake.estimation.problem import Problem, filter_case, observe_case
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
+SMALL = 0.05  # of an effect's scale
+
 
 @dataclasses.dataclass(frozen=True)
 class Isolability:
@@ -52,17 +54,21 @@ class Isolability:
         return out
 
 
-def isolability(problem: Problem, fit: Fit, names: Sequence[str]) -> Isolability:
-    """Signatures of all effects beside a fit: derivatives of the innovations at a middling magnitude."""
+def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = False) -> Isolability:
+    """Signatures of all effects beside a fit: derivatives of the innovations at a middling magnitude.
+
+    Where they are `small`, a step from zero: a tolerance of the vehicle file may then do what an effect does.
+    """
     gains = filter_case(problem, fit.theta, fit.names)
     own = sensitivity(problem, gains, fit.theta, fit.names)[:, : problem.nuisances]
     columns = []
     for name in names:
         known = name in fit.names
         now = tuple(fit.names) if known else (*fit.names, name)
-        theta = fit.theta if known else np.append(fit.theta, starts(name, problem.vehicle)[0])
+        begin = 0.0 if small and name != RATE_LIMIT else starts(name, problem.vehicle)[0]
+        theta = fit.theta if known else np.append(fit.theta, begin)
         at = now.index(name) + problem.nuisances
-        step = MAGNITUDE_STEP * scale(name, problem.vehicle)
+        step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)
         step = step if theta[at] + step <= limits(problem, now)[1][at] else -step
         moved = theta.copy()
         moved[at] += step

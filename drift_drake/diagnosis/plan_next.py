@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -20,7 +21,7 @@ class PlanNext:
     drift-drake plan-next answer.json --vehicle car.yaml --out plan.csv
     """
 
-    answer: tyro.conf.Positional[Path]
+    answer: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="ANSWER")]
     """Answer of `drift-drake diagnose --json`."""
     vehicle: Path
     """The vehicle file that was diagnosed."""

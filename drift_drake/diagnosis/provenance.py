@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.diagnosis.answer import Answer, InvalidAnswerError, read_answer
-from drift_drake.logs.table import IMPORT_REPORT, run_paths
+from drift_drake.logs.table import import_report_path, run_paths
 from drift_drake.run_folder import plain
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -23,7 +23,7 @@ def provenance(folder: str | Path, vehicle: VehicleParameters, options: Mapping[
     """What identifies a diagnosis of a case folder, as plain data; `options` are those of `diagnose`."""
     folder, own = Path(folder), options.get("own", Effects())
     others = {name: value for name, value in options.items() if name not in ("own", "progress")}
-    files = [*run_paths(folder), *(path for path in [folder / IMPORT_REPORT] if path.is_file())]
+    files = [*run_paths(folder), *(path for path in [import_report_path(folder)] if path.is_file())]
     settings = json.dumps(plain(others), sort_keys=True, default=str)
     return {
         "version": version("drift_drake"),

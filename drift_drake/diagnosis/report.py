@@ -7,7 +7,7 @@ from drift_drake.diagnosis import report_figures as figures
 from drift_drake.diagnosis.day_hypotheses import REACH
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.isolability import Isolability, isolability
-from drift_drake.diagnosis.limit_rows import limit_rows
+from drift_drake.diagnosis.limit_rows import LimitRow, limit_rows
 from drift_drake.diagnosis.manoeuvres import shown_by
 from drift_drake.diagnosis.posterior import UNKNOWN, hypothesis_name
 from drift_drake.estimation.fit import Fit
@@ -80,6 +80,13 @@ def gap_charts(d: Diagnosis) -> dict[str, Any]:
     return charts
 
 
+def could_have_shown(d: Diagnosis) -> list[LimitRow]:
+    """Detection limits beside the car without effects."""
+    nothing = next(fit for fit, _ in d.found.hypotheses() if not fit.names)
+    found = isolability(d.problem, nothing, tuple(CATALOGUE), small=True)
+    return limit_rows(found.limits(d.problem.vehicle), d.problem.vehicle)
+
+
 def doubtful(d: Diagnosis, unnamed: list[str]) -> list[str]:
     """Effects that another drive should show: rivals that are still open, or what these logs cannot name."""
     if d.answer.verdict == "none":
@@ -91,9 +98,8 @@ def doubtful(d: Diagnosis, unnamed: list[str]) -> list[str]:
 def report_html(d: Diagnosis, source: Source | None = None) -> str:
     """The report's HTML; nothing is loaded from elsewhere."""
     answer = d.answer
-    without = next(f for f, _ in d.found.hypotheses() if not f.names)
-    signatures = isolability(d.problem, without if answer.verdict == "none" else d.fit, tuple(CATALOGUE))
-    limits = limit_rows(signatures.limits(d.problem.vehicle), d.problem.vehicle) if answer.verdict == "none" else []
+    signatures = isolability(d.problem, d.fit, tuple(CATALOGUE))
+    limits = could_have_shown(d) if answer.verdict == "none" else []
     learnt = answer.details["learned"]
     return page_html(
         TEMPLATE,

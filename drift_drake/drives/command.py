@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import tyro
@@ -39,7 +40,7 @@ class Simulate:
     commands.
     """
 
-    drive: tyro.conf.Positional[str]
+    drive: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="MANOEUVRE|LOG")]
     """Name of a manoeuvre, or path of a log."""
     vehicle: Path
     """The car to drive (YAML); `effects:` in it act too."""

@@ -3,7 +3,7 @@
 import dataclasses
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tqdm import tqdm
@@ -32,7 +32,7 @@ class Identify:
     times two; parameters without one get broad priors.
     """
 
-    logs: tyro.conf.Positional[tuple[Path, ...]]
+    logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOGS")]
     """Folders of runs, one for each day."""
     vehicle: Path
     """First guess of the car (YAML)."""

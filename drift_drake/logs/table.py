@@ -168,7 +168,7 @@ def write_run(run: Run, path: str | Path) -> None:
 
 
 def read_case(folder: str | Path) -> list[Run]:
-    """Reads all runs (`run_*.csv`, `.csv.gz` or `.parquet`, in the order of their numbers) of one case.
+    """Reads all runs (`run_*.csv`, `.csv.gz` or `.parquet`, in the order of their numbers) of one case, or a file's.
 
     Raises:
         InvalidLogError: no such folder, no runs in it, or one of them cannot be used.
@@ -183,7 +183,7 @@ def case_paths(folder: str | Path) -> list[Path]:
         InvalidLogError: no such folder, no runs in it, or one of them twice.
     """
     folder = Path(folder)
-    if not folder.is_dir():
+    if not folder.exists():
         raise InvalidLogError(f"{folder}: no such folder; a case is a folder of run_0.csv, run_1.csv, ...")
     paths = run_paths(folder)
     if not paths:
@@ -197,7 +197,9 @@ def case_paths(folder: str | Path) -> list[Path]:
 
 
 def run_paths(folder: Path) -> list[Path]:
-    """Files of a case folder that hold runs, in the order of their numbers."""
+    """Files of a case folder that hold runs, in the order of their numbers; a file is a case of one run."""
+    if folder.is_file():
+        return [folder]
     paths = [path for path in folder.glob("run_*") if path.name.endswith((".csv", ".csv.gz", ".parquet"))]
 
     def order(path: Path) -> tuple[int, str]:
@@ -272,9 +274,15 @@ def _check_clock(run: Run) -> None:
         )
 
 
+def import_report_path(folder: str | Path) -> Path:
+    """Of what an import wrote beside the runs of a case folder, or beside a single run's file."""
+    folder = Path(folder)
+    return (folder.parent if folder.is_file() else folder) / IMPORT_REPORT
+
+
 def _import_report(folder: str | Path) -> dict[str, Any]:
-    """What an import wrote beside its runs; empty where there is none."""
-    path = Path(folder) / IMPORT_REPORT
+    """What an import wrote beside its runs (or beside a run, given its file); empty where there is none."""
+    path = import_report_path(folder)
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -295,7 +303,7 @@ def trusted_columns(folder: str | Path) -> tuple[str, ...]:
     mapping = _import_report(folder).get("mapping", {})
     trusted = mapping.get("trust", []) if isinstance(mapping, dict) else None
     if not isinstance(trusted, list) or not all(name in COLUMNS for name in trusted):
-        raise _no_report(Path(folder) / IMPORT_REPORT)
+        raise _no_report(import_report_path(folder))
     return tuple(trusted)
 
 
@@ -311,5 +319,5 @@ def stated_noise(folder: str | Path) -> dict[str, float]:
             for name, value in report["std"].items():
                 levels.setdefault(name, []).append(float(value))
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise _no_report(Path(folder) / IMPORT_REPORT) from None
+        raise _no_report(import_report_path(folder)) from None
     return {name: float(np.median(values)) for name, values in levels.items()}

@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -21,7 +22,7 @@ class Replay:
     drift-drake replay logs/monday/run_0.csv --vehicle car.yaml --corrected corrected.yaml --html replay.html
     """
 
-    log: tyro.conf.Positional[Path]
+    log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """One run in the log format (CSV, .csv.gz or Parquet)."""
     vehicle: Path
     """What the simulator believes of the car (YAML)."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
+from drift_drake.diagnosis import check_limits
 from drift_drake.identification import identify as identification
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import to_json
@@ -116,3 +117,13 @@ def test_a_calibration_of_another_shape_is_refused(files, other_car, tmp_path, c
     assert code == BAD_INPUT
     assert "car.json" in error
     assert error.count("\n") == 1
+
+
+def test_check_says_what_a_day_could_show_beside_what_is_normal(files, monkeypatch, capsys):
+    monkeypatch.setattr(check_limits, "seen_effects", lambda _runs, _names: (["steering_delay", "gyro_bias"], []))
+    code = main(["check", str(files / "late"), "--vehicle", str(files / "car.yaml"), "--calibration",
+                 str(files / "car.json"), "--json", "-", "--workers", "1"])  # fmt: skip
+    assert code == 0
+    detection = json.loads(capsys.readouterr().out)["detection"]
+    assert set(detection) == {"steering_delay", "gyro_bias"}
+    assert 0.0 < detection["steering_delay"]["least"] < 0.08

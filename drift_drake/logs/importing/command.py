@@ -3,11 +3,11 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drift_drake.errors import InvalidOptionError, OutputError
+from drift_drake.errors import InvalidOptionError, OutputError, meant
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
@@ -39,7 +39,7 @@ class Import:
     stretch of which recording, the clocks' offsets, the noise, and the remarks.
     """
 
-    recordings: tyro.conf.Positional[tuple[Path, ...]]
+    recordings: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RECORDINGS")]
     """Files of one vehicle on one day: CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz, HDF5."""
     mapping: str = ""
     """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, dart_sensors, revs_250lm."""
@@ -83,7 +83,7 @@ def run_import(command: Import) -> None:
         raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
     for name in command.trust:
         if name not in COLUMNS:
-            raise InvalidOptionError(f"--trust {name}: is no column of the log; they are {', '.join(COLUMNS)}")
+            raise InvalidOptionError(f"--trust {name}: is no column of the log; {meant(name, COLUMNS)}")
     try_folder(command.out, "--out")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))

@@ -43,18 +43,17 @@ from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drift_report import summarise
 from experiments.drift_runs import (
     REFUSALS,
-    Attempt,
     DriftConfig,
     DriveJob,
     Learnt,
     drive,
-    gather_all,
     open_folder,
     reference,
     run_drives,
 )
 from experiments.drifting_errors import ROLLOUT_STEPS, drifting_errors
 from experiments.executors import run_jobs
+from experiments.gathered_beliefs import Attempt
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
@@ -135,10 +134,9 @@ def driven_samples(path: Path) -> Samples:
 def all_beliefs(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dict[Attempt, dict[str, Posterior]]:
     """What is believed of each vehicle in each learnt variant."""
     wanted = frozenset({"twice_info"})
-    weighted = gather_all(config, wanted, learnt, folder)
+    weighted = config.gathered(wanted, learnt, folder)
     (folder / "full_weight").mkdir(exist_ok=True)
-    full = gather_all(
-        config,
+    full = config.gathered(
         wanted,
         dataclasses.replace(learnt, sample_weight=np.ones_like(learnt.sample_weight)),
         folder / "full_weight",
@@ -150,8 +148,8 @@ def all_beliefs(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dic
         attempt: {
             "prior": prior,
             "online": prior,
-            "twice_info": weighted[attempt].get("twice_info", weighted[attempt]["once_info"]),
-            "twice_info_full": full[attempt].get("twice_info", full[attempt]["once_info"]),
+            "twice_info": weighted[attempt].best,
+            "twice_info_full": full[attempt].best,
             "own_drift": learn(learnt, prior, samples[attempt]),
             "own_drift_flat": learn(learnt, flat, samples[attempt]),
         }

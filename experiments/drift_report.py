@@ -65,6 +65,10 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
         }
         if "second_plan" in group:
             entry["without_second_plan"] = int((group["second_plan"] == False).sum())  # noqa: E712 (None counts not)
+        if "refused" in group and group["refused"].notna().all():
+            refused = group["refused"].astype(bool)
+            entry["refused"] = int(refused.sum())
+            entry["not_completed_and_not_refused"] = int((~refused & ~group["completed"]).sum())
         for name in errors:
             entry[name] = _spread(group[name])
             by_vehicle = group.groupby("vehicle")[name]
@@ -98,6 +102,17 @@ def completion_table(summary: dict[str, Any]) -> str:
             f"| {s['outcomes'].get('spin', 0)} |"
         )
     return "\n".join(lines)
+
+
+def refusal_sentence(summary: dict[str, Any]) -> str:
+    """What the lane's logs foretold (`drift_drake.gathering.trust`); empty where it was not asked."""
+    parts = [
+        f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
+        f"{s['not_completed_and_not_refused']} of the others did not arrive"
+        for model, s in summary.items()
+        if "refused" in s
+    ]
+    return f"By the first informative drive's log, {'; '.join(parts)}.\n\n" if parts else ""
 
 
 def paper_table(summary: dict[str, Any], error: str) -> str:

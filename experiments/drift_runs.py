@@ -8,14 +8,12 @@ for each noise seed, and shared by the models that need it.
 """
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
-import numpy as np
 import pandas as pd
 import tyro
 
@@ -23,15 +21,8 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
-from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import (
-    GatheringConfig,
-    InfeasiblePlanError,
-    Trajectory,
-    as_in_paper,
-    plan_again,
-    plan_drive,
-)
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper
+from drift_drake.gathering.trust import familiar_to
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
@@ -39,21 +30,19 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, plain, write_json
-from drift_drake.safe_files import write_arrays, write_table
+from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
+from experiments.gathered_beliefs import Attempt, Taught, gather_all
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
 
 BELIEFS: dict[str, str] = {"once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info",
                            "twice_online": "twice_info"}  # fmt: skip
-Attempt = tuple[int, int]  # vehicle, noise seed
-
 ADAPTING = ("online", "twice_online")
-SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -92,6 +81,10 @@ class DriftConfig:
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
         return draw_effects(self.population, vehicle, self.vehicle_seed)
+
+    def gathered(self, wanted: frozenset[str], learnt: BayesianModel, folder: Path) -> dict[Attempt, Taught]:
+        """What each attempt's gathering has taught, made where the folder lacks it (`gathered_beliefs.gather_all`)."""
+        return gather_all(self.attempts(), self.effects, wanted, learnt, self.gathering, folder, self.run_on)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,7 +177,8 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     """
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
-    gathered = gather_all(config, wanted, learnt, folder)
+    gathered = config.gathered(wanted, learnt, folder)
+    familiar = familiar_to(learnt)
     jobs = []
     for vehicle, seed in config.attempts():
         for model in config.models:
@@ -195,9 +189,12 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
             else:
                 belief = learnt.prior()
                 if model in BELIEFS:
-                    found = gathered[vehicle, seed]
+                    found = gathered[vehicle, seed].beliefs
                     belief = found.get(BELIEFS[model], found.get("once_info", belief))
                     labels["second_plan"] = "twice_info" in found or BELIEFS[model] != "twice_info"
+                    surprise = gathered[vehicle, seed].surprise
+                    if surprise is not None and familiar is not None:
+                        labels["refused"] = surprise > familiar.limit()
                 believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
             name = run_name(model, vehicle, seed)
             jobs.append(DriveJob(name, labels, maneuver, config.effects(vehicle), seed, believes, config.control))
@@ -207,84 +204,6 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:
     """Of a run's files."""
     return f"{model}-{vehicle:03d}-{noise_seed}"
-
-
-@dataclasses.dataclass(frozen=True)
-class GatherJob:
-    """The information gathering of one vehicle; the first plans are the same for all vehicles."""
-
-    attempt: Attempt
-    wanted: frozenset[str]  # of `gather_beliefs`'s keys
-    learnt: BayesianModel
-    effects: Effects
-    ocp: Trajectory
-    info: Trajectory
-    config: GatheringConfig
-
-
-def gather_beliefs(job: GatherJob) -> dict[str, Posterior]:
-    """What is believed of a vehicle after each kind of gathering.
-
-    Returns:
-        "once_ocp", "once_info", "twice_info", as far as wanted; no "twice_info" where no second plan was feasible.
-    """
-    learnt, config, parameters, prior = job.learnt, job.config, VehicleParameters(), job.learnt.prior()
-    seed = job.attempt[1]
-
-    def taught(belief: Posterior, trajectory: Trajectory, drive_seed: int) -> Posterior:
-        return learn_drive(learnt, belief, gather(trajectory, job.effects, parameters, config, drive_seed)[0])
-
-    beliefs = {}
-    if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = taught(prior, job.ocp, seed)
-    if job.wanted & {"once_info", "twice_info"}:
-        beliefs["once_info"] = taught(prior, job.info, seed)
-    if "twice_info" in job.wanted:
-        once = beliefs["once_info"]
-        try:
-            second = plan_again(learnt, once, job.info, config)
-        except InfeasiblePlanError:
-            return beliefs
-        beliefs["twice_info"] = taught(once, second, SECOND_ROUND + seed)
-    return beliefs
-
-
-def gather_all(
-    config: DriftConfig, wanted: frozenset[str], learnt: BayesianModel, folder: Path
-) -> dict[Attempt, dict[str, Posterior]]:
-    """The wanted ones of `gather_beliefs`'s beliefs for each attempt, kept in the folder's `beliefs-*.npz`."""
-    if not wanted:
-        return {}
-    files = {attempt: folder / f"beliefs-{attempt[0]:03d}-{attempt[1]}.npz" for attempt in config.attempts()}
-    missing = [attempt for attempt, file in files.items() if not wanted <= _read_beliefs(file)[0]]
-    if missing:
-        prior, gathering = learnt.prior(), config.gathering
-        ocp = plan_drive(learnt, prior, gathering, 0.0)
-        info = plan_drive(learnt, prior, gathering, gathering.alpha)
-        jobs = [
-            GatherJob(attempt, wanted, learnt, config.effects(attempt[0]), ocp, info, gathering) for attempt in missing
-        ]
-
-        def write(job: GatherJob, beliefs: dict[str, Posterior]) -> None:
-            arrays: dict[str, Any] = {
-                f"{name}.{field}": value
-                for name, belief in beliefs.items()
-                for field, value in belief._asdict().items()
-            }
-            write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
-
-        run_jobs(config.run_on, gather_beliefs, jobs, write, "gathering")
-    return {attempt: _read_beliefs(file)[1] for attempt, file in files.items()}
-
-
-def _read_beliefs(path: Path) -> tuple[frozenset[str], dict[str, Posterior]]:
-    """(what was wanted, what was found) by the gathering that wrote a file."""
-    if not is_done(path):
-        return frozenset(), {}
-    with np.load(path) as stored:
-        names = {key.split(".")[0] for key in stored.files if "." in key}
-        beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
-        return frozenset(str(name) for name in stored["wanted"]), beliefs
 
 
 class OtherExperimentError(DriftDrakeError, ValueError):
@@ -303,7 +222,7 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     """
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     path = folder / "config.json"
-    entry = plain(dataclasses.asdict(config) | {"checkpoint": _content_hash(load_model(config.checkpoint))})
+    entry = plain(dataclasses.asdict(config) | {"checkpoint": load_model(config.checkpoint).content_hash()})
     before = json.loads(path.read_text()) if is_done(path) else {}
     differ = [name for name in before if name not in free and before[name] != entry.get(name)]
     if differ:
@@ -311,11 +230,3 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
             f"{folder} holds runs made with another {', '.join(differ)}; give another folder, or the settings of {path}"
         )
     write_json(path, entry)
-
-
-def _content_hash(model: BayesianModel) -> str:
-    """SHA-256 of a model's numbers."""
-    digest = hashlib.sha256()
-    for values in (*model.network, model.prior_mean, model.precision_factor, model.sigma, model.sample_weight):
-        digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
-    return digest.hexdigest()

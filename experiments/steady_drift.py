@@ -29,7 +29,7 @@ from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibriu
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table, write_text
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drift_runs import REFUSALS, DriftConfig, gather_all, open_folder
+from experiments.drift_runs import REFUSALS, DriftConfig, open_folder
 
 Array = NDArray[np.float64]
 
@@ -109,15 +109,14 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
     write_versions(folder)
     learnt, parameters = load_model(config.checkpoint), VehicleParameters()
     start = drift_equilibrium(parameters, RADIUS, -SIDESLIP)
-    gathered = gather_all(config, frozenset({"twice_info"}), learnt, folder)
+    gathered = config.gathered(frozenset({"twice_info"}), learnt, folder)
     shared = {
         "nominal": steady_drift(NominalStepModel(parameters), start),
         "prior": steady_drift(step_model(learnt, learnt.prior(), "trapezoid"), start),
     }
     rows = []
     for vehicle, seed in config.attempts():
-        beliefs = gathered[vehicle, seed]
-        twice = step_model(learnt, beliefs.get("twice_info", beliefs["once_info"]), "trapezoid")
+        twice = step_model(learnt, gathered[vehicle, seed].best, "trapezoid")
         states = shared | {
             "twice_info": steady_drift(twice, start),
             "true": steady_drift(EffectsStepModel(parameters, config.effects(vehicle)), start),

@@ -11,14 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.diagnosis.day_ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
 from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.scores import Day, Normal, Scatter, scatter_of, summed
-from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-REACH = 1.5  # times the ends of the practical range that a magnitude may reach
-LEAST_UNSIGNED, LEAST_SIGNED = 0.5, 0.2  # of the practical range's low end, or of its size, below which it is no gap
-NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
 SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
 UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
@@ -26,24 +23,9 @@ FINE = 24  # interpolated magnitudes between two of the grid
 REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
+EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 Errors = Callable[[Mapping[str, float]], np.ndarray]
-
-
-@dataclasses.dataclass(frozen=True)
-class Range:
-    """Magnitudes that a hypothesis may have."""
-
-    low: float
-    high: float
-    least: float  # of the absolute value
-    usual: tuple[float, float]  # practical range, beyond which it is less and less likely
-
-    @property
-    def width(self) -> float:
-        """Of all magnitudes that would be a gap; a wide tolerance may leave none on one side of zero."""
-        below = max(-self.low - self.least, 0.0) if self.low < 0.0 else 0.0
-        return max(self.high - self.least, 0.0) + below
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,16 +54,6 @@ def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float
                 continue
             out[key] = out.get(key, 0.0) + value
     return out
-
-
-def range_of(name: str, vehicle: VehicleParameters) -> Range:
-    """Magnitudes of an effect that would be a gap, and are believed possible."""
-    info = CATALOGUE[name]
-    low, high = info.range_for(vehicle)
-    least = LEAST_SIGNED * max(abs(low), abs(high)) if info.signed else LEAST_UNSIGNED * low
-    if info.tolerance:
-        least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
-    return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))
 
 
 class Search:
@@ -131,6 +103,7 @@ class Search:
                 progress((done + 1) / len(variants))
             ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
             refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
+        refined = [curve.followed(self) for curve in refined]
         self.curves = [*refined, *ranked[REFINED:]]
         found = [curve.hypothesis(self) for curve in self.curves]
         best: dict[str, Hypothesis] = {}
@@ -143,7 +116,7 @@ class Search:
         grid = [q * r.high if q > 0.0 else -q * r.low for q in SIGNED_GRID] if r.low < 0.0 else [
             max(q * r.high, r.least) for q in UNSIGNED_GRID]  # fmt: skip
         curve = Curve(name, follows, [], [])
-        if name != "steering_rate_limit":  # whose zero is no limit at all
+        if name != RATE_LIMIT:  # whose zero is no limit at all
             curve = Curve(name, follows, [0.0], [at_zero])
         for magnitude in sorted(set(grid)):
             curve = curve.with_point(self, float(magnitude))
@@ -195,6 +168,8 @@ class Search:
                 moved = q + step * (np.arange(2) == i)
                 slopes[:, i] = (self.scores(effects_of(names, moved, follows, self.day)) - s) / step
             hessian = slopes.T @ self.scatter.inverse @ slopes
+            if np.min(np.diag(hessian)) <= 0.0:
+                return None  # one of the two does nothing here
             step2 = -np.linalg.solve(hessian + 1e-9 * np.diag(np.diag(hessian)), slopes.T @ self.scatter.inverse @ s)
             for share in (1.0, 0.5, 0.2):
                 trial = np.array([clipped(float(x), r) for x, r in zip(q + share * step2, ranges, strict=True)])
@@ -215,16 +190,6 @@ class Search:
         return concluded(names, q, covariance, float(self.nats(s)), [self.ranges[n] for n in names], follows)
 
 
-def clipped(q: float, r: Range) -> float:
-    """The nearest magnitude that is within bounds and a gap."""
-    q = float(np.clip(q, r.low, r.high))
-    if abs(q) >= r.least:
-        return q
-    # A wide tolerance may leave one side without a gap.
-    up = r.least <= r.high and (q >= 0.0 or r.least > -r.low)
-    return r.least if up else -r.least
-
-
 def concluded(
     names: tuple[str, ...], q: np.ndarray, covariance: np.ndarray, nats: float, ranges: Sequence[Range],
     follows: float,
@@ -235,7 +200,7 @@ def concluded(
     occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
     beyond = [max(x - r.usual[1], r.usual[0] - x if r.low < 0.0 else 0.0, 0.0) / (FADES * r.usual[1])
               for x, r in zip(q, ranges, strict=True)]  # fmt: skip
-    unusual = 0.5 * float(np.sum(np.square(beyond)))
+    unusual = 2.0 * float(np.sum(np.log1p(0.5 * np.square(beyond))))  # heavy-tailed
     return Hypothesis(names, q, covariance, nats, -nats - unusual + min(float(occam), 0.0), follows)
 
 
@@ -280,6 +245,19 @@ class Curve:
             curve = curve.with_point(search, q)
             if abs(curve.best(search)[1] - before) < 0.1:
                 break
+        return curve
+
+    def followed(self, search: Search) -> "Curve":
+        """The curve, farther out while its most likely magnitude is at its end; a rate limit acts the less there."""
+        curve = self
+        for _ in range(EXTENSIONS if self.name != RATE_LIMIT else 0):
+            r, q = search.ranges[self.name], curve.best(search)[0]
+            wider = farther(self.name, r, search.vehicle)
+            if not at_end(q, r) or wider == r:
+                break
+            search.ranges[self.name] = wider
+            end = wider.high if q > 0.0 else wider.low
+            curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
         return curve
 
     def hypothesis(self, search: Search) -> Hypothesis:

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.day_hypotheses import Hypothesis, Range
+from drift_drake.diagnosis.day_hypotheses import Hypothesis
+from drift_drake.diagnosis.day_ranges import Range, at_end
 from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, ambiguity_set, hypothesis_name, log_prior
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -98,9 +99,4 @@ def tells_from_zero(h: Hypothesis) -> bool:
 
 def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:
     """Causes whose magnitude is at the end of what is believed possible: it is so much at least."""
-    out = []
-    for name, q in zip(h.names, h.magnitudes, strict=True):
-        r = ranges[name]
-        if min(abs(float(q) - r.high), abs(float(q) - r.low) if r.low < 0.0 else np.inf) < 0.02 * r.high:
-            out.append(name)
-    return out
+    return [name for name, q in zip(h.names, h.magnitudes, strict=True) if at_end(float(q), ranges[name])]

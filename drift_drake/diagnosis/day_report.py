@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis import day_report_figures as figures
 from drift_drake.diagnosis.another_day import DayDiagnosis
-from drift_drake.diagnosis.day_hypotheses import REACH
+from drift_drake.diagnosis.day_ranges import REACH
 from drift_drake.diagnosis.limit_rows import LimitRow, limit_rows
 from drift_drake.diagnosis.manoeuvres import shown_by
 from drift_drake.diagnosis.posterior import UNKNOWN

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.day_hypotheses import Curve, Range, Search
+from drift_drake.diagnosis.day_hypotheses import Curve, Search
+from drift_drake.diagnosis.day_ranges import RATE_LIMIT, Range
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 SURE = 1.645  # standard deviations of a one-sided 95 %
-RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
 AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it beside none
 BESIDE_NONE = float(SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE))  # standard deviations that a shift must have
 BESIDE_RIVAL = 2.0 * SURE  # that it must be from a rival's

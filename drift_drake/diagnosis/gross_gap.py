@@ -16,13 +16,12 @@ from drift_drake.diagnosis.day_hypotheses import (
     SIGNED_GRID,
     UNSIGNED_GRID,
     Hypothesis,
-    Range,
     Search,
-    clipped,
     concluded,
     effects_of,
 )
 from drift_drake.diagnosis.day_posterior import Ranked, concluded_from, prior, tells_from_zero
+from drift_drake.diagnosis.day_ranges import Range, clipped
 from drift_drake.diagnosis.posterior import Calibration, hypothesis_name
 from drift_drake.estimation.reduction import FOLDS, Reduction
 from drift_drake.estimation.scores import Day

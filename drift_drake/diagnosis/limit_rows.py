@@ -3,8 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 
-from drift_drake.diagnosis.day_hypotheses import REACH
-from drift_drake.diagnosis.detection_limits import RATE_LIMIT
+from drift_drake.diagnosis.day_ranges import RATE_LIMIT, REACH
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.diagnosis import report_figures as figures
-from drift_drake.diagnosis.day_hypotheses import REACH
+from drift_drake.diagnosis.day_ranges import REACH
 from drift_drake.diagnosis.diagnose import Diagnosis
 from drift_drake.diagnosis.isolability import Isolability, isolability
 from drift_drake.diagnosis.limit_rows import LimitRow, limit_rows

@@ -2,7 +2,7 @@
 
 Each effect of `TRAINING` is drawn for every vehicle from the distribution stated here, independently of the others;
 held-out vehicles come from the same distributions under other seeds. `WIDE` stretches each of them and adds effects
-that training never saw: vehicles out of distribution.
+that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution.
 """
 
 from typing import Literal, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, make_effects
 
-Population = Literal["train", "validation", "held_out", "wide"]
+Population = Literal["train", "validation", "held_out", "wide", "extreme"]
 POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide")
 
 
@@ -62,6 +62,14 @@ _UNSEEN: dict[str, Distribution] = {
 WIDENING = 1.5  # of every distribution's spread about its mean
 
 
+EXTREME: tuple[dict[str, float], ...] = (
+    {"friction_level": -0.35},
+    {"rear_stiffness_error": -0.4},
+    {"steering_lag": 0.2},
+    {"mass_error": 0.2},
+)
+
+
 def _widened(name: str, d: Distribution) -> Distribution:
     info = CATALOGUE[name]
     low, high = d.mean - WIDENING * (d.mean - d.low), d.mean + WIDENING * (d.high - d.mean)
@@ -77,7 +85,12 @@ def distributions(population: Population) -> dict[str, Distribution]:
 
 
 def draw_effects(population: Population, index: int, seed: int) -> Effects:
-    """The effects of vehicle `index` of a population: the same for the same arguments, whatever else is drawn."""
+    """The effects of vehicle `index` of a population: the same for the same arguments, whatever else is drawn.
+
+    Those of `EXTREME` come in turn, with nothing drawn.
+    """
+    if population == "extreme":
+        return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
     return make_effects({name: _draw(d, generator) for name, d in distributions(population).items()})
 

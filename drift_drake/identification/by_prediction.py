@@ -22,6 +22,7 @@ RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
 KEEPS = 0.5  # standard deviations from zero, below which an effect is left out
 EVERYDAY = 0.05  # of the practical range, that a sensor's bias or a road's grade may be on the day of calibration
+LATE = ("steering_delay", "sensor_latency")  # any may be this car's every day, where that day's drives did not show it
 STATES = ("r", "v", "beta", "omega_r")
 
 Progress = Callable[[str, float], None]
@@ -118,8 +119,8 @@ def fit_by_prediction(
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
     """Standard deviation of what any effect may be on the day of calibration, before its logs."""
     prior = unknown(name, vehicle, stated).prior
-    bias = CATALOGUE[name].stage == "sensor" or name in ("road_grade", "steering_delay")
-    return EVERYDAY * prior if bias else prior
+    bias = CATALOGUE[name].stage == "sensor" or name == "road_grade"
+    return EVERYDAY * prior if bias and name not in LATE else prior
 
 
 def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:

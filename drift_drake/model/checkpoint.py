@@ -1,6 +1,7 @@
 """A trained model as one small .npz file that needs NumPy only."""
 
 import dataclasses
+import hashlib
 import json
 from importlib.resources import files
 from pathlib import Path
@@ -64,6 +65,13 @@ class BayesianModel:
         network's inputs are z alone, and its prior does not couple the states)."""
         weights = sum(np.size(getattr(self.network, name)) for name in WEIGHTS)
         return weights + self.prior_mean.size + int(np.count_nonzero(self.precision_factor)) + self.sigma.size
+
+    def content_hash(self) -> str:
+        """SHA-256 of the model's numbers."""
+        digest = hashlib.sha256()
+        for values in (*self.network, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
+            digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
+        return digest.hexdigest()
 
     def save(self, path: str | Path) -> None:
         """Writes the checkpoint. Weights trained in single precision are stored so; nothing is lost."""

@@ -6,17 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.day_hypotheses import (
-    NO_GAP,
-    REACH,
-    Curve,
-    Hypothesis,
-    Range,
-    clipped,
-    concluded,
-    effects_of,
-    range_of,
-)
+from drift_drake.diagnosis.day_hypotheses import Curve, Hypothesis, Search, concluded, effects_of
 from drift_drake.diagnosis.day_posterior import (
     PRIORS,
     STANDS_FOR,
@@ -26,8 +16,10 @@ from drift_drake.diagnosis.day_posterior import (
     ranked,
     tells_from_zero,
 )
+from drift_drake.diagnosis.day_ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plausible import effect_range
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0)
@@ -64,8 +56,24 @@ def test_what_loads_bring_along_adds_to_a_magnitude_of_the_pair():
     assert together == pytest.approx({"mass_error": 0.1, "front_stiffness_error": 0.1, "rear_stiffness_error": -0.2})
 
 
+def test_a_range_grows_as_far_as_any_vehicles_effect_goes():
+    r = range_of("friction_level", CAR)
+    wider = farther("friction_level", r, CAR)
+    assert wider.low == effect_range("friction_level", CAR)[0] == -0.95
+    assert wider.high == pytest.approx(2.0 * r.high)
+    assert (wider.least, wider.usual) == (r.least, r.usual)
+    lag = range_of("steering_lag", CAR)
+    assert farther("steering_lag", lag, CAR).low == lag.low
+    assert at_end(r.high, r)
+    assert at_end(0.999 * r.low, r)
+    assert not at_end(0.9 * r.low, r)
+    assert not at_end(lag.low, lag)
+
+
 class Linear:
     """A search whose scores are linear in one magnitude, with a truth."""
+
+    vehicle = CAR
 
     def __init__(self, slope, truth):
         self.slope, self.truth = np.array(slope), truth
@@ -99,6 +107,32 @@ def test_a_curve_never_says_a_magnitude_that_is_no_gap():
     for q in (-0.2, 0.2):
         curve = curve.with_point(search, q)
     assert abs(curve.best(search)[0]) >= 0.02 * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(("truth", "found"), [(0.55, 0.55), (-0.45, -0.45), (5.0, 1.0)])
+def test_a_magnitude_beyond_the_reach_is_followed_as_far_as_any_vehicles(truth, found):
+    search = Linear([30.0, 40.0], truth)
+    curve = Curve("mass_error", False, [0.0], [search.scores({})])
+    for q in (-0.2, 0.2, 0.3):
+        curve = curve.with_point(search, q)
+    assert curve.followed(search).hypothesis(search).magnitudes[0] == pytest.approx(found, abs=2e-3)
+    assert at_end(found, search.ranges["mass_error"]) == (truth == 5.0)
+    near = Linear([30.0, 40.0], 0.1)
+    Curve("mass_error", False, [0.0, 0.3], [near.scores({}), near.scores({"mass_error": 0.3})]).followed(near)
+    assert near.ranges["mass_error"].high == 0.3
+
+
+def test_a_pair_of_which_one_does_nothing_is_none():
+    search = Linear([30.0, 40.0], 0.1)
+    search.ranges["gyro_bias"] = Range(-0.1, 0.1, 0.01, (-0.1, 0.1))
+    assert Search._pair(search, single("mass_error", 0.1, 0.01), "gyro_bias", 0.05) is None
+
+
+def test_evidence_fades_slowly_beyond_the_practical_range():
+    r = Range(-1.0, 1.0, 0.02, (-0.2, 0.2))
+    usual, beyond, far = (concluded(("mass_error",), np.array([q]), np.array([[1e-4]]), 0.0, [r], 0.0).log_evidence
+                          for q in (0.2, 0.3, 0.6))  # fmt: skip
+    assert usual > beyond > far > usual - 10.0
 
 
 def test_evidence_pays_for_width_and_is_never_above_the_fit():

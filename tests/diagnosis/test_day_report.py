@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
-from drift_drake.diagnosis.day_hypotheses import REACH
+from drift_drake.diagnosis.day_ranges import RATE_LIMIT, REACH
 from drift_drake.diagnosis.day_report import coverage_rows, report_html, write_day_report
-from drift_drake.diagnosis.detection_limits import RATE_LIMIT
 from drift_drake.diagnosis.limit_rows import limit_rows
 from drift_drake.diagnosis.manoeuvres import SHOWN_BY, shown_by
 from drift_drake.pages.page import Source

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.day_hypotheses import REACH, Curve, range_of
-from drift_drake.diagnosis.detection_limits import AGAINST_NONE, RATE_LIMIT, SURE, detection_limits, distances
+from drift_drake.diagnosis.day_hypotheses import Curve
+from drift_drake.diagnosis.day_ranges import RATE_LIMIT, REACH, range_of
+from drift_drake.diagnosis.detection_limits import AGAINST_NONE, SURE, detection_limits, distances
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from drift_drake.drives.vehicles import POPULATIONS, TRAINING, WIDE, draw_effects
+from drift_drake.drives.vehicles import EXTREME, POPULATIONS, TRAINING, WIDE, draw_effects
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import make_effects
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:
@@ -31,3 +32,8 @@ def test_the_wide_population_is_wider_and_has_effects_that_training_lacks() -> N
     assert set(TRAINING) < set(WIDE)
     wider = [name for name, d in TRAINING.items() if WIDE[name].high - WIDE[name].low > d.high - d.low]
     assert set(wider) == set(TRAINING)
+
+
+def test_extreme_vehicles_have_one_effect_each_in_turn() -> None:
+    assert draw_effects("extreme", 0, 0) == make_effects({"friction_level": -0.35})
+    assert draw_effects("extreme", 2, 5) == draw_effects("extreme", 2 + len(EXTREME), 0)

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.drift_report import completion_table, paper_table, summarise
+from experiments.drift_report import completion_table, paper_table, refusal_sentence, summarise
 
 
 @pytest.fixture
@@ -60,3 +60,12 @@ def test_tables_are_markdown(runs: pd.DataFrame) -> None:
         "| median | 0.83 | 0.30 | 0.10 |",
         "| worst | 1.29 | 1.25 | 0.10 |",
     ]
+
+
+def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
+    assert refusal_sentence(summarise(runs)) == ""
+    twice = runs[runs["model"] == "twice_info"].assign(refused=[False, True, True, False, False, False])
+    twice.loc[0, "completed"] = False
+    assert refusal_sentence(summarise(twice)).startswith(
+        "By the first informative drive's log, Twice-Info: 2 of 6 runs refused beforehand, 1 of the others did"
+    )

@@ -70,12 +70,13 @@ def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path
     """Once-Info's belief is the one that Twice-Info goes on from, whichever models are asked for."""
     first = config(tmp_path, here)
     learnt = drift_runs.load_model(None)
-    both = drift_runs.gather_all(first, frozenset({"once_info", "twice_info"}), learnt, tmp_path)[0, 0]
-    assert set(both) == {"once_info", "twice_info"}
+    both = first.gathered(frozenset({"once_info", "twice_info"}), learnt, tmp_path)[0, 0]
+    assert set(both.beliefs) == {"once_info", "twice_info"}
     (tmp_path / "one").mkdir()
-    alone = drift_runs.gather_all(first, frozenset({"once_info"}), learnt, tmp_path / "one")[0, 0]
-    assert set(alone) == {"once_info"}
-    assert (alone["once_info"].mean == both["once_info"].mean).all()
+    alone = first.gathered(frozenset({"once_info"}), learnt, tmp_path / "one")[0, 0]
+    assert set(alone.beliefs) == {"once_info"}
+    assert (alone.best.mean == both.beliefs["once_info"].mean).all()
+    assert alone.surprise == both.surprise is not None
 
 
 def test_a_missing_engine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,64 @@
+"""Magnitudes that an effect may have on another day: what would be a gap, what is usual, and how far to look."""
+
+import dataclasses
+
+import numpy as np
+
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.plausible import effect_range
+
+REACH = 1.5  # times the ends of the practical range that a magnitude may reach
+LEAST_UNSIGNED, LEAST_SIGNED = 0.5, 0.2  # of the practical range's low end, or of its size, below which it is no gap
+NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
+FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
+NEAR_END = 0.02  # of the reach
+RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
+
+
+@dataclasses.dataclass(frozen=True)
+class Range:
+    """Magnitudes that a hypothesis may have."""
+
+    low: float
+    high: float
+    least: float  # of the absolute value
+    usual: tuple[float, float]  # practical range, beyond which it is less and less likely
+
+    @property
+    def width(self) -> float:
+        """Of all magnitudes that would be a gap; a wide tolerance may leave none on one side of zero."""
+        below = max(-self.low - self.least, 0.0) if self.low < 0.0 else 0.0
+        return max(self.high - self.least, 0.0) + below
+
+
+def range_of(name: str, vehicle: VehicleParameters) -> Range:
+    """Magnitudes of an effect that would be a gap, and are believed possible."""
+    info = CATALOGUE[name]
+    low, high = info.range_for(vehicle)
+    least = LEAST_SIGNED * max(abs(low), abs(high)) if info.signed else LEAST_UNSIGNED * low
+    if info.tolerance:
+        least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
+    return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))
+
+
+def at_end(q: float, r: Range) -> bool:
+    """Whether a magnitude is at the end of what is looked at, so that the true one may lie beyond."""
+    return min(abs(q - r.high), abs(q - r.low) if r.low < 0.0 else np.inf) < NEAR_END * r.high
+
+
+def farther(name: str, r: Range, vehicle: VehicleParameters) -> Range:
+    """The range with more reach, as far as any vehicle's effect goes; what is usual stays."""
+    low, high = effect_range(name, vehicle)
+    reach = max(FARTHER * r.low, low) if r.low < 0.0 else r.low
+    return dataclasses.replace(r, high=min(FARTHER * r.high, high), low=reach)
+
+
+def clipped(q: float, r: Range) -> float:
+    """The nearest magnitude that is within bounds and a gap."""
+    q = float(np.clip(q, r.low, r.high))
+    if abs(q) >= r.least:
+        return q
+    # A wide tolerance may leave one side without a gap.
+    up = r.least <= r.high and (q >= 0.0 or r.least > -r.low)
+    return r.least if up else -r.least

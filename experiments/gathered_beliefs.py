@@ -1,0 +1,119 @@
+"""What the gathering of each attempt has taught, in a file an attempt: beliefs, and the first drive's surprise."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.drives.dataset import samples_from_log
+from drift_drake.gathering.gather import gather
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.gathering.trust import distances
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import learn
+from drift_drake.model.samples import Samples
+from drift_drake.run_folder import is_done
+from drift_drake.safe_files import write_arrays
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.executors import ExecutorConfig, run_jobs
+
+Attempt = tuple[int, int]  # vehicle, noise seed
+
+SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
+
+
+@dataclasses.dataclass(frozen=True)
+class Taught:
+    """Of one attempt."""
+
+    beliefs: dict[str, Posterior]  # "once_ocp", "once_info", "twice_info", as far as wanted and found
+    surprise: float | None  # mean squared distance of the first informative drive (`gathering.trust`); None without one
+
+    @property
+    def best(self) -> Posterior:
+        """After the second informative drive; after the first where no second plan was feasible."""
+        return self.beliefs.get("twice_info", self.beliefs["once_info"])
+
+
+@dataclasses.dataclass(frozen=True)
+class GatherJob:
+    """The information gathering of one vehicle; the first plans are the same for all vehicles."""
+
+    attempt: Attempt
+    wanted: frozenset[str]  # of `Taught.beliefs`
+    learnt: BayesianModel
+    effects: Effects
+    ocp: Trajectory
+    info: Trajectory
+    config: GatheringConfig
+
+
+def gather_beliefs(job: GatherJob) -> Taught:
+    """What is believed of a vehicle after each kind of gathering; no "twice_info" where no second plan was feasible."""
+    learnt, config, parameters, prior = job.learnt, job.config, VehicleParameters(), job.learnt.prior()
+    seed, beliefs = job.attempt[1], {}
+
+    def samples_of(trajectory: Trajectory, drive_seed: int) -> Samples:
+        return samples_from_log(gather(trajectory, job.effects, parameters, config, drive_seed)[0], None, 0, 0)
+
+    if "once_ocp" in job.wanted:
+        beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed))
+    if not job.wanted & {"once_info", "twice_info"}:
+        return Taught(beliefs, None)
+    first = samples_of(job.info, seed)
+    surprise = float(np.mean(distances(learnt, prior, first)))
+    beliefs["once_info"] = once = learn(learnt, prior, first)
+    if "twice_info" in job.wanted:
+        try:
+            second = plan_again(learnt, once, job.info, config)
+        except InfeasiblePlanError:
+            return Taught(beliefs, surprise)
+        beliefs["twice_info"] = learn(learnt, once, samples_of(second, SECOND_ROUND + seed))
+    return Taught(beliefs, surprise)
+
+
+def gather_all(
+    attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
+    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig,
+) -> dict[Attempt, Taught]:  # fmt: skip
+    """What each attempt's gathering has taught, kept in the folder's `beliefs-*.npz`.
+
+    Args:
+        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle; wanted: of `Taught.beliefs`.
+    """
+    if not wanted:
+        return {}
+    files = {attempt: folder / f"beliefs-{attempt[0]:03d}-{attempt[1]}.npz" for attempt in attempts}
+    missing = [attempt for attempt, file in files.items() if not wanted <= _read(file)[0]]
+    if missing:
+        ocp = plan_drive(learnt, learnt.prior(), gathering, 0.0)
+        info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
+        jobs = [GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering) for attempt in missing]
+
+        def write(job: GatherJob, taught: Taught) -> None:
+            arrays: dict[str, Any] = {
+                f"{name}.{field}": value
+                for name, belief in taught.beliefs.items()
+                for field, value in belief._asdict().items()
+            }
+            surprise = np.nan if taught.surprise is None else taught.surprise
+            write_arrays(files[job.attempt], wanted=sorted(job.wanted), surprise=surprise, **arrays)
+
+        run_jobs(run_on, gather_beliefs, jobs, write, "gathering")
+    return {attempt: _read(file)[1] for attempt, file in files.items()}
+
+
+def _read(path: Path) -> tuple[frozenset[str], Taught]:
+    """(what was wanted, what was found) by the gathering that wrote a file."""
+    if not is_done(path):
+        return frozenset(), Taught({}, None)
+    with np.load(path) as stored:
+        names = {key.split(".")[0] for key in stored.files if "." in key}
+        beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
+        surprise = float(stored["surprise"])
+        wanted = frozenset(str(name) for name in stored["wanted"])
+    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None)

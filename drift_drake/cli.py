@@ -40,6 +40,7 @@ COMMANDS = {
     "effects": Command(
         "drift_drake.diagnosis.effects_command", "the effects that can be named, and what shows them", "ListEffects"
     ),
+    "export": Command("drift_drake.exporting.command", "logs for Foxglove, vehicle files for CommonRoad and MuJoCo"),
     "train": Command("drift_drake.model.command", "the Bayesian vehicle model, meta-trained"),
 }
 

@@ -1,0 +1,1 @@
+"""What other tools read: logs as Parquet and MCAP, vehicle parameters for CommonRoad and MuJoCo."""

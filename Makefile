@@ -10,12 +10,13 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo blind test test-slow fuzz lint format clean
+.PHONY: help demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
 	@echo "make blind      the diagnosis's blind check on a few new cases (BLIND_CASES=200 for the full one)"
 	@echo "make test       linters, type checker and tests"
+	@echo "make test-python PYTHON=python3.13  the tests under another Python (3.11 to 3.13)"
 	@echo "make test-slow  the long checks too"
 	@echo "make fuzz       spoilt inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make lint       linters and type checker alone"
@@ -40,6 +41,13 @@ test: lint
 test-slow: lint
 	$(BIN)/python -m pytest -n 2
 
+# Another Python than .venv's, in an environment of its own: make test-python PYTHON=python3.13
+test-python:
+	env=.venv-$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])') && \
+	{ test -x $$env/bin/python || $(PYTHON) -m venv $$env; } && \
+	$$env/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,test]" && \
+	$$env/bin/python -m pytest -n 2 -m "not slow"
+
 FUZZ_CASES ?= 10000
 
 fuzz: .venv/installed-all
@@ -55,7 +63,7 @@ format: .venv/installed-all
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build *.egg-info
+	rm -rf .venv .venv-* .mypy_cache .pytest_cache .ruff_cache build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The stamps let the second run do without pip, and so without the network.

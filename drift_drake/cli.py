@@ -28,12 +28,15 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
+    "demo": Command("drift_drake.demo.command", "all of it on a sample log: diagnosis, corrected car, drift"),
+    "init": Command("drift_drake.demo.start", "a vehicle file to begin with, commented"),
     "import": Command("drift_drake.logs.importing.command", "recordings of any format to logs, with what looks wrong"),
     "check": Command("drift_drake.diagnosis.check", "what logs are worth: quality, coverage, what they could show"),
     "diagnose": Command("drift_drake.diagnosis.command", "where a simulator is wrong, and which effect it lacks"),
     "identify": Command("drift_drake.identification.command", "a vehicle file calibrated on logs"),
     "plan-next": Command("drift_drake.diagnosis.plan_next", "the drive that tells rival hypotheses apart best"),
     "apply": Command("drift_drake.diagnosis.apply", "the vehicle file corrected by an answer"),
+    "drive": Command("drift_drake.simulation.command", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
     "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),

@@ -1,6 +1,7 @@
 """Compiled functions: numba, cached on disk, without numba's stale-cache trap."""
 
 import os
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -44,3 +45,10 @@ def compiled(function: Function) -> Function:
     result: Function = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     numba.config.CACHE_DIR = before
     return result
+
+
+def say_if_it_compiles(function: Callable[..., Any], what: str) -> None:
+    """Tells on standard error that `what` is compiled first, where `function`, a part of it, is not yet on the disk."""
+    stats = getattr(function, "stats", None)
+    if stats is not None and not any(Path(stats.cache_path).glob(f"*.{function.__name__}-*.nbi")):
+        print(f"compiling {what}, this once: about a minute", file=sys.stderr)

@@ -24,6 +24,13 @@ class OutputError(DriftDrakeError, OSError):
     """An output that cannot be written; the message names the file and the mend."""
 
 
+class MissingExtraError(DriftDrakeError, ImportError):
+    """Something is asked for that needs a package of an extra which is not installed."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        super().__init__(f"{what} needs {package}; install the extra: pip install 'drift_drake[{extra}]'")
+
+
 def shown(value: Any) -> str:
     """A value as a message shows it: on one line and short, however large or nested it is."""
     return _SHORT.repr(value)

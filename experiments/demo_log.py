@@ -1,4 +1,4 @@
-"""Makes the log that the demo diagnoses: four runs of a car that nobody has chosen, and what it hides.
+"""Makes the package's sample log, which the demo diagnoses: four runs of a car that nobody chose.
 
     python -m experiments.demo_log
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.demo.command import SAMPLE_LOG
 from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -19,7 +20,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drake_cases import drake_case
 from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude
 
-FOLDER = Path(__file__).parent / "data" / "demo_log"
+FOLDER = Path(str(SAMPLE_LOG))
 TRUTH = "truth.json"
 SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error", "sensor_latency")
 DECIMALS = {"t": 2, "x": 3, "y": 3, "v": 3, "omega_r": 3, "ax": 3, "ay": 3, "tau_cmd": 3}  # all below the noise

@@ -10,6 +10,7 @@ import tyro
 from tqdm import tqdm
 
 from drift_drake.command_line import command_line
+from drift_drake.compilation import say_if_it_compiles
 from drift_drake.diagnosis.answer import Answer
 from drift_drake.diagnosis.provenance import all_answered
 from drift_drake.errors import InvalidOptionError, meant
@@ -166,6 +167,8 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
     try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
         from drift_drake.diagnosis.diagnose import answer_folder
+        from drift_drake.estimation.filter import filter_run
+    say_if_it_compiles(filter_run, "the filter")
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:

@@ -9,6 +9,7 @@ import tyro
 from tqdm import tqdm
 
 from drift_drake.command_line import command_line
+from drift_drake.compilation import say_if_it_compiles
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
@@ -66,7 +67,9 @@ def run_identify(command: Identify) -> None:
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
+        from drift_drake.estimation.filter import filter_run
         from drift_drake.identification.identify import identify_folders
+    say_if_it_compiles(filter_run, "the filter")
     with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:

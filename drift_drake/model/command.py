@@ -4,13 +4,9 @@ import dataclasses
 
 import tyro
 
-from drift_drake.errors import DriftDrakeError
+from drift_drake.errors import MissingExtraError
 from drift_drake.model.training_config import Recipe, TrainingConfig, check_training, with_recipe
 from drift_drake.safe_files import try_outputs
-
-
-class MissingTrainingError(DriftDrakeError, ImportError):
-    """Training is asked for where torch is not installed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,9 +28,7 @@ def run_train(command: Train) -> None:
     except ModuleNotFoundError as error:
         if error.name != "torch":
             raise
-        raise MissingTrainingError(
-            "training needs torch; install the extra: pip install 'drift_drake[train]'"
-        ) from None
+        raise MissingExtraError("training", "torch", "train") from None
     config = with_recipe(command.config, command.recipe)
     check_training(config)
     tables = (config.data, config.validation, config.lane, config.validation_lane, config.start, config.vehicle)

@@ -11,7 +11,6 @@ from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
-import pygraphviz
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -21,6 +20,7 @@ from matplotlib.textpath import TextPath
 from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
+from drift_drake.errors import MissingExtraError
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
 
 Array = NDArray[np.float64]
@@ -167,6 +167,10 @@ def _class_name(system: System) -> str:
 
 def _lay_out(graph: _Graph) -> tuple[Any, dict[str, Any]]:
     """Graphviz's layout and its subgraphs by key: positions and splines as attributes [pt]."""
+    try:
+        import pygraphviz
+    except ModuleNotFoundError:
+        raise MissingExtraError("drawing a block diagram", "pygraphviz", "graph") from None
     layout = pygraphviz.AGraph(
         directed=True, strict=False, rankdir="LR", nodesep="0.22", ranksep="0.75", compound="true"
     )

@@ -1,0 +1,79 @@
+"""`drift-drake init`: a vehicle file to begin with, with a comment on each line."""
+
+import dataclasses
+from pathlib import Path
+
+import tyro
+
+from drift_drake.errors import OutputError
+from drift_drake.safe_files import try_outputs, write_text
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
+
+HEAD = """\
+# What a simulator believes of a car: a single track with brush tyres, SI units, ISO 8855.
+# The numbers are those of a plausible coupe: put in your car's. `drift-drake identify` finds what no scale or tape
+# measure tells from logs of a day of driving.
+"""
+COMMENTS = {
+    "mass": "with driver and fuel, as on the scales",
+    "yaw_inertia": "mass * front_axle_distance * rear_axle_distance is a first guess",
+    "front_axle_distance": "centre of gravity to front axle: rear share of the weight times the wheelbase",
+    "rear_axle_distance": "centre of gravity to rear axle",
+    "wheel_radius": "loaded, rolling: distance rolled in one turn over 2 pi",
+    "rear_axle_inertia": "both rear wheels, shafts and what the engine adds through the gears",
+    "gear_ratio": "axle torque over engine torque, in the gear that is driven",
+    "friction": "of tyre and road",
+    "front_stiffness": "slope of an axle's force over slip at small slip; 8 to 15 times its load",
+    "rear_stiffness": "likewise",
+    "gravity": "where it drives",
+    "front_coupling": "0: rear-wheel drive; 1: one shaft for both axles",
+    "steering_limit": "of the road wheels",
+    "torque_min": "of the engine: its braking",
+    "torque_max": "of the engine",
+}
+TOLERANCES = """\
+# One standard deviation of what is known of each number above: relative, but for the axle's distance [m] and the
+# steering offset [rad]. A deviation of this size is no gap; `drift-drake diagnose` takes it for granted.
+tolerance:
+"""
+TAIL = """\
+# Effects that the car has beside this, as `drift-drake apply` adds them; `drift-drake effects` lists them.
+# effects:
+#   steering_lag: 0.08
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Init:
+    """Write a vehicle file to begin with: every parameter with its unit and how to come by it.
+
+    drift-drake init car.yaml
+    """
+
+    out: tyro.conf.Positional[Path]
+    """The vehicle file to write (YAML); there may be none yet."""
+
+
+def run_init(command: Init) -> None:
+    """`drift-drake init`.
+
+    Raises:
+        OutputError: the file is there already, or cannot be written.
+    """
+    if command.out.exists():
+        raise OutputError(f"{command.out}: is there already; give another name")
+    try_outputs({"OUT": command.out})
+    write_text(command.out, starter_vehicle())
+    print(f"{command.out}: a coupe, one parameter a line; put in your car's, then drift-drake drive figure_8 "
+          f"--vehicle {command.out}")  # fmt: skip
+
+
+def starter_vehicle() -> str:
+    """The text of the file."""
+    vehicle, lines = VehicleParameters(), []
+    for field in dataclasses.fields(vehicle):
+        if field.name != "tolerance":
+            note = f"[{field.metadata['unit']}] {COMMENTS.get(field.name, '')}".rstrip()
+            lines.append(f"{f'{field.name}: {getattr(vehicle, field.name):g}':<28}# {note}")
+    tolerances = [f"  {field.name}: {getattr(Tolerance(), field.name):g}" for field in dataclasses.fields(Tolerance)]
+    return HEAD + "\n".join(lines) + "\n" + TOLERANCES + "\n".join(tolerances) + "\n" + TAIL

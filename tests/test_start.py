@@ -1,0 +1,60 @@
+"""`drift-drake init` and `drift-drake drive`: a first vehicle file, and what is refused before the work."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from drift_drake.cli import BAD_INPUT, main
+from drift_drake.simulation import drive_command
+from drift_drake.simulation.drive_command import ClosedLoopConfig
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+
+def test_the_starter_vehicle_is_the_default_one_commented(tmp_path: Path) -> None:
+    path = tmp_path / "car.yaml"
+    assert main(["init", str(path)]) == 0
+    assert read_vehicle(path) == (VehicleParameters(), Effects())
+    lines = path.read_text().splitlines()
+    for field in dataclasses.fields(VehicleParameters):
+        (line,) = (line for line in lines if line.startswith(f"{field.name}:"))
+        assert field.name == "tolerance" or (f"# [{field.metadata['unit']}] " in line and len(line) <= 120)
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "car.yaml"
+    path.write_text("mine\n")
+    assert main(["init", str(path)]) == BAD_INPUT
+    assert "is there already" in capsys.readouterr().err
+    assert path.read_text() == "mine\n"
+
+
+def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[ClosedLoopConfig] = []
+    monkeypatch.setattr(drive_command, "main", asked.append)
+    path = tmp_path / "car.yaml"
+    assert main(["init", str(path)]) == 0
+    words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=tmp_path)]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["drive", "figure_8", "--vehicle", "nothing.yaml"], "nothing.yaml: cannot be read"),
+        (["drive", "figure_8", "--out", "FILE/x"], "cannot be written"),
+        (["demo", "."], ".: is there already"),
+        (["effects", "--vehicle", "nothing.yaml"], "nothing.yaml: cannot be read"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    words: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert main([word.replace("FILE", str(tmp_path / "file")) for word in words]) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1

@@ -152,11 +152,16 @@ def told(detection: dict[str, dict[str, Any]]) -> list[str]:
     shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}
     blind = [name for name in detection if name not in shown]
     parts = [f"{name} {limit['least']:.2g}{_unit(name)}" for name, limit in shown.items()]
-    lines = ["would show, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
+    lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
     if blind:
-        lines += ["would not show, however large within reason:", *_wrapped(blind)]
+        others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
+        lines += ["could not be named, however large within reason:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
     return lines
+
+
+def _else(taken_for: str) -> str:
+    return "unseen" if taken_for == "none" else f"taken for {taken_for}"
 
 
 def _wrapped(parts: list[str]) -> list[str]:

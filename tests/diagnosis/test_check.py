@@ -54,7 +54,7 @@ def test_with_a_vehicle_file_limits_are_no_finer_than_its_tolerances(files, caps
     # Both scale the same friction, so that the effect cannot be seen within the tolerance.
     assert found["detection"]["friction_level"]["least"] > 2.0 * VehicleParameters().tolerance.friction
     assert found["detection"]["gyro_bias"]["least"] < 0.01
-    assert "would show, from this magnitude on" in err
+    assert "would be named, from this magnitude on" in err
 
 
 def test_mistakes_are_one_sentence(files, capsys):

@@ -1,0 +1,71 @@
+"""The documentation's commands exist with their options, and what is marked to be run runs, page by page."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import tyro
+
+from drift_drake.cli import load, main
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FENCE = re.compile(r"(<!-- run -->\n)?```(\w*)\n(.*?)```", re.DOTALL)
+MARKED = [page for page in PAGES if "<!-- run -->" in page.read_text(encoding="utf-8")]
+
+
+def blocks(page):
+    """(to be run, language, text) of each fenced block."""
+    found = FENCE.findall(page.read_text(encoding="utf-8"))
+    return [(bool(mark), language, text) for mark, language, text in found]
+
+
+def commands(text):
+    """Words of each command line, continued lines joined, redirections left out."""
+    lines = text.replace("\\\n", " ").splitlines()
+    given = [line.removeprefix("$ ") for line in lines if line.startswith(("$ drift-drake", "drift-drake "))]
+    return [shlex.split(line.split(" > ")[0], comments=True)[1:] for line in given]
+
+
+def names(page):
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names)
+def test_commands_exist_and_take_the_options(page):
+    for _, language, text in blocks(page):
+        if language not in ("console", ""):
+            continue
+        for name, *rest in commands(text):
+            if not name.startswith("-") and name.islower():
+                options, _ = load(name)
+                tyro.cli(options, args=rest)  # SystemExit where an option is unknown
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names)
+def test_links_and_pictures_are_there(page):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
+        if "://" not in target:
+            assert (page.parent / target).exists(), f"{names(page)}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=names)
+def test_python_is_python(page):
+    for _, language, text in blocks(page):
+        if language == "python":
+            compile(text, str(page), "exec")
+
+
+@pytest.mark.parametrize("page", MARKED, ids=names)
+def test_marked_snippets_run(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    space = {"__name__": "docs"}
+    for marked, language, text in blocks(page):
+        if not marked:
+            continue
+        if language == "python":
+            exec(compile(text, str(page), "exec"), space)
+        for words in commands(text) if language == "console" else []:
+            assert main(words) == 0, capsys.readouterr().err

@@ -10,7 +10,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: help demo blind test test-python test-slow fuzz lint format clean
+.PHONY: help docs demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
@@ -19,6 +19,7 @@ help:
 	@echo "make test-python PYTHON=python3.13  the tests under another Python (3.11 to 3.13)"
 	@echo "make test-slow  the long checks too"
 	@echo "make fuzz       spoilt inputs of every kind (FUZZ_CASES=10000)"
+	@echo "make docs       the documentation, into build/site"
 	@echo "make lint       linters and type checker alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -53,6 +54,9 @@ FUZZ_CASES ?= 10000
 fuzz: .venv/installed-all
 	FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest tests/fuzz
 
+docs: .venv/installed-all
+	$(BIN)/mkdocs build --strict
+
 lint: .venv/installed-all
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -78,5 +82,5 @@ clean:
 	@touch $@
 
 .venv/installed-all: pyproject.toml constraints.txt | .venv/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,parquet,test,dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,parquet,test,docs,dev]"
 	@touch $@

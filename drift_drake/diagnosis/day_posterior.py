@@ -15,9 +15,10 @@ PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_un
 WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
 SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
 SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
-STANDS_FOR = {"command": 0.05, "actuator": 0.05, "sensor": 0.05, "motion": 0.12}
+STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
 tyres are not the equations' (validation days)."""
+OF_SCATTER = 0.7  # by which magnitudes scatter less than detection is guarded against (validation days)
 TWO_SIDED = 1.96
 
 
@@ -82,7 +83,7 @@ def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis]
 def deviation(h: Hypothesis, index: int) -> float:
     """Standard deviation of a magnitude: what the scores leave, and what the magnitude stands for."""
     relative = STANDS_FOR[CATALOGUE[h.names[index]].stage] * abs(float(h.magnitudes[index]))
-    return float(np.hypot(np.sqrt(h.covariance[index, index]), relative))
+    return float(np.hypot(OF_SCATTER * np.sqrt(h.covariance[index, index]), relative))
 
 
 def interval(h: Hypothesis, index: int) -> Interval:
@@ -93,8 +94,8 @@ def interval(h: Hypothesis, index: int) -> Interval:
 
 
 def tells_from_zero(h: Hypothesis) -> bool:
-    """Whether no magnitude's interval holds zero."""
-    return all(abs(float(q)) > TWO_SIDED * deviation(h, i) for i, q in enumerate(h.magnitudes))
+    """Whether no magnitude is within the whole scatter of zero."""
+    return bool(np.all(np.abs(h.magnitudes) > TWO_SIDED * np.sqrt(np.diag(h.covariance))))
 
 
 def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:

@@ -22,7 +22,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 BLOCK = 2.0  # [s]
-CLIPPED = 2.0  # robust scales at which a window's error in a channel is clipped (Huber)
+CLIPPED = 4.0  # robust scales at which a window's error in a channel is clipped (Huber)
 WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
 LARGEST = 20.0  # robust scales of a derivative
 SHARE = 0.25  # of the practical range, that derivatives are taken over

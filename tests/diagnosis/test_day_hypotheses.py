@@ -8,6 +8,7 @@ import pytest
 
 from drift_drake.diagnosis.day_hypotheses import Curve, Hypothesis, Search, concluded, effects_of
 from drift_drake.diagnosis.day_posterior import (
+    OF_SCATTER,
     PRIORS,
     STANDS_FOR,
     at_bound,
@@ -171,7 +172,7 @@ def test_a_gap_that_the_best_hypothesis_leaves_is_unknown():
 
 def test_an_interval_holds_what_the_magnitude_stands_for():
     h = single("mass_error", 0.1, 0.001)
-    assert deviation(h, 0) == pytest.approx(np.hypot(0.001, STANDS_FOR["motion"] * 0.1))
+    assert deviation(h, 0) == pytest.approx(np.hypot(OF_SCATTER * 0.001, STANDS_FOR["motion"] * 0.1))
     m = interval(h, 0)
     assert m.high - m.estimate == pytest.approx(m.estimate - m.low) == pytest.approx(1.96 * deviation(h, 0))
     assert interval(single("aero_drag", 0.5, 0.6), 0).low == 0.0  # an unsigned one

@@ -10,6 +10,7 @@ from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import compared, is_held, prior_of, split
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -70,6 +71,11 @@ def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_c
     bias = prior_of("gyro_bias", other_car.guess, frozenset())
     assert bias < 0.1 * 0.04
     assert prior_of("mass_error", other_car.guess, frozenset({"mass"})) == pytest.approx(0.02)
+
+
+def test_a_delay_may_be_a_cars_every_day(other_car):
+    for name in ("steering_delay", "sensor_latency"):
+        assert prior_of(name, other_car.guess, frozenset()) >= CATALOGUE[name].high
 
 
 def test_logs_of_another_kind_of_car_choose_prediction(other_car):

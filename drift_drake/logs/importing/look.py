@@ -21,13 +21,14 @@ NAMES = {  # of a quantity: what its column may be called, the best first (on th
     "vx": (r"twist\.linear\.x$", r"(^|[._])(vx|v_x|u_x|vel\w*_x)(_|$)", r"velocity(\.x|\[0\])$"),
     "vy": (r"twist\.linear\.y$", r"(^|[._])(vy|v_y|u_y|vel\w*_y)(_|$)", r"velocity(\.y|\[1\])$"),
     "v": (r"(^|[._])(v|speed|velocity|vehiclespeed|vehicle_speed)(_|$)", r"speed", r"velocity"),
-    "beta": (r"side_?slip", r"(^|[._])beta(_|$)"),
+    "beta": (r"side_?slip", r"(^|[._])slip_?angle", r"(^|[._])beta(_|$)"),
     "omega_r": (r"omega_r", r"(rear|rl|rr)_?\w*wheel", r"wheel\w*_?speed\w*_?(r|rl|rr|rear)", r"wheel_?speed"),
     "ax": (r"linear_acceleration\.x$", r"acc\w*(\.x|_x|x|\[0\])$", r"(^|[._])ax(_|$)"),
     "ay": (r"linear_acceleration\.y$", r"acc\w*(\.y|_y|y|\[1\])$", r"(^|[._])ay(_|$)"),
     "delta_cmd": (r"steering_?angle\w*$", r"(^|[._])delta(_|$)", r"road_?wheel", r"steer\w*"),
     "tau_cmd": (r"tau(_|$)", r"torque"),
 }
+WHEEL = r"steering_?wheel|hand_?wheel|swa(_|$)"
 TIMES = (r"header\.stamp$", r"(^|[._])(t|time|timestamp|stamp)(_(s|ms|us|ns))?$", r"time|stamp", r"log_time$")
 SUFFIXES = {  # of a name: the unit that it says
     r"(deg_?/?p?s|dps)$": "deg/s",
@@ -62,6 +63,10 @@ def look(path: str | Path) -> str:
         lines += _described(topic)
     lines.append("# A first mapping, guessed from names and numbers: see that columns, units and frame are right.")
     lines.append(yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120).rstrip())
+    column = mapping["signals"].get("delta_cmd", {}).get("column", "")
+    if re.search(WHEEL, column.lower()):
+        lines.append("# delta_cmd is the road wheel's angle, and its column looks like the steering wheel's: add")
+        lines.append("#   scale: ?  (one over the steering ratio) to its line.")
     for name in missing:
         lines.append(f"# Nothing here looks like {name}, which a log needs: add the line below under 'signals'.")
         lines.append(f"#   {name}: {{column: ?, unit: {NEEDED[name]}, clock: {next(iter(mapping['clocks']), '?')}}}")

@@ -1,6 +1,7 @@
 """The closed loop: reference, car (plant and sensors), actuator, MPC controller and loggers."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -17,6 +18,7 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.errors import one_line
+from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
@@ -25,8 +27,10 @@ from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.change import Change, check_change
 from drift_drake.simulation.faults import Fault, faulted
+from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
+from drift_drake.simulation.safe_stop import SafeStop
 from drift_drake.simulation.screening import Screen
 from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
@@ -36,7 +40,7 @@ from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 
 Array = NDArray[np.float64]
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
-Outcome = Literal["completed", "spin", "left the lane", "time is up", "simulation failed"]
+Outcome = Literal["completed", "stopped safely", "spin", "left the lane", "time is up", "simulation failed"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,6 +52,8 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
+    screening: bool = True  # of readings, by what a car can do and by what the model predicts
+    patience: float = 0.5  # [s] of age of the plan in force, after which the car is stopped on its lane; 0 for never
     weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
 
     def __post_init__(self) -> None:
@@ -57,6 +63,8 @@ class ControlConfig:
                 f"control.delay is {self.delay:g} s: no plan would ever come into force; give at most two periods "
                 f"({2.0 * self.period:g} s)"
             )
+        if not 0.0 <= self.patience < math.inf:
+            raise ValueError(f"control.patience is {self.patience:g} s; give a time above 0 s, or 0 for never")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,13 +74,14 @@ class RunLimits:
     sideslip: float = 1.3  # [rad] beyond which the car has spun
     lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
     time_factor: float = 1.5  # of the reference's own duration
+    stopping_time: float = 30.0  # [s] more for a car that is being stopped
 
 
 class ClosedLoop:
     """The diagram with its parts at hand. Built once; each run takes a fresh Context.
 
-    Systems: car (plant, sensors), actuator, controller, and loggers of measured_state, log_row, state, path_position,
-    pose, command, statistics.
+    Systems: car (plant, sensors), screen, controller, safe_stop, actuator, and loggers of measured_state, log_row,
+    state, path_position, pose, command, statistics and what the others tell.
     """
 
     def __init__(
@@ -145,12 +154,13 @@ class ClosedLoop:
             self.controller.GetOutputPort("plan"),
             control.period,
         )
-        self.screen = builder.AddNamedSystem("screen", Screen(control.period))
-        builder.Connect(received, self.screen.GetInputPort("measured_state"))
-        measured_state, command_in_force = (
-            self.screen.GetOutputPort("screened_state"),
-            self.actuator.GetOutputPort("command"),
-        )
+        command_in_force = self.actuator.GetOutputPort("command")
+        self.screen = self._add_screen(builder, control, noise, received)
+        measured_state = received if self.screen is None else self.screen.GetOutputPort("screened_state")
+        state = received if self.screen is None else self.screen.GetOutputPort("estimate")
+        self.safe_stop = self._add_safe_stop(builder, control, plan, state)
+        if self.safe_stop is not None:
+            plan = self.safe_stop.GetOutputPort("supervised_plan")
         builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
         if adapter is not None:
             builder.AddNamedSystem("adapter", adapter)
@@ -183,6 +193,33 @@ class ClosedLoop:
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")
 
+    def _add_screen(
+        self, builder: DiagramBuilder, control: ControlConfig, noise: NoiseLevels, received: OutputPort
+    ) -> Screen | None:
+        if not control.screening:
+            return None
+        innovation = Innovation(self.parameters, self.reference.path, noise, control.period)
+        screen = builder.AddNamedSystem("screen", Screen(control.period, innovation))
+        builder.Connect(received, screen.GetInputPort("measured_state"))
+        builder.Connect(self.actuator.GetOutputPort("command"), screen.GetInputPort("command"))
+        return screen
+
+    def _add_safe_stop(
+        self, builder: DiagramBuilder, control: ControlConfig, plan: OutputPort, state: OutputPort
+    ) -> SafeStop | None:
+        if control.patience == 0.0:
+            return None
+        stop = SafeStop(self.parameters, self.reference.path, control.horizon, control.patience, control.period)
+        builder.AddNamedSystem("safe_stop", stop)
+        builder.Connect(plan, stop.GetInputPort("plan"))
+        builder.Connect(state, stop.GetInputPort("state"))
+        for name in ("plan_age", "command"):
+            builder.Connect(self.actuator.GetOutputPort(name), stop.GetInputPort(name))
+        return stop
+
+    def _stopping(self, root: Context) -> bool:
+        return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
+
     def initial_context(self, seed: int, error: Array | None = None, s: float = 0.0) -> Context:
         """A Context with the car on the reference at s [m], off by `error` [6], and its noise seeded."""
         context = self.diagram.CreateDefaultContext()
@@ -195,7 +232,9 @@ class ClosedLoop:
     def run(
         self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None
     ) -> "ClosedLoopRun":
-        """Simulates until the reference's end, a spin, the lane's edge or the time limit.
+        """Simulates until the reference's end, a safe stop, a spin, the lane's edge or the time limit.
+
+        A car that is being stopped has stopped below the speed at which slips have a meaning.
 
         An error of the integrator or of a system ends the run as "simulation failed", with what it left.
 
@@ -205,16 +244,18 @@ class ClosedLoop:
         """
         if change is not None:
             check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
-        plant, reference = self.car.plant, self.reference
+        plant, reference, stopped = self.car.plant, self.reference, slowest(self.parameters)
 
         def reason(root: Context) -> Outcome | None:
             state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-            beta, e, s = state[2], state[4], state[6]
+            v, beta, e, s = state[1], state[2], state[4], state[6]
             if abs(beta) > limits.sideslip:
                 return "spin"
             e_min, e_max = reference.lane(s)
             if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
                 return "left the lane"
+            if self._stopping(root):
+                return "stopped safely" if v < stopped else None
             return "completed" if s >= reference.distance else None
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
@@ -228,6 +269,8 @@ class ClosedLoop:
                 plant_context = plant.GetMyMutableContextFromRoot(context)
                 plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
                 status = simulator.AdvanceTo(end)
+            if not status.message() and self._stopping(context):
+                status = simulator.AdvanceTo(end + limits.stopping_time)
             outcome: Outcome = status.message() or "time is up"
         except (MotionError, RuntimeError, SystemExit) as failure:  # SystemExit is how Drake's assertions fail
             outcome, error = "simulation failed", one_line(failure)
@@ -248,13 +291,16 @@ class ClosedLoop:
             "plan_status": (actuator.GetOutputPort("status"), ("plan_status",)),
             "plan_age": (actuator.GetOutputPort("plan_age"), ("plan_age",)),
             "refused": (actuator.GetOutputPort("refused"), ("refused_plans",)),
-            "reading": (self.screen.GetOutputPort("reading"), ("reading",)),
             "measured_state": (received, [f"measured_{name}" for name in MEASURED_STATE]),
             "statistics": (
                 self.controller.GetOutputPort("statistics"), [f"solve_{name}" for name in SolveStatistics._fields]
             ),
             "log_row": (car.GetOutputPort("log_row"), accelerations),
         }  # fmt: skip
+        if self.screen is not None:
+            logged["reading"] = (self.screen.GetOutputPort("reading"), ("reading",))
+        if self.safe_stop is not None:
+            logged["stopping"] = (self.safe_stop.GetOutputPort("stopping"), ("stopping",))
         if detector is not None:
             logged |= {name: (detector.GetOutputPort(name), (f"ood_{name}",)) for name in DETECTION}
         return logged

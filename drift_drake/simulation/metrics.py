@@ -41,31 +41,49 @@ class RunMetrics:
     stopped_readings: int = 0  # in which they gave a speed of zero or less
     jumped_readings: int = 0  # in which a reading was out of reach of the last good one
     frozen_readings: int = 0  # in which readings repeated themselves
+    disagreeing_readings: int = 0  # in which a reading was far from what the model made of the last good one
     late_plans: int = 0  # control periods whose plan in force was late, or had ended
     missing_plans: int = 0  # without any plan in force
     refused_plans: int = 0  # samples of the plan's port that the actuator refused
+    stopping_from: float | None = None  # [s] when the car began to be stopped, if it was
 
     def faults(self) -> str:
-        """What was wrong in the loop, a line; empty where nothing was."""
+        """What was wrong in the loop and what followed, a line each; empty where nothing was."""
         counts = {
             name.replace("_", " "): count
             for name, count in dataclasses.asdict(self).items()
             if name.endswith(("_readings", "_plans")) and count
         }
-        return "faults: " + ", ".join(f"{count} {name}" for name, count in counts.items()) + "\n" if counts else ""
+        lines = ["faults: " + ", ".join(f"{count} {name}" for name, count in counts.items())] if counts else []
+        if self.stopping_from is not None:
+            lines.append(
+                f"without a valid plan for too long, the car was brought to a stop from {self.stopping_from:.2f} s on"
+            )
+        return "".join(f"{line}\n" for line in lines)
 
 
 def loop_faults(table: pd.DataFrame) -> dict[str, int]:
-    """Counts of bad readings and plans in a run's table; none for a table without these columns."""
-    if "reading" not in table:
-        return {}
-    kinds = table["reading"].to_numpy(dtype=int)
+    """Counts of bad readings and plans in a run's table; none of those whose columns it lacks."""
+    counts: dict[str, int] = {}
+    if "reading" in table:
+        kinds = table["reading"].to_numpy(dtype=int)
+        counts |= {
+            f"{kind.name.lower()}_readings": int((kinds == kind).sum()) for kind in Reading if kind != Reading.GOOD
+        }
+    if "plan_status" not in table:
+        return counts
     status, started = table["plan_status"].to_numpy(dtype=int), table["t"].to_numpy() > START
-    return {f"{kind.name.lower()}_readings": int((kinds == kind).sum()) for kind in Reading if kind != Reading.GOOD} | {
+    return counts | {
         "late_plans": int(np.isin(status, (PlanStatus.LATE, PlanStatus.ENDED)).sum()),
         "missing_plans": int(((status == PlanStatus.MISSING) & started).sum()),
         "refused_plans": int(table["refused_plans"].iloc[-1]),
     }
+
+
+def stopping_from(table: pd.DataFrame) -> float | None:
+    """When the car began to be stopped [s], if it was."""
+    stopping = table["t"][table["stopping"] > 0.0] if "stopping" in table else []
+    return float(stopping.iloc[0]) if len(stopping) else None
 
 
 def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:
@@ -131,4 +149,5 @@ def run_metrics(
         solve_ms_median=float(np.median(milliseconds)) if len(solves) else float("nan"),
         solve_ms_99=float(np.quantile(milliseconds, 0.99)) if len(solves) else float("nan"),
         **loop_faults(table),
+        stopping_from=stopping_from(table),
     )

@@ -1,12 +1,14 @@
-"""Readings that no car can have given are kept from the controller, and counted."""
+"""Readings that no car, or not this one, can have given are kept from the controller, and counted."""
 
 import enum
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.sensors import MEASURED_STATE
 
 Array = NDArray[np.float64]
@@ -18,6 +20,7 @@ NOISE = np.array([0.1, 0.5, 0.1, 1.0, 0.3, 0.1, np.inf])  # a change of this siz
 LARGEST = np.array([20.0, 150.0, np.pi, 300.0, 1e3, np.inf, np.inf])  # no car's reading
 FROZEN = 3  # equal readings in a row that pass; a car that moves repeats none
 PATIENCE = 0.5  # [s] after which a reading is believed however far it is from the last one believed
+PERSISTENT = 0.2  # [s] of readings that agree with each other, after which they are believed rather than the model
 
 
 class Reading(enum.IntEnum):
@@ -28,6 +31,7 @@ class Reading(enum.IntEnum):
     STOPPED = 2  # a speed of zero or less: none at which the controller's models hold
     JUMPED = 3  # further from the last good one than a car can have come, or no car's at all
     FROZEN = 4  # the same as the last ones
+    DISAGREEING = 5  # far from what the model makes of the last good one
 
 
 def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> Reading:
@@ -50,48 +54,111 @@ def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> Reading:
     return Reading.FROZEN if repeats >= FROZEN else Reading.GOOD
 
 
+class Judged(NamedTuple):
+    """A reading with the verdict on it, as it lies in a vector."""
+
+    kind: Reading
+    estimate: Array  # [7] the reading where it is good, else what the model makes of the last good one
+    streak: float = 0.0  # readings in a row that disagree with the model and agree with each other
+    spread: float = 0.0  # [s] for which what is unmodelled has acted on the estimate
+
+    def vector(self) -> Array:
+        """[kind, streak, spread, estimate]."""
+        return np.concatenate([[float(self.kind), self.streak, self.spread], self.estimate])
+
+    @classmethod
+    def of(cls, vector: Array) -> "Judged":
+        """The inverse of `vector`."""
+        return cls(Reading(int(vector[0])), np.array(vector[3:]), float(vector[1]), float(vector[2]))
+
+
 class Screen(LeafSystem):
     """Hands good readings on as they are, and NaN, which is no reading, in place of others.
 
-    Input port: measured_state [7]. Output ports: screened_state [7]; reading [1], a `Reading`; counts [5] of each
-    kind until now. State in the Context, each `period`: time and values of the last good reading, the last reading
-    and how often it was repeated, the counts.
+    A reading is judged by itself and the last good one (`judge`), then by the model (`Innovation`), where there is
+    one: it disagrees where its distance is beyond the bound. Where readings go on disagreeing with the model but agree
+    with each other, it is the car that has changed, or the model that is wrong: they are believed.
+
+    Input ports: measured_state [7]; command [2], in force, without which the model is not asked.
+    Output ports: judged, a `Judged`; screened_state [7]; reading [1], a `Reading`; estimate [7], the reading where it
+    is good, else the model's prediction; counts [6] of each kind until now.
+    State in the Context, each `period`: time and values of the last good reading, the last reading and how often it
+    was repeated, the last verdict and command, the counts.
     """
 
-    def __init__(self, period: float = 0.01) -> None:
+    def __init__(self, period: float = 0.01, innovation: Innovation | None = None) -> None:
         LeafSystem.__init__(self)
+        self._period, self._innovation = period, innovation
         size = len(MEASURED_STATE)
         self._measured = self.DeclareVectorInputPort("measured_state", size)
+        self._command = self.DeclareVectorInputPort("command", 2)
         self._good = self.DeclareDiscreteState(np.full(1 + size, np.nan))
         self._last = self.DeclareDiscreteState(np.full(1 + size, np.nan))  # [repeats, reading]
+        nothing = Judged(Reading.MISSING, np.full(size, np.nan)).vector()
+        self._before = self.DeclareDiscreteState(np.concatenate([[-np.inf], nothing, np.full(2, np.nan)]))
         self._counts = self.DeclareDiscreteState(np.zeros(len(Reading)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareVectorOutputPort("screened_state", size, self._calc_screened)
-        self.DeclareVectorOutputPort(
-            "reading", 1, lambda context, output: output.SetFromVector([self._judged(context)])
+        self._judged = self.DeclareVectorOutputPort(
+            "judged", nothing.size, lambda context, output: output.SetFromVector(self._judge(context).vector())
         )
+        for name, length, calc in (
+            ("screened_state", size, self._screened),
+            ("reading", 1, lambda context: [float(self._verdict(context).kind)]),
+            ("estimate", size, lambda context: self._verdict(context).estimate),
+        ):
+            self.DeclareVectorOutputPort(name, length, _setting(calc))
         self.DeclareStateOutputPort("counts", self._counts)
+
+    def _verdict(self, context: Context) -> Judged:
+        return Judged.of(self._judged.Eval(context))
+
+    def _screened(self, context: Context) -> Array:
+        x = self._measured.Eval(context)
+        return x if self._verdict(context).kind == Reading.GOOD else np.full_like(x, np.nan)
 
     def _repeats(self, context: Context) -> float:
         last = context.get_discrete_state(self._last).value()
         same = np.array_equal(last[1:], self._measured.Eval(context))
         return float(last[0]) + 1.0 if same else 0.0
 
-    def _judged(self, context: Context) -> Reading:
-        good = context.get_discrete_state(self._good).value()
-        elapsed = context.get_time() - good[0]
-        return judge(self._measured.Eval(context), good[1:], elapsed, int(self._repeats(context)))
+    def _judge(self, context: Context) -> Judged:
+        x, t = np.array(self._measured.Eval(context)), context.get_time()
+        good, before = (context.get_discrete_state(index).value() for index in (self._good, self._before))
+        last = Judged.of(before[1:-2])
+        if t - before[0] < 0.5 * self._period:  # the same tick, after its update
+            return last
+        kind = judge(x, good[1:], t - good[0], int(self._repeats(context)))
+        if self._innovation is None:
+            return Judged(kind, x if kind == Reading.GOOD else last.estimate)
+        u, u_next = before[-2:], self._in_force(context)
+        predicted = self._innovation.predict(last.estimate, u, u_next)
+        estimate = predicted if np.isfinite(predicted).all() else last.estimate
+        if kind != Reading.GOOD:
+            return Judged(kind, estimate, spread=last.spread + self._period)
+        # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the model
+        # must not make it give way before they have lasted.
+        spread = math.hypot(last.spread, self._period)
+        if self._innovation.distance(x, predicted, spread) <= self._innovation.bound:
+            return Judged(kind, x)
+        rival = self._innovation.predict(context.get_discrete_state(self._last).value()[1:], u, u_next)
+        agrees = self._innovation.distance(x, rival, self._period) <= self._innovation.bound
+        streak = last.streak + 1.0 if agrees else 1.0
+        if streak * self._period >= PERSISTENT:
+            return Judged(Reading.GOOD, x)
+        return Judged(Reading.DISAGREEING, estimate, streak, spread)
 
-    def _calc_screened(self, context: Context, output: Any) -> None:
-        x = self._measured.Eval(context)
-        output.SetFromVector(x if self._judged(context) == Reading.GOOD else np.full_like(x, np.nan))
-
-    def _calc_reading(self, context: Context, output: Any) -> None:
-        output[0] = float(self._judged(context))
+    def _in_force(self, context: Context) -> Array:
+        return self._command.Eval(context) if self._command.HasValue(context) else np.full(2, np.nan)
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        x, kind = self._measured.Eval(context), self._judged(context)
-        discrete.get_mutable_vector(self._counts)[int(kind)] += 1.0
+        x, verdict, t = self._measured.Eval(context), self._verdict(context), context.get_time()
+        discrete.get_mutable_vector(self._counts)[int(verdict.kind)] += 1.0
         discrete.set_value(self._last, np.concatenate([[self._repeats(context)], x]))
-        if kind == Reading.GOOD:
-            discrete.set_value(self._good, np.concatenate([[context.get_time()], x]))
+        discrete.set_value(self._before, np.concatenate([[t], verdict.vector(), self._in_force(context)]))
+        if verdict.kind == Reading.GOOD:
+            discrete.set_value(self._good, np.concatenate([[t], x]))
+
+
+def _setting(calc: Any) -> Any:
+    """A port's calculation from one that returns the value."""
+    return lambda context, output: output.SetFromVector(calc(context))

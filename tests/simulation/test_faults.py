@@ -30,13 +30,14 @@ class Source(LeafSystem):
         )
 
 
-def logged(source: LeafSystem, system: LeafSystem, ports: int = 1, end: float = 1.0) -> list[np.ndarray]:
+def logged(source: LeafSystem, system: LeafSystem, names: tuple[str, ...] = (), end: float = 1.0) -> list[np.ndarray]:
     """What the system gives each period [rows, size], a port each."""
     builder = DiagramBuilder()
     builder.AddSystem(source)
     builder.AddSystem(system)
-    builder.Connect(source.get_output_port(), system.get_input_port())
-    sinks: list[VectorLogSink] = [LogVectorOutput(system.get_output_port(i), builder, PERIOD) for i in range(ports)]
+    builder.Connect(source.get_output_port(), system.get_input_port(0))
+    ports = [system.GetOutputPort(name) for name in names] or [system.get_output_port(0)]
+    sinks: list[VectorLogSink] = [LogVectorOutput(port, builder, PERIOD) for port in ports]
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.AdvanceTo(end - 0.5 * PERIOD)
@@ -137,7 +138,7 @@ def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
             return reading(t) + 1e6
         return reading(0.6) if 60 <= k < 70 else reading(t)
 
-    x, kinds, counts = logged(Source(spoilt, 7), Screen(), 3)
+    x, kinds, counts = logged(Source(spoilt, 7), Screen(), ("screened_state", "reading", "counts"))
     frozen = np.arange(60 + FROZEN, 70)
     bad = np.concatenate([np.arange(20, 25), [40], frozen])
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(x[:, 0])), bad)
@@ -149,4 +150,4 @@ def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
         Reading.FROZEN,
         Reading.GOOD,
     ]
-    np.testing.assert_array_equal(counts[-1], [99 - len(bad), 5, 0, 1, len(frozen)])
+    np.testing.assert_array_equal(counts[-1], [99 - len(bad), 5, 0, 1, len(frozen), 0])

@@ -1,0 +1,61 @@
+"""A safe ending: a feedback law that takes a car out of any drift and slows it down along a path.
+
+The yaw rate wanted is that of the course along the path plus one that unwinds the sideslip slowly, since a car that
+slides sheds speed and one that straightens at once leaves a tight bend. The front tyre is asked for the force that
+gives it, about what the rear tyre does by the nominal model (computed force), and the engine for its drag.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.control.plan import Plan
+from drift_drake.vehicle.bicycle import MIN_SPEED, rear_slip, static_loads
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.tires import brush_force
+
+Array = NDArray[np.float64]
+
+UNWINDING = 1.0  # [1/s] of the sideslip
+YAW_DAMPING = 8.0  # [1/s]
+COURSE_GAIN = 3.0  # [1/s] of the course's error
+LATERAL_GAIN = 0.3  # [1/(m s)] of the lateral error, which counts up to
+FARTHEST = 2.0  # [m]
+MOST_FORCE = 0.95  # of the front tyre's peak: the force beyond has two slips
+FASTEST = np.array([2.0, 2000.0])  # [rad/s], [N m/s] of the command
+
+
+def stopping_command(x: Array, curvature: float, parameters: VehicleParameters) -> Array:
+    """(delta [rad], tau [N m]) that slows a car down along a path; the wheel straight where the state is not finite.
+
+    Args:
+        x: (r, v, beta, omega_r, e, dphi) [6]; curvature: of the path [1/m].
+    """
+    p = parameters
+    if not (np.isfinite(x).all() and np.isfinite(curvature)):
+        return np.array([0.0, p.torque_min])
+    r, v, beta, omega_r, e, dphi = x
+    v = max(v, MIN_SPEED)
+    load_front, load_rear = static_loads(p.constants())
+    sigma_x, sigma_y = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
+    _, rear_force = brush_force(sigma_x, sigma_y, p.rear_stiffness, p.friction, load_rear)
+    course = curvature * v - COURSE_GAIN * dphi - LATERAL_GAIN * np.clip(e, -FARTHEST, FARTHEST)
+    most = p.friction * p.gravity / v
+    wanted = np.clip(course, -most, most) + UNWINDING * beta
+    moment = p.yaw_inertia * YAW_DAMPING * (wanted - r)
+    peak = p.friction * load_front
+    share = np.clip((moment + p.rear_axle_distance * rear_force) / (p.front_axle_distance * peak), -1.0, 1.0)
+    delta = np.arctan2(v * np.sin(beta) + p.front_axle_distance * r, v * np.cos(beta)) + np.arctan(
+        _slip(MOST_FORCE * share, p.front_stiffness, peak)
+    )
+    return np.array([np.clip(delta, -p.steering_limit, p.steering_limit), p.torque_min])
+
+
+def stopping_plan(t: float, last: Array, wanted: Array, steps: int, period: float) -> Plan:
+    """The plan [N+1, 2] from now on that goes from the command in force towards the one wanted, over one period."""
+    change = np.clip(wanted - last, -FASTEST * period, FASTEST * period)
+    return Plan(t, np.tile(last + change, (steps + 1, 1)))
+
+
+def _slip(share: float, stiffness: float, peak: float) -> float:
+    """Lateral slip at which a brush tyre gives a share (-1 to 1) of its peak force [N]: its inverse."""
+    return float(3.0 * peak / stiffness * (1.0 - np.cbrt(1.0 - abs(share))) * np.sign(share))

@@ -1,9 +1,11 @@
 """A car that becomes another one during a run, as on a slippery stretch."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from drift_drake.errors import InvalidOptionError
+from drift_drake.simulation.faults import Fault, friction_at, patches
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -38,3 +40,16 @@ def check_change(change: Change, parameters: VehicleParameters, before: Effects,
                 f"the change of {name} from {old:g} to {new:g} would do nothing: it acts outside the plant; build the "
                 "car with it"
             )
+
+
+def with_patches(change: Change | None, effects: Effects, faults: Sequence[Fault]) -> list[Change]:
+    """All that a plant with these effects becomes, in the order of time: by a change, and on patches of the road."""
+    times = {edge for fault in patches(faults) for edge in (fault.start, fault.start + fault.duration)}
+    if change is not None:
+        times.add(change.time)
+    changes = []
+    for t in sorted(times):
+        now = effects if change is None or t < change.time else change.effects
+        friction = friction_at(t, faults) * (1.0 + now.friction_level) - 1.0
+        changes.append(Change(t, now._replace(friction_level=friction)))
+    return changes

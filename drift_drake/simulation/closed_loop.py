@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
-from drift_drake.control.plan import DT
+from drift_drake.control.plan import DT, plan_size
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
@@ -25,8 +25,9 @@ from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.change import Change, check_change
-from drift_drake.simulation.faults import Fault, faulted
+from drift_drake.simulation.change import Change, check_change, with_patches
+from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults, behind
+from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault, patches
 from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
@@ -37,8 +38,10 @@ from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
+from drift_drake.vehicle.plant import acts_on_motion
 
 Array = NDArray[np.float64]
+NEGLIGIBLE = 1e-9  # [N s^2/m^2] of drag, with which a car has the states of effects and nothing else
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 Outcome = Literal["completed", "stopped safely", "spin", "left the lane", "time is up", "simulation failed"]
 
@@ -106,7 +109,7 @@ class ClosedLoop:
             adapter: if given, `model` (a `BayesianStepModel`) follows it.
             detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
             plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
-            faults: of sensors and plans.
+            faults: what goes wrong in the loop.
 
         Raises:
             ValueError: a detector, or a tightened lane, without an adapter.
@@ -120,9 +123,12 @@ class ClosedLoop:
         )
         if detector is not None and adapter is None:
             raise ValueError("a detector judges by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        if plant is None and patches(faults) and not acts_on_motion(effects):
+            effects = effects._replace(aero_drag=NEGLIGIBLE)
         self.parameters, self.reference, self.adapter, self.effects = parameters, reference, adapter, effects
-        command = tuple(reference.input(0.0)) if initial_command is None else initial_command
-        self.initial_command = (float(command[0]), float(command[1]))
+        self._faults = tuple(faults)
+        at_start = tuple(reference.input(0.0)) if initial_command is None else initial_command
+        self.initial_command = (float(at_start[0]), float(at_start[1]))
         builder = DiagramBuilder()
         self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
         self.controller = builder.AddNamedSystem(
@@ -147,13 +153,10 @@ class ClosedLoop:
                 parameters, control.horizon, DT, control.period, initial_command=self.initial_command
             ),
         )
-        received, plan = faulted(
-            builder,
-            faults,
-            self.car.GetOutputPort("measured_state"),
-            self.controller.GetOutputPort("plan"),
-            control.period,
-        )
+        received = behind(builder, self.car.GetOutputPort("measured_state"), "sensor_faults", SENSOR_KINDS,
+                          lambda: SensorFaults(faults, control.period), faults)  # fmt: skip
+        plan = behind(builder, self.controller.GetOutputPort("plan"), "plan_faults", PLAN_KINDS,
+                      lambda: PlanFaults(plan_size(control.horizon), faults, control.period), faults)  # fmt: skip
         command_in_force = self.actuator.GetOutputPort("command")
         self.screen = self._add_screen(builder, control, noise, received)
         measured_state = received if self.screen is None else self.screen.GetOutputPort("screened_state")
@@ -161,7 +164,10 @@ class ClosedLoop:
         self.safe_stop = self._add_safe_stop(builder, control, plan, state)
         if self.safe_stop is not None:
             plan = self.safe_stop.GetOutputPort("supervised_plan")
-        builder.Connect(measured_state, self.controller.GetInputPort("measured_state"))
+        for_solver = behind(
+            builder, measured_state, "solver_faults", SOLVER_KINDS, lambda: SolverFaults(faults), faults
+        )
+        builder.Connect(for_solver, self.controller.GetInputPort("measured_state"))
         if adapter is not None:
             builder.AddNamedSystem("adapter", adapter)
             builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
@@ -186,7 +192,9 @@ class ClosedLoop:
             for system, name in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
                 builder.Connect(observer.get_output_port(), system.GetInputPort(name))
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
-        builder.Connect(command_in_force, self.car.GetInputPort("command"))
+        command = behind(builder, command_in_force, "actuator_faults", ACTUATOR_KINDS,
+                         lambda: ActuatorFaults(faults, parameters), faults)  # fmt: skip
+        builder.Connect(command, self.car.GetInputPort("command"))
         self._logs = Logs(builder, control.period)
         for name, (port, columns) in self._logged(received, detector).items():
             self._logs.add(port, columns, name)
@@ -263,11 +271,14 @@ class ClosedLoop:
         error = ""
         try:
             status = simulator.Initialize()
+            for event in with_patches(change, self.effects, self._faults):
+                if status.message() or event.time >= end:
+                    break
+                status = simulator.AdvanceTo(event.time)
+                if not status.message():
+                    plant_context = plant.GetMyMutableContextFromRoot(context)
+                    plant_context.get_mutable_numeric_parameter(1).SetFromVector(event.effects)
             if not status.message():
-                status = simulator.AdvanceTo(end if change is None else min(change.time, end))
-            if change is not None and not status.message():
-                plant_context = plant.GetMyMutableContextFromRoot(context)
-                plant_context.get_mutable_numeric_parameter(1).SetFromVector(change.effects)
                 status = simulator.AdvanceTo(end)
             if not status.message() and self._stopping(context):
                 status = simulator.AdvanceTo(end + limits.stopping_time)

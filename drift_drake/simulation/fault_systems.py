@@ -1,0 +1,154 @@
+"""Faults as systems: between sensors, controller, actuator and car, each on a schedule."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
+
+from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
+from drift_drake.simulation.sensors import MEASURED_STATE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+Array = NDArray[np.float64]
+
+
+class SensorFaults(LeafSystem):
+    """Spoils the measured state on a schedule.
+
+    Input port: measured_state [7]. Output port: measured_state [7], as the controller gets it.
+    State in the Context, each `period`: the last readings, newest first; the reading that a freeze repeats.
+    """
+
+    def __init__(self, faults: Sequence[Fault], period: float = 0.01) -> None:
+        LeafSystem.__init__(self)
+        self._faults = [fault for fault in faults if fault.kind in SENSOR_KINDS]
+        self._period = period
+        late = [fault.size for fault in self._faults if fault.kind in ("delay", "jitter")]
+        self._depth = max([1, *(round(size / period) for size in late)])
+        size = len(MEASURED_STATE)
+        self._measured = self.DeclareVectorInputPort("measured_state", size)
+        self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
+        self._held = self.DeclareDiscreteState(np.full(size, np.nan))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareVectorOutputPort("faulted_state", size, self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        output.SetFromVector(self._faulted(context))
+
+    def _faulted(self, context: Context) -> Array:
+        t, x = context.get_time(), np.array(self._measured.Eval(context))
+        for fault in self._faults:
+            if not fault.active(t):
+                continue
+            i = MEASURED_STATE.index(fault.channel)
+            if fault.kind == "dropout":
+                x[:] = np.nan
+            elif fault.kind == "nan":
+                x[i] = np.nan
+            elif fault.kind == "freeze":
+                held = context.get_discrete_state(self._held).value()
+                x = np.array(held) if np.isfinite(held).any() else x
+            elif fault.kind in ("delay", "jitter"):
+                past = context.get_discrete_state(self._past).value().reshape(self._depth, -1)
+                back = max(round(fault.size / self._period), 1)
+                if fault.kind == "jitter":  # the same delays in each run
+                    back = int(np.random.default_rng(round(t / self._period)).integers(back + 1))
+                x = np.array(past[back - 1]) if back else x
+            else:
+                x[i] += fault.size
+        return x
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        x = self._measured.Eval(context)
+        past = context.get_discrete_state(self._past).value()
+        discrete.set_value(self._past, np.concatenate([x, past[: -len(x)]]))
+        t = context.get_time()
+        if not any(fault.kind == "freeze" and fault.active(t) for fault in self._faults):
+            discrete.set_value(self._held, x)
+
+
+class PlanFaults(LeafSystem):
+    """Loses plans, hands them on late, or with the times of a clock that is wrong, on a schedule.
+
+    Input port: plan [size], NaN in its first number where there is none. Output port: plan [size].
+    State in the Context, each `period`: the last plans, newest first.
+    """
+
+    def __init__(self, size: int, faults: Sequence[Fault], period: float = 0.01) -> None:
+        LeafSystem.__init__(self)
+        self._faults = [fault for fault in faults if fault.kind in PLAN_KINDS]
+        self._period = period
+        late = [fault.size for fault in self._faults if fault.kind == "late_plans"]
+        self._depth = max([1, *(round(delay / period) for delay in late)])
+        self._port = self.DeclareVectorInputPort("plan", size)
+        self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareVectorOutputPort("faulted_plan", size, self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        t, plan = context.get_time(), np.array(self._port.Eval(context))
+        for fault in self._faults:
+            if not fault.active(t):
+                continue
+            if fault.kind == "lost_plans":
+                plan[:] = np.nan
+            elif fault.kind == "clock_drift":
+                plan[0] += fault.size * (t - fault.start)
+            else:
+                past = context.get_discrete_state(self._past).value().reshape(self._depth, -1)
+                plan = np.array(past[max(round(fault.size / self._period), 1) - 1])
+        output.SetFromVector(plan)
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        plan, past = self._port.Eval(context), context.get_discrete_state(self._past).value()
+        discrete.set_value(self._past, np.concatenate([plan, past[: -len(plan)]]))
+
+
+class SolverFaults(LeafSystem):
+    """Gives the controller no reading on a schedule, so that its solver fails while all else goes on.
+
+    Input port: measured_state [7]. Output port: measured_state [7], NaN while a fault acts. No state.
+    """
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        LeafSystem.__init__(self)
+        self._faults = [fault for fault in faults if fault.kind in SOLVER_KINDS]
+        self._port = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
+        self.DeclareVectorOutputPort("faulted_state", len(MEASURED_STATE), self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        fails = any(fault.active(context.get_time()) for fault in self._faults)
+        output.SetFromVector(np.full(len(MEASURED_STATE), np.nan) if fails else self._port.Eval(context))
+
+
+class ActuatorFaults(LeafSystem):
+    """Passes on a share of the command's range on a schedule.
+
+    Input port: command [2]. Output port: command [2], as the car gets it. No state.
+    """
+
+    def __init__(self, faults: Sequence[Fault], parameters: VehicleParameters) -> None:
+        LeafSystem.__init__(self)
+        self._faults = [fault for fault in faults if fault.kind in ACTUATOR_KINDS]
+        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
+        self._high = np.array([parameters.steering_limit, parameters.torque_max])
+        self._port = self.DeclareVectorInputPort("command", 2)
+        self.DeclareVectorOutputPort("faulted_command", 2, self._calc)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        left = min([1.0, *(fault.size for fault in self._faults if fault.active(context.get_time()))])
+        output.SetFromVector(np.clip(self._port.Eval(context), left * self._low, left * self._high))
+
+
+def behind(
+    builder: DiagramBuilder, port: OutputPort, name: str, kinds: Mapping[str, float], system: Callable[[], LeafSystem],
+    faults: Sequence[Fault],
+) -> OutputPort:  # fmt: skip
+    """The port, or that of a system of faults put behind it where there are any of its kinds."""
+    if not any(fault.kind in kinds for fault in faults):
+        return port
+    added = builder.AddNamedSystem(name, system())
+    builder.Connect(port, added.get_input_port())
+    return added.get_output_port()

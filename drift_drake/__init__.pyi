@@ -16,6 +16,7 @@ from .diagnosis.answer import read_answer as read_answer
 from .diagnosis.correction import corrected_vehicle as corrected_vehicle
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.next_drive import plan_from_answer as plan_from_answer
+from .drives.dataset import samples_from_log as samples_from_log
 from .errors import DriftDrakeError as DriftDrakeError
 from .gathering.gather import gather as gather
 from .gathering.gather import learn_drive as learn_drive
@@ -31,6 +32,8 @@ from .model.adapter import BayesianAdapter as BayesianAdapter
 from .model.checkpoint import BayesianModel as BayesianModel
 from .model.checkpoint import load_model as load_model
 from .model.posterior import Posterior as Posterior
+from .model.quality import learn as learn
+from .model.quality import step_model as step_model
 from .reference.trajectory import Reference as Reference
 from .reference.trajectory import figure_8 as figure_8
 from .reference.trajectory import loops as loops
@@ -38,6 +41,7 @@ from .reference.trajectory import straight_line as straight_line
 from .simulation.car import Car as Car
 from .simulation.closed_loop import ClosedLoop as ClosedLoop
 from .simulation.closed_loop import ControlConfig as ControlConfig
+from .simulation.closed_loop import RunLimits as RunLimits
 from .simulation.drive import Drive as Drive
 from .simulation.sensors import NoiseLevels as NoiseLevels
 from .vehicle.catalogue import CATALOGUE as CATALOGUE

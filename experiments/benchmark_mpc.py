@@ -206,7 +206,7 @@ def statistics(seconds: Sequence[float]) -> dict[str, float]:
 def run(config: BenchmarkConfig) -> dict[str, Any]:
     """The summary for each horizon, and the referees' answers."""
     learnt = load_model()
-    model, reference = step_model(learnt, learnt.prior(), "trapezoid"), figure_8(learnt.vehicle)
+    model, reference = step_model(learnt, learnt.prior()), figure_8(learnt.vehicle)
     benches = [Bench(model, learnt.network, reference, config, horizon) for horizon in config.horizons]
     rng = np.random.default_rng(config.seed)
     for number in range(config.problems):

@@ -23,7 +23,7 @@ def drifting_errors(model: BayesianModel, belief: Posterior, samples: Samples) -
         in units of the model's noise; "rollout_scaled": the same of the rollouts' medians in units of the features'
         input scale.
     """
-    stepper = step_model(model, belief, "trapezoid")
+    stepper = step_model(model, belief)
     drifting = samples.where(np.abs(samples.x[:, 2]) > DRIFTING)
     one_step = np.sqrt(np.mean(step_errors(stepper, drifting)[:, :STATE_COUNT] ** 2, axis=0))
     long = [drive for drive in samples.drives() if len(drive.x) >= ROLLOUT_STEPS]

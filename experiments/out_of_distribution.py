@@ -90,7 +90,7 @@ def watch(job: WatchJob) -> dict[str, Any]:
     model, parameters = job.model, VehicleParameters()
     adapter = BayesianAdapter(model)
     detector = OutOfDistributionDetector(model, threshold=np.inf)
-    loop = ClosedLoop(parameters, reference("figure_8"), step_model(model, model.prior(), "trapezoid"), job.effects,
+    loop = ClosedLoop(parameters, reference("figure_8"), step_model(model, model.prior()), job.effects,
                       control=job.control, adapter=adapter, detector=detector)  # fmt: skip
     context = loop.initial_context(seed=job.noise_seed)
     adapter.set_frozen(adapter.GetMyMutableContextFromRoot(context), not job.adapting)

@@ -112,11 +112,11 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
     gathered = config.gathered(frozenset({"twice_info"}), learnt, folder)
     shared = {
         "nominal": steady_drift(NominalStepModel(parameters), start),
-        "prior": steady_drift(step_model(learnt, learnt.prior(), "trapezoid"), start),
+        "prior": steady_drift(step_model(learnt, learnt.prior()), start),
     }
     rows = []
     for vehicle, seed in config.attempts():
-        twice = step_model(learnt, gathered[vehicle, seed].best, "trapezoid")
+        twice = step_model(learnt, gathered[vehicle, seed].best)
         states = shared | {
             "twice_info": steady_drift(twice, start),
             "true": steady_drift(EffectsStepModel(parameters, config.effects(vehicle)), start),

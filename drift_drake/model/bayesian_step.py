@@ -60,7 +60,7 @@ class BayesianStepModel(StepModel):
         theta: Array,
         nominal: Constants,
         dt: float = TIME_STEP,
-        path_step: PathStep = "euler",
+        path_step: PathStep = "trapezoid",
     ) -> None:
         """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
         self._mean = MeanFunction(network, theta)

@@ -109,7 +109,7 @@ def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int
     return np.stack([drive.x_next[k + steps - 1, :6] for drive, k in starts]) - x[:, :6]
 
 
-def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "euler") -> BayesianStepModel:
+def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
     """The one-step model of a posterior's mean."""
     return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step=path_step)
 

@@ -70,7 +70,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     adapter: BayesianAdapter | None = None
     if config.model != "nominal":
         learnt = load_model()
-        model = step_model(learnt, learnt.prior(), "trapezoid")
+        model = step_model(learnt, learnt.prior())
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
     effects = config.effects()
     plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None

@@ -85,7 +85,7 @@ def test_a_model_with_memory_or_theta_has_a_port_for_it(references: dict[str, Re
 
 def test_a_learnt_plan_starts_from_the_lagged_commands(references: dict[str, Reference]) -> None:
     learnt, reference = load_model(), references["figure_8"]
-    model = step_model(learnt, learnt.prior(), "trapezoid")
+    model = step_model(learnt, learnt.prior())
     command = reference.input(START)
     controller = MpcController(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1]))
     context = controller.CreateDefaultContext()

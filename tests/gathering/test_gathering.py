@@ -99,10 +99,10 @@ def test_a_plans_lagged_commands_are_those_of_its_commands(info: Trajectory) -> 
 
 def test_a_plans_path_is_the_learnt_cars(model: BayesianModel, info: Trajectory) -> None:
     """Its course turns with the learnt yaw rate and sideslip, not (as under Euler's step) with the nominal car's."""
-    believed = step_model(model, model.prior(), "trapezoid")
+    believed = step_model(model, model.prior())
     followed = believed.step(info.x[:-1], info.u[:-1], info.u[1:], np.zeros(CONFIG.steps))
     np.testing.assert_allclose(followed[:, 4:6], info.x[1:, 4:6], rtol=0, atol=2e-3)
-    euler = step_model(model, model.prior()).step(info.x[:-1], info.u[:-1], info.u[1:], np.zeros(CONFIG.steps))
+    euler = step_model(model, model.prior(), "euler").step(info.x[:-1], info.u[:-1], info.u[1:], np.zeros(CONFIG.steps))
     assert np.abs(euler[:, 5] - info.x[1:, 5]).max() > 0.01
 
 

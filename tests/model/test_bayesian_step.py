@@ -36,7 +36,7 @@ def horizon(count: int = 45) -> tuple[np.ndarray, ...]:
 
 def test_step_is_euler_of_the_nominal_car_plus_the_learnt_part(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon()
-    step = BayesianStepModel(network, theta, CAR).step(x, u, u_next, curvature)
+    step = BayesianStepModel(network, theta, CAR, path_step="euler").step(x, u, u_next, curvature)
     expected = x[:, :6] + 0.1 * derivatives(x[:, :6], u, curvature, CAR)
     expected[:, 3] = 0.0
     np.testing.assert_allclose(euler_step(x[:, :6], u, curvature, CAR), expected, rtol=0, atol=1e-12)
@@ -103,4 +103,4 @@ def test_trapezoid_follows_a_circle_that_euler_leaves(network: Network) -> None:
     for _ in range(10):
         x = BayesianStepModel(constant, theta, CAR, path_step="trapezoid").step(x, u, u, curvature)
     np.testing.assert_allclose(x, start, rtol=0, atol=1e-9)
-    assert abs(BayesianStepModel(constant, theta, CAR).step(start, u, u, curvature)[0, 5]) > 1e-3
+    assert abs(BayesianStepModel(constant, theta, CAR, path_step="euler").step(start, u, u, curvature)[0, 5]) > 1e-3

@@ -105,7 +105,7 @@ def test_a_lane_tightened_by_uncertainty() -> None:
     """A controller that trusts its model little finds the car outside what it leaves of the lane."""
     learnt, parameters = load_model(), VehicleParameters()
     reference = dataclasses.replace(figure_8(parameters), distance=4.0)
-    model, tables = step_model(learnt, learnt.prior(), "trapezoid"), []
+    model, tables = step_model(learnt, learnt.prior()), []
     for kappa in (0.0, 200.0):
         control = dataclasses.replace(CONTROL, tightening=kappa)
         loop = ClosedLoop(parameters, reference, model, control=control, adapter=BayesianAdapter(learnt))

@@ -1,0 +1,73 @@
+"""Each example runs, with short settings, and stays short."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.next_drive import NextDriveConfig
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py"))
+
+
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"examples_{name}", EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_is_short_and_says_what_it_does(name: str) -> None:
+    text = (EXAMPLES / f"{name}.py").read_text()
+    assert text.startswith('"""')
+    assert text.count("\n") < 42
+
+
+def test_the_figure_8_is_begun() -> None:
+    assert example("drive_figure_8").main(time_factor=0.01) == "time is up"
+
+
+def test_an_own_car_drives(tmp_path: Path) -> None:
+    assert example("own_car").main(tmp_path, 1.0) > 12.0
+    assert {path.name for path in tmp_path.iterdir()} == {"my_car.yaml", "my_car.csv"}
+
+
+def test_an_own_effect_pushes() -> None:
+    assert example("own_effect").main() == (0.0, 800.0, 240.0)
+
+
+def test_an_own_model_plans() -> None:
+    u = example("own_model").main(horizon=5)
+    assert u.shape == (6, 2)
+    assert np.isfinite(u).all()
+
+
+def test_a_log_adapts_the_model() -> None:
+    before, after = example("adapt_to_log").main()
+    assert after[0] < before[0]
+
+
+def test_logs_are_diagnosed(tmp_path: Path) -> None:
+    effects = ("front_stiffness_error", "aero_drag")
+    answer, corrected = str(tmp_path / "answer.json"), str(tmp_path / "corrected.yaml")
+    found = example("diagnose_log").main(200, effects, answer, corrected)
+    assert found.causes == ["front_stiffness_error"]
+    assert {path.name for path in tmp_path.iterdir()} == {"answer.json", "corrected.yaml"}
+
+
+@pytest.mark.slow
+def test_a_next_drive_is_planned(tmp_path: Path) -> None:
+    drive = example("plan_next_drive").main(config=NextDriveConfig(steps=15), out=str(tmp_path / "plan.csv"))
+    assert drive.after >= drive.before
+    assert (tmp_path / "plan.csv").is_file()
+
+
+def test_a_car_and_a_log_are_exported(tmp_path: Path) -> None:
+    assert len(example("export").main(tmp_path)) > 5
+    assert {path.name for path in tmp_path.iterdir()} == {"car.xml", "car.yaml"}

@@ -1,0 +1,71 @@
+"""The fault campaign: a fair order of jobs, a resumed folder, the table and the picture."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from drift_drake.simulation.closed_loop import ControlConfig
+from drift_drake.simulation.faults import KINDS, parse_fault
+from experiments import fault_campaign
+from experiments.executors import ExecutorConfig
+from experiments.fault_campaign import FAULTS, CampaignConfig, main, make_jobs, picture, shares, table
+
+QUICK = CampaignConfig(loops=4, vehicles=1, models=("nominal",), distance=22.0,
+                       control=ControlConfig(horizon=12, period=0.02, delay=0.02))  # fmt: skip
+
+
+def test_every_kind_of_fault_is_in_it() -> None:
+    assert {parse_fault(text).kind for text in FAULTS.values() if text} == set(KINDS)
+
+
+def test_loops_come_in_pairs_and_none_twice() -> None:
+    jobs = make_jobs(CampaignConfig(loops=1100))
+    assert len({job.name for job in jobs}) == 1100
+    for one, other in zip(jobs[::2], jobs[1::2], strict=True):
+        assert dataclasses.replace(one, guarded=False) == other
+
+
+def test_a_campaign_is_resumed_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(fault_campaign, "FAULTS", {name: FAULTS[name] for name in ("none", "no reading any more")})
+    monkeypatch.setattr(fault_campaign, "run_jobs", run_here)
+    config = dataclasses.replace(QUICK, out=tmp_path)
+    main(config)
+    told = capsys.readouterr().out
+    assert told.startswith("4 loops: ")
+    assert "| no reading any more | 2 | 1 of 1 (1) |" in told
+    assert (tmp_path / "fault_campaign.png").stat().st_size > 10_000
+    done = {path: path.stat().st_mtime_ns for path in (tmp_path / "loops").iterdir()}
+    spoilt = next(iter(done))
+    before = json.loads(spoilt.read_text())
+    spoilt.write_text("")
+    main(config)
+    same = {path for path in done if path.stat().st_mtime_ns == done[path]}
+    assert same == set(done) - {spoilt}
+    after = json.loads(spoilt.read_text())
+    assert without_times(after) == without_times(before)
+
+
+def run_here(_: ExecutorConfig, function: object, jobs: object, finish: object, _unit: str) -> None:
+    for job in jobs:
+        finish(job, function(job))
+
+
+def without_times(result: dict[str, object]) -> dict[str, object]:
+    return {name: value for name, value in result.items() if "_ms_" not in name and name != "late_solves"}
+
+
+def test_shares_are_of_the_loops_that_stay_on_the_lane() -> None:
+    runs = pd.DataFrame(
+        [{"fault": "none", "guarded": guarded, "outcome": outcome} for guarded in (True, False)
+         for outcome in ("completed", "stopped safely", "spin", "left the lane", "simulation failed")]
+    )  # fmt: skip
+    found = shares(runs)
+    assert found["stayed"].tolist() == [2, 2]
+    assert found["failed"].tolist() == [1, 1]
+    assert "| none | 10 | 2 of 5 (1) | 2 of 5 |" in table(found)
+    assert picture(found).axes

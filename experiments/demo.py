@@ -43,7 +43,7 @@ MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice
 class DemoConfig:
     """What is shown."""
 
-    vehicle: int = 0
+    vehicle: int = 15
     """Which of the held-out vehicles."""
     seed: int = 0
     """Of the sensors' noise."""

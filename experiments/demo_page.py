@@ -22,6 +22,7 @@ from drift_drake.pages import page as pages
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
 from drift_drake.pictures.side_by_side import side_by_side
+from drift_drake.pictures.style import colours_of
 from drift_drake.pictures.time_series import time_series
 from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
@@ -115,8 +116,8 @@ def write_page(
         gathered=picture(
             overhead(gathered, lane_for_pictures(settings, gathered.values()), parameters, car_every=0.9)
         ),
-        maps={kind: picture(overhead({kind: table}, eight, parameters, car_every=1.4))
-              for kind, table in drifts.items()},
+        map=picture(overhead(tables, eight, parameters)),
+        colours=dict(zip(tables, colours_of(tables), strict=True)),
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
         answer=diagnosis.answer,

@@ -1,5 +1,6 @@
 """A run in three dimensions, as one HTML file that plays in any browser without a network."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -7,6 +8,7 @@ from typing import Literal
 import jinja2
 import numpy as np
 import pandas as pd
+from markupsafe import escape
 from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform
@@ -22,7 +24,7 @@ from drift_drake.pictures.scene import (
     front_wheels,
     poses,
 )
-from drift_drake.pictures.style import colours_of
+from drift_drake.pictures.style import DEGREES, KMH, colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -31,6 +33,12 @@ Array = NDArray[np.float64]
 
 FRAMES_PER_SECOND = (10.0, 30.0)  # as many as keep a long run to
 MOST_FRAMES = 3000.0
+READ_OUTS = (  # column, name and unit on the panel, factor
+    ("beta", "slip", "deg", DEGREES),
+    ("v", "speed", "km/h", KMH),
+    ("r", "yaw", "deg/s", DEGREES),
+)
+READ_STEP, MOST_READ = 0.02, 1500.0  # [s] between values at least, and how many of a long run
 PANEL = Path(__file__).parent / "replay_panel.html"
 
 
@@ -46,8 +54,9 @@ def replay(
     """Writes a Meshcat replay of runs, all starting together; the first is solid, the others are ghosts.
 
     The cars are `/runs/0`, `/runs/1`, ... in the scene tree of the controls, in the colours of the overhead picture;
-    a panel names them, moves them apart, lets the camera follow them or see all of the ground, and scrubs through
-    time. A car stands where its pose is NaN. A model car's scene is magnified to a full-size one's.
+    a panel names them, reads out speed, sideslip and yaw rate with a chart that follows, moves them apart, lets the
+    camera follow them or see all of the ground, and plays at other speeds. A car stands where its pose is NaN. A
+    model car's scene is magnified to a full-size one's.
 
     Args:
         runs: tables with t, x, y, psi, delta (SI) by name.
@@ -82,12 +91,35 @@ def replay(
     path = Path(path)
     cars = [{"name": name, "colour": colour} for name, colour in zip(runs, colours_of(runs), strict=True)]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    panel = environment.from_string(PANEL.read_text()).render(
-        cars=cars, home=home, title=title, note=note, camera=camera
+    panel = environment.from_string(PANEL.read_text(encoding="utf-8")).render(
+        cars=cars, home=home, title=title, note=note, camera=camera, signals=read_outs(runs)
     )
-    page, end, rest = meshcat.StaticHtml().rpartition("</body>")
+    named = f"<title>{escape(title or 'drift_drake: replay')}</title>"
+    page, end, rest = re.sub(r"<title>.*?</title>", lambda _: named, meshcat.StaticHtml(), count=1).rpartition(
+        "</body>"
+    )
     write_text(path, page + panel + end + rest)
     return path
+
+
+def read_outs(runs: Mapping[str, pd.DataFrame]) -> list[dict[str, object]]:
+    """What the panel reads out of each car in a driver's units: sideslip, speed and yaw rate, where all runs have them.
+
+    Each has values by car every `step` seconds from the start; None where there is no reading.
+    """
+    known = [signal for signal in READ_OUTS if all(signal[0] in run for run in runs.values())]
+    longest = max(float(np.ptp(run["t"])) for run in runs.values())
+    step = max(READ_STEP, longest / MOST_READ)
+    found = []
+    for column, name, unit, factor in known:
+        cars = []
+        for run in runs.values():
+            t = run["t"].to_numpy(dtype=float)
+            at = np.searchsorted(t - t[0], np.arange(0.0, float(np.ptp(t)) + 0.5 * step, step)).clip(0, len(t) - 1)
+            values = factor * run[column].to_numpy(dtype=float)[at]
+            cars.append([round(float(value), 2) if np.isfinite(value) else None for value in values])
+        found.append({"name": name, "unit": unit, "step": step, "cars": cars})
+    return found
 
 
 class _MeshcatCanvas:

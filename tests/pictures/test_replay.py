@@ -2,9 +2,10 @@
 
 import re
 
+import numpy as np
 import pytest
 
-from drift_drake.pictures.replay import replay
+from drift_drake.pictures.replay import read_outs, replay
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -49,3 +50,16 @@ def test_the_panel_names_the_cars_and_a_gap_in_a_run_is_no_error(perfect_run, tm
     assert "<h1>lap</h1>" in page
     assert page.count("&lt;ghost&gt;") == 2
     assert "let following = true" in page
+
+
+def test_the_panel_reads_out_what_all_runs_have_in_a_drivers_units(perfect_run, tmp_path):
+    gap = perfect_run.copy()
+    gap.loc[gap.index[:20], "v"] = float("nan")
+    slip, speed, yaw = read_outs({"real": perfect_run, "nominal": gap})
+    assert [signal["name"] for signal in (slip, speed, yaw)] == ["slip", "speed", "yaw"]
+    assert speed["cars"][0][0] == pytest.approx(3.6 * perfect_run["v"].iloc[0], abs=0.01)
+    assert speed["cars"][1][0] is None
+    assert speed["step"] * (len(speed["cars"][0]) - 1) == pytest.approx(np.ptp(perfect_run["t"]), abs=speed["step"])
+    assert read_outs({"real": perfect_run.drop(columns=["v", "beta", "r"])}) == []
+    page = replay({"real": perfect_run}, tmp_path / "r.html", title="<lap>").read_text(encoding="utf-8")
+    assert "<title>&lt;lap&gt;</title>" in page

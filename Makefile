@@ -32,9 +32,9 @@ BLIND_OUT ?= runs/gap_blind-$(shell date +%Y%m%d-%H%M%S)
 
 blind: .venv/installed
 	out=$(BLIND_OUT); \
-	$(BIN)/python -m experiments.gap_blind make --out $$out --count $(BLIND_CASES) && \
-	$(BIN)/python -m experiments.gap_blind answer --out $$out && \
-	$(BIN)/python -m experiments.gap_blind score --out $$out
+	$(BIN)/python -m experiments.gap.blind make --out $$out --count $(BLIND_CASES) && \
+	$(BIN)/python -m experiments.gap.blind answer --out $$out && \
+	$(BIN)/python -m experiments.gap.blind score --out $$out
 
 test: lint
 	$(BIN)/python -m pytest -n 2 -m "not slow"

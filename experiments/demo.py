@@ -33,8 +33,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import end_with_parent
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
-from experiments.drift_runs import DriveJob, DriveResult, Learnt, Model, drive, reference
-from experiments.gathered_beliefs import SECOND_ROUND
+from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
+from experiments.gathering.beliefs import SECOND_ROUND
 
 MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle")
 

@@ -17,8 +17,8 @@ from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drake_cases import drake_case
-from experiments.gap_cases import Truth, drawn_deviations, drawn_magnitude
+from experiments.gap.cases import Truth, drawn_deviations, drawn_magnitude
+from experiments.gap.drake_cases import drake_case
 
 FOLDER = Path(str(SAMPLE_LOG))
 TRUTH = "truth.json"

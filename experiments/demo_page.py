@@ -31,7 +31,7 @@ from drift_drake.run_folder import machine
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drift_report import LABELS
+from experiments.drifting.report import LABELS
 
 TEMPLATE = Path(__file__).parent / "demo.html"
 RESOLUTION = 140  # [dots per inch]

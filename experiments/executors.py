@@ -5,7 +5,7 @@ Either way an experiment sees a `concurrent.futures.Executor`. The cluster's eng
     pip install "drift_drake[cluster]"
     dask scheduler                                                 # on one machine
     dask worker tcp://SCHEDULER:8786 --nworkers -1 --nthreads 1    # on each machine, in the repository's root
-    python -m experiments.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
+    python -m experiments.drifting.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
 
 Jobs and results travel as messages and the experiment's own process writes all files, so machines share no disk.
 """

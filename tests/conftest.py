@@ -12,7 +12,7 @@ from drift_drake.identification.calibration import Identification
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 from experiments.other_worlds.double_track import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 

@@ -18,7 +18,7 @@ from drift_drake.diagnosis import apply
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 ROOT = Path(__file__).parents[1]
 ANSWER = {

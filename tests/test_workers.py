@@ -13,7 +13,7 @@ import pytest
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import worker_processes
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 PARENT = """
 import sys, time

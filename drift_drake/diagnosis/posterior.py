@@ -17,7 +17,7 @@ CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap_blind calibrate`."""
+    """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap.blind calibrate`."""
 
     temperature: float = 1.0  # log evidences are divided by it
     prior_none: float = 0.3

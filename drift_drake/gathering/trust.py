@@ -2,7 +2,8 @@
 
 Each sample is predicted by what the belief has learnt from those before it. The mean squared Mahalanobis distance of
 the innovations over the drive is compared with what vehicles of the training distribution give: log-normal over
-vehicles, its mean and deviation measured on validation vehicles (`experiments.lane_trust`) and shipped with the model.
+vehicles, its mean and deviation measured on validation vehicles (`experiments.gathering.lane_trust`) and shipped with
+the model.
 """
 
 import json

@@ -8,7 +8,7 @@ have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
 - "trapezoid": the course advances by what the learnt model says of the body, beta_{k+1} - beta_k + dt (r_k +
   r_{k+1}) / 2, and the path terms use the mean of v and of dphi over the step. On held-out vehicles, after 100 samples,
   the median error of e falls from 8.0 to 1.4 cm over 0.5 s and from 0.87 to 0.12 m over 2 s, that of dphi over 2 s from
-  0.091 to 0.012 rad (`experiments.model_quality`). The closed loop uses this one.
+  0.091 to 0.012 rad (`experiments.model.quality`). The closed loop uses this one.
 """
 
 from typing import Literal

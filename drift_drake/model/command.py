@@ -11,7 +11,7 @@ from drift_drake.safe_files import try_outputs
 
 @dataclasses.dataclass(frozen=True)
 class Train:
-    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.drives`.
+    """Meta-train the Bayesian vehicle model on drives made by `python -m experiments.model.drives`.
 
     drift-drake train --output model.npz --seed 1
     """

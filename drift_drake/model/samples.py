@@ -104,12 +104,14 @@ def load_samples(path: str | Path) -> Samples:
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as stored:
             missing = [name for name in Samples._fields if name not in stored.files]
             if missing:
-                raise InvalidSamplesError(f"{path}: no column {', '.join(missing)}; make it with `experiments.drives`")
+                raise InvalidSamplesError(
+                    f"{path}: no column {', '.join(missing)}; make it with `experiments.model.drives`"
+                )
             samples = Samples(*(_numbers(stored[name]) for name in Samples._fields))
     except FileNotFoundError:
         raise InvalidSamplesError(
-            f"{path}: no such file; make it with `python -m experiments.drives`, "
-            "or `python -m experiments.lane_drives` for a table of lane drives"
+            f"{path}: no such file; make it with `python -m experiments.model.drives`, "
+            "or `python -m experiments.gathering.lane_drives` for a table of lane drives"
         ) from None
     except InvalidSamplesError:
         raise

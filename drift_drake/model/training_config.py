@@ -23,13 +23,13 @@ class TrainingConfig:
     """
 
     data: Path = Path("runs/drives/train_phases.npz")
-    """Table of samples of the training vehicles, made by `experiments.drives`."""
+    """Table of samples of the training vehicles, made by `experiments.model.drives`."""
     output: Path = Path("runs/bayesian_model.npz")
     """Checkpoint to write."""
     validation: Path | None = Path("runs/drives/validation.npz")
     """Table of other vehicles: watched, and used to choose the weight of a sample; never trained on."""
     lane: Path | None = Path("runs/drives/train_lane_phases.npz")
-    """Table of the same vehicles' lane drives, by `experiments.lane_drives`; without, windows are the objective."""
+    """The same vehicles' lane drives, by `experiments.gathering.lane_drives`; without, windows are the objective."""
     validation_lane: Path | None = Path("runs/drives/validation_lane.npz")
     """The same of the validation vehicles."""
     start: Path | None = None

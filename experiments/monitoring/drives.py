@@ -8,9 +8,9 @@ import numpy as np
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import gap_cases
-from experiments.gap_cases import NOISE, PERIOD, SPIN, Driver, sensed
-from experiments.strange_effects import Strange
+from experiments.gap import cases as gap_cases
+from experiments.gap.cases import NOISE, PERIOD, SPIN, Driver, sensed
+from experiments.gap.strange_effects import Strange
 
 SLOWEST = 3.0  # [m/s] at which a drive ends
 NOTHING = Strange(*([0.0] * len(Strange._fields)))

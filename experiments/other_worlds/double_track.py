@@ -24,7 +24,7 @@ from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
-from experiments.gap_cases import NOISE, sensed
+from experiments.gap.cases import NOISE, sensed
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
 
 SPIN, SLOWEST = 1.0, 4.0  # [rad], [m/s] at which a run ends

@@ -3,7 +3,7 @@
 import numpy as np
 
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from experiments.gap_cases import STEERING_RATE, TORQUE_RATE, slewed
+from experiments.gap.cases import STEERING_RATE, TORQUE_RATE, slewed
 
 DAY_ONE = ("slalom", "power", "transient", "circle")
 OTHER = ("lane_change", "lift_off", "two_circles", "sweep")

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 
 from drift_drake.diagnosis.posterior import NONE, UNKNOWN
 from drift_drake.vehicle.catalogue import CATALOGUE
-from experiments.gap_score import said
+from experiments.gap.score import said
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
 
 FAILED = (REFUSED, CRASHED, NO_CAR)

@@ -8,7 +8,7 @@ import pytest
 from drift_drake.diagnosis.answer import read_answer
 from drift_drake.diagnosis.diagnose import diagnose
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 
 @pytest.fixture(scope="module")

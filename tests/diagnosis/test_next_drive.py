@@ -27,7 +27,7 @@ from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, ma
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import NOISE
+from experiments.gap.cases import NOISE
 
 VEHICLE = VehicleParameters()
 SENSING = Sensing(np.array([NOISE[name] for name in CHANNELS]), np.ones(9, dtype=np.bool_), PROCESS_NOISE**2)

@@ -9,7 +9,7 @@ from drift_drake.estimation.everyday import applied, coarse, traced
 from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT
 from drift_drake.estimation.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 RESISTANCE = 0.03
 FUNCTIONS = 20  # of the state, the first of them constant

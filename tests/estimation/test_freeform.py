@@ -7,7 +7,7 @@ from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.problem import make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 
 @pytest.mark.parametrize("kind", ["pulses", "functions"])

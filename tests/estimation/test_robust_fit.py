@@ -10,7 +10,7 @@ from drift_drake.estimation.unknowns import unknown
 from drift_drake.estimation.windows import windowed
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 CAR = VehicleParameters()
 TRUE = {"friction_level": -0.1, "rear_stiffness_error": -0.2, "yaw_inertia_error": 0.15}

@@ -14,7 +14,7 @@ from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import PERIOD, Driver, Truth, simulate
+from experiments.gap.cases import PERIOD, Driver, Truth, simulate
 
 CAR = VehicleParameters()
 

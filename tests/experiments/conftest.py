@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from experiments import drift_runs
+from experiments.drifting import runs as drift_runs
 from experiments.executors import ExecutorConfig
 
 

@@ -10,8 +10,9 @@ from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import ablations, drift_runs
-from experiments.ablations import AblationsConfig, main, variants
+from experiments.drifting import ablations
+from experiments.drifting import runs as drift_runs
+from experiments.drifting.ablations import AblationsConfig, main, variants
 from experiments.executors import ExecutorConfig
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
+from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
 
 CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.corrected_loop import picture, real_car, summarise, table
-from experiments.gap_cases import Truth
+from experiments.gap.cases import Truth
+from experiments.gap.corrected_loop import picture, real_car, summarise, table
 
 
 def result(real: float, corrected: float) -> dict[str, object]:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drake_cases import drive
-from experiments.gap_cases import Driver, Truth, drawn_truth, simulate
-from experiments.gap_score import scores, wilson
+from experiments.gap.cases import Driver, Truth, drawn_truth, simulate
+from experiments.gap.drake_cases import drive
+from experiments.gap.score import scores, wilson
 
 VEHICLE = VehicleParameters()
 

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.drift_report import completion_table, paper_table, refusal_sentence, summarise
+from experiments.drifting.report import completion_table, paper_table, refusal_sentence, summarise
 
 
 @pytest.fixture

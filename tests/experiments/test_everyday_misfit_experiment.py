@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.everyday_misfit import MISFITS, drawn_days, numbers
+from experiments.gap.everyday_misfit import MISFITS, drawn_days, numbers
 
 
 def test_misfits_take_turns_and_the_second_day_adds_one_effect():

@@ -12,10 +12,10 @@ from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import drift_runs
-from experiments.drift_runs import ModelsConfig, OtherExperimentError
+from experiments.drifting import runs as drift_runs
+from experiments.drifting.figure_8 import main
+from experiments.drifting.runs import ModelsConfig, OtherExperimentError
 from experiments.executors import ExecutorConfig, NoClusterError, make_executor
-from experiments.figure_8 import main
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
 SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)

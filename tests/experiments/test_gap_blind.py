@@ -8,7 +8,7 @@ import pytest
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_blind import Make, case_truth, make, opened
+from experiments.gap.blind import Make, case_truth, make, opened
 
 
 @pytest.fixture(scope="module")

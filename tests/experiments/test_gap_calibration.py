@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.posterior import Calibration, read_calibration
-from experiments.gap_blind import tier_list
-from experiments.gap_calibration import fitted_constants, log_score, write_constants
+from experiments.gap.blind import tier_list
+from experiments.gap.calibration import fitted_constants, log_score, write_constants
 
 
 def record(tier, effects, evidence, unexplained, error=0.0):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_blind import Score, case_truth, score, tier_list
-from experiments.gap_pictures import cells, outcome
-from experiments.gap_score import TIERS, scores, true_name
+from experiments.gap.blind import Score, case_truth, score, tier_list
+from experiments.gap.pictures import cells, outcome
+from experiments.gap.score import TIERS, scores, true_name
 
 
 def made_up(count=40, seed=0):

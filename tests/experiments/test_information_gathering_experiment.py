@@ -13,15 +13,15 @@ from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT
 from drift_drake.model.posterior import covariance_norms, update_all
 from drift_drake.model.samples import Samples
-from experiments.drifting_errors import drifting_errors, judged_by_halves
-from experiments.information_gathering import (
+from experiments.drifting.errors import drifting_errors, judged_by_halves
+from experiments.gathering.information_gathering import (
     InformationConfig,
     MissingDrivesError,
     full_weight_total,
     main,
     random_steering,
 )
-from experiments.information_summary import markdown, stop_round, summarise, summarise_halves
+from experiments.gathering.summary import markdown, stop_round, summarise, summarise_halves
 
 
 def judged(total: float, error: float) -> dict[str, Any]:

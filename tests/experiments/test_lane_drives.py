@@ -15,8 +15,8 @@ from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import adapted
 from drift_drake.model.samples import PHASE_STRIDE, Samples, load_samples, save_samples
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import lane_drives
-from experiments.drives import join_vehicles
+from experiments.gathering import lane_drives
+from experiments.model.drives import join_vehicles
 
 PLANNED: list[tuple[Posterior, Trajectory, GatheringConfig]] = []
 DRIVEN: list[Trajectory] = []

@@ -11,9 +11,16 @@ import pytest
 from drift_drake.reference.trajectory import Reference, loops
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import drift_runs
+from experiments.drifting import runs as drift_runs
+from experiments.drifting.loops import (
+    LoopsConfig,
+    established_after,
+    initiation,
+    initiation_table,
+    main,
+    summarise_loops,
+)
 from experiments.executors import ExecutorConfig
-from experiments.loops import LoopsConfig, established_after, initiation, initiation_table, main, summarise_loops
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from drift_drake.model.quality import step_model
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.model_quality import QualityConfig, main
-from experiments.uncertainties import UNCERTAINTIES_AT, model_change, true_change
+from experiments.model.quality import QualityConfig, main
+from experiments.model.uncertainties import UNCERTAINTIES_AT, model_change, true_change
 
 CAR = VehicleParameters()
 STEERING = np.linspace(-0.6, 0.6, 7)

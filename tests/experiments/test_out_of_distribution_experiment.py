@@ -11,9 +11,10 @@ import pytest
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments import drift_runs, out_of_distribution
+from experiments.drifting import out_of_distribution
+from experiments.drifting import runs as drift_runs
+from experiments.drifting.out_of_distribution import GROUPS, DetectionConfig, alarm_time, judge, main, share
 from experiments.executors import ExecutorConfig
-from experiments.out_of_distribution import GROUPS, DetectionConfig, alarm_time, judge, main, share
 
 
 def test_the_first_alarm_is_when_the_window_first_exceeds_the_threshold() -> None:

@@ -10,8 +10,8 @@ from drift_drake.identification.identify import identify
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import Run
-from experiments.real_logs import HELD, POSE, RACER, SMALL_CAR, thinned
-from experiments.steering_steps import steering_of_steps
+from experiments.real.logs import HELD, POSE, RACER, SMALL_CAR, thinned
+from experiments.real.steering_steps import steering_of_steps
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real vehicles' logs are not here (shared/data)")

@@ -9,7 +9,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.steady_drift import INPUT_STEP, RADIUS, SIDESLIP, STEPS, report, steady_drift
+from experiments.drifting.steady_drift import INPUT_STEP, RADIUS, SIDESLIP, STEPS, report, steady_drift
 
 PARAMETERS = VehicleParameters()
 START = drift_equilibrium(PARAMETERS, RADIUS, -SIDESLIP)

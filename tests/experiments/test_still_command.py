@@ -6,7 +6,7 @@ import sys
 import pandas as pd
 import pytest
 
-from experiments.still import StillConfig, read_runs
+from experiments.drifting.still import StillConfig, read_runs
 
 
 def test_runs_are_read_under_their_models_names(tmp_path):
@@ -25,7 +25,7 @@ def test_a_run_that_is_not_there_is_named(tmp_path):
 
 def test_the_command_says_so_in_one_sentence(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "experiments.still", str(tmp_path)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "experiments.drifting.still", str(tmp_path)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
     assert done.stderr.startswith("error: ")

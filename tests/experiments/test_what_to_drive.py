@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.what_to_drive import DRIVES, PlanDriver, picture, plain_plan, summarise, table
+from experiments.gap.what_to_drive import DRIVES, PlanDriver, picture, plain_plan, summarise, table
 
 
 def case(first: float, planned: float) -> dict[str, object]:

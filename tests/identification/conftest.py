@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.identification.identify import identify
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case, true_constants
+from experiments.gap.cases import Truth, make_case, true_constants
 
 TRUTH = Truth(
     {"steering_lag": 0.06},

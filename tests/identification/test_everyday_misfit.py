@@ -9,7 +9,7 @@ from drift_drake.estimation.problem import filter_case, flat, make_problem
 from drift_drake.identification.estimate import estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit, scatter
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 ROWS, WEIGHTS = 4000, 40
 

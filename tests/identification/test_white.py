@@ -6,7 +6,7 @@ import pytest
 from drift_drake.identification.white import NEAR, Whiteness, whiteness
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 
 @pytest.fixture(scope="module")

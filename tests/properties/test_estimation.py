@@ -21,7 +21,7 @@ from drift_drake.logs.importing.frames import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 
 CAR = VehicleParameters()
 ODD = ("steering_offset", "gyro_bias", "sideslip_bias")  # effects that a mirror turns the sign of

@@ -15,7 +15,7 @@ from drift_drake.model.samples import load_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drives import drive_vehicle
+from experiments.model.drives import drive_vehicle
 
 CAR = VehicleParameters()
 

@@ -163,7 +163,7 @@ def test_one_that_cannot_be_used_is_one_sentence(tmp_path: Path, effects: dict[s
 DIAGNOSED = """
 import numpy as np
 from drift_drake import VehicleParameters, write_vehicle, write_run, Effects
-from experiments.gap_cases import Truth, make_case
+from experiments.gap.cases import Truth, make_case
 car = VehicleParameters()
 for run in make_case(Truth({"side_wind": 900.0}, {}, {"friction": 0.01}), car, np.random.default_rng(2)):
     write_run(run, f"logs/{run.name}.csv")

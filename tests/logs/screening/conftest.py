@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, drawn_deviations, make_case
+from experiments.gap.cases import Truth, drawn_deviations, make_case
 
 VEHICLE = VehicleParameters()
 # At the ends of their ranges: what is most like another unit, a wrong clock, a bad sample or another car.

@@ -10,7 +10,7 @@ from drift_drake.logs.screening.frozen import frozen
 from drift_drake.logs.screening.rounding import coarse, noise_of, step
 from drift_drake.logs.screening.screened import MEASURED, screen, screened
 from drift_drake.logs.screening.spikes import spikes
-from experiments.gap_cases import NOISE
+from experiments.gap.cases import NOISE
 
 ROWS = 1200
 T = np.arange(ROWS) * 0.01

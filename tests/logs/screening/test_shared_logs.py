@@ -11,8 +11,8 @@ from drift_drake.logs.screening.screened import screened
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.log_mutations import with_factors
-from experiments.real_logs import RACER, RIM_SPEED, SMALL_CAR
+from experiments.gap.log_mutations import with_factors
+from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
 
 SHARED = Path(__file__).parents[4] / "shared"
 needs_cases = pytest.mark.skipif(not (SHARED / "cases").is_dir(), reason="../shared/cases is not there")

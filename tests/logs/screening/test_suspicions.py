@@ -9,8 +9,8 @@ from drift_drake.logs.screening.mistakes import DEGREES
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap_cases import Truth, make_case
-from experiments.log_mutations import unit_mistakes, with_factors
+from experiments.gap.cases import Truth, make_case
+from experiments.gap.log_mutations import unit_mistakes, with_factors
 
 VEHICLE = VehicleParameters()
 MISTAKES = unit_mistakes(VEHICLE)

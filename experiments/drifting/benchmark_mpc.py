@@ -1,0 +1,266 @@
+"""How long the plans of the learnt MPC take, how far that is from a floor, and what Drake's solvers make of them.
+
+    python -m experiments.drifting.benchmark_mpc
+    python -m experiments.drifting.benchmark_mpc --horizons 25 --problems 10000
+
+A car moves along the figure-8's reference by 10 ms from one problem to the next, off it at random. Each problem is
+planned for every horizon in turn, as a function and by the `MpcController`, so that what else the machine does falls on
+all of them. All times are CPU times of one thread. The floor of a plan is its QPs' own time and that of the network's
+matrix products, bare.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from pydrake.solvers import IpoptSolver, SnoptSolver
+from pydrake.systems.framework import Context
+
+from drift_drake.control.controller import MpcController
+from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.control.plan import DT
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.step_model import StepModel
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.checkpoint import load_model
+from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
+from drift_drake.model.quality import step_model
+from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
+
+Array = NDArray[np.float64]
+
+START, ADVANCE = 40.0, 0.127  # [m] along the reference: of the first problem, from one problem to the next
+SPREAD = np.array([0.02, 0.05, 0.01, 0.1, 0.02, 0.01])  # standard deviations of the state about the reference
+PARTS = ("linearise", "qp", "line_search", "plan", "controller", "floor_gemm")
+
+
+@dataclasses.dataclass(frozen=True)
+class BenchmarkConfig:
+    """Size of the benchmark."""
+
+    horizons: tuple[int, ...] = (10, 25, 45, 90)
+    problems: int = 1000
+    referee_problems: int = 2
+    """Problems for each horizon that SNOPT and IPOPT solve too, to convergence."""
+    referee_horizon: int = 45
+    """The longest horizon for them; IPOPT takes minutes beyond."""
+    steering_weight: float = 60.0
+    """As in the closed loop."""
+    seed: int = 0
+    out: Path | None = None
+
+
+class TimedModel(StepModel):
+    """A step model that counts the CPU time spent in it: in `linearize` and, by the line search, in `step`."""
+
+    def __init__(self, model: StepModel) -> None:
+        self._model = model
+        self.memory_scale = model.memory_scale
+        self.linearise = self.step_time = 0.0
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        start = time.thread_time()
+        result = self._model.step(x, u, u_next, curvature)
+        self.step_time += time.thread_time() - start
+        return result
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        start = time.thread_time()
+        result = self._model.linearize(x, u, u_next, curvature)
+        self.linearise += time.thread_time() - start
+        return result
+
+
+def network_products(network: Network, horizon: int) -> tuple[Callable[[], None], Callable[[], None]]:
+    """What computes the matrix products of one call of the model's `step`, and of its `linearize`, and nothing else."""
+    w1, w2 = np.ascontiguousarray(network.w1), np.ascontiguousarray(network.w2)
+    rows, reverse = np.ones((horizon, w1.shape[0])), np.ones((STATE_COUNT * horizon, HIDDEN_COUNT))
+    h1, h2 = np.empty((horizon, HIDDEN_COUNT)), np.empty((horizon, HIDDEN_COUNT))
+    w_out, w1_t, w2_t = np.ones((HIDDEN_COUNT, STATE_COUNT)), np.ascontiguousarray(w1.T), np.ascontiguousarray(w2.T)
+    g1, g0 = np.empty_like(reverse), np.empty((STATE_COUNT * horizon, w1.shape[0]))
+
+    def forward() -> None:
+        np.matmul(rows, w1, out=h1)
+        np.matmul(h1, w2, out=h2)
+        np.matmul(h2, w_out)
+
+    def both() -> None:
+        forward()
+        np.matmul(reverse, w2_t, out=g1)
+        np.matmul(g1, w1_t, out=g0)
+
+    return forward, both
+
+
+def cpu(call: Callable[[], Any]) -> tuple[float, Any]:
+    """(CPU time [s], result) of a call."""
+    start = time.thread_time()
+    result = call()
+    return time.thread_time() - start, result
+
+
+class Bench:
+    """One horizon: the function and the controller, each with its own warm start, and their times so far [s]."""
+
+    def __init__(self, model: BayesianStepModel, network: Network, reference: Reference, config: BenchmarkConfig,
+                 horizon: int) -> None:  # fmt: skip
+        self.reference, self.horizon = reference, horizon
+        vehicle, weights = load_model().vehicle, OcpWeights(delta=config.steering_weight)
+        self.model = TimedModel(model)
+        self.problem = OptimalControlProblem(self.model, vehicle, horizon, weights)
+        self.sqp = LineSearchSqp(self.problem, SqpOptions.real_time())
+        self.exact = LineSearchSqp(self.problem)
+        command = tuple(reference.input(START))
+        self.controller = MpcController(model, vehicle, reference, horizon, weights, initial_command=command)
+        self.context: Context = self.controller.CreateDefaultContext()
+        self._products = network_products(network, horizon)
+        self._last: tuple[Array, Array | None] = np.empty(0), None
+        self.times: dict[str, list[float]] = {name: [] for name in PARTS}
+        self.counts: dict[str, int] = {"iterations": 0, "interior_point": 0, "unsolved": 0, "failed": 0}
+
+    def plan(self, number: int, state: Array) -> None:
+        """Plans one problem both ways."""
+        s = START + ADVANCE * number
+        self._plan_by_function(number, self.data(s, state))
+        self._plan_by_controller(number, s, state)
+
+    def data(self, s: float, state: Array) -> OcpData:
+        """The problem of a car at s [m] whose command is the reference's and was so before."""
+        window, command = self.reference.horizon(s, DT, self.horizon), self.reference.input(s)
+        return OcpData(np.append(state, command), command, window.x_ref, window.curvature, window.e_min, window.e_max)
+
+    def _plan_by_function(self, number: int, data: OcpData) -> None:
+        self.problem.set(data)
+        z, y = (self.problem.first_guess(data), None) if number == 0 else self._last
+        self.model.linearise = self.model.step_time = 0.0
+        seconds, result = cpu(lambda: self.sqp.solve(z, y))
+        self._last = result.z, result.y
+        iterations = result.iterations
+        forward, both = self._products
+        evaluations = sum(1.0 - np.log2(i.step) if i.step > 0.0 else 1.0 for i in iterations)  # of the line searches
+        gemm = len(iterations) * cpu(both)[0] + evaluations * cpu(forward)[0]
+        values = (self.model.linearise, sum(i.qp_cpu for i in iterations), self.model.step_time, seconds)
+        for name, value in zip(PARTS, (*values, None, gemm), strict=True):
+            if value is not None:
+                self.times[name].append(value)
+        self.counts["iterations"] += len(iterations)
+        self.counts["interior_point"] += sum(i.interior_iterations > 0 for i in iterations)
+        self.counts["unsolved"] += sum(i.qp_status != "solved" for i in iterations)
+        self.counts["failed"] += result.failed
+
+    def _plan_by_controller(self, number: int, s: float, state: Array) -> None:
+        self.context.SetTime(self.controller.period * number)
+        self.controller.GetInputPort("measured_state").FixValue(self.context, np.append(state, s))
+        self.controller.GetInputPort("memory").FixValue(self.context, self.reference.input(s))
+        seconds, update = cpu(lambda: self.controller.EvalUniquePeriodicDiscreteUpdate(self.context))
+        self.context.get_mutable_discrete_state().SetFrom(update)
+        self.times["controller"].append(seconds)
+
+    def referee(self, s: float, state: Array) -> dict[str, dict[str, float]]:
+        """Costs and CPU times [ms] of the converged SQP, SNOPT and IPOPT on one problem, each from the first guess."""
+        data = self.data(s, state)
+        self.problem.set(data)
+        guess = self.problem.first_guess(data)
+        seconds, result = cpu(lambda: self.exact.solve(guess))
+        answer = {"sqp": {"cost": result.cost, "ms": 1e3 * seconds, "solved": float(result.status == "converged")}}
+        for name, solver in (("snopt", SnoptSolver()), ("ipopt", IpoptSolver())):
+            seconds, found = cpu(lambda solver=solver: solver.Solve(self.problem, guess, None))  # type: ignore[misc]
+            answer[name] = {
+                "cost": float(found.get_optimal_cost()),
+                "ms": 1e3 * seconds,
+                "solved": float(found.is_success()),
+            }
+        return answer
+
+    def summary(self) -> dict[str, Any]:
+        """Median, 99.9 % and worst of each part [ms], ratios of the medians to the floor, and counts."""
+        # The first plan starts from no solution; a controller makes it before the drive.
+        parts = {name: statistics(values[1:]) for name, values in self.times.items()}
+        median = {name: value["median"] for name, value in parts.items()}
+        floor = median["floor_gemm"] + median["qp"]
+        return {
+            "ms": parts,
+            "plan_over_floor": median["plan"] / floor,
+            "controller_over_plan": median["controller"] / median["plan"],
+            "worst_over_median": parts["plan"]["worst"] / median["plan"],
+            **self.counts,
+        }
+
+
+def statistics(seconds: Sequence[float]) -> dict[str, float]:
+    """Median, 99.9 % and worst [ms]."""
+    values = 1e3 * np.asarray(seconds)
+    return {
+        "median": float(np.median(values)),
+        "99.9 %": float(np.quantile(values, 0.999)),
+        "worst": float(values.max()),
+    }
+
+
+def run(config: BenchmarkConfig) -> dict[str, Any]:
+    """The summary for each horizon, and the referees' answers."""
+    learnt = load_model()
+    model, reference = step_model(learnt, learnt.prior()), figure_8(learnt.vehicle)
+    benches = [Bench(model, learnt.network, reference, config, horizon) for horizon in config.horizons]
+    rng = np.random.default_rng(config.seed)
+    for number in range(config.problems):
+        s = START + ADVANCE * number
+        state = reference.state(s) + rng.normal(size=6) * SPREAD
+        for bench in benches:
+            bench.plan(number, state)
+    referees: dict[str, list[Any]] = {}
+    for bench in benches:
+        if bench.horizon <= config.referee_horizon:
+            places = START + ADVANCE * config.problems * np.arange(config.referee_problems) / config.referee_problems
+            answers = [bench.referee(s, reference.state(s) + rng.normal(size=6) * SPREAD) for s in places]
+            referees[str(bench.horizon)] = answers
+    return {
+        "machine": machine(),
+        "problems": config.problems,
+        "horizons": {str(bench.horizon): bench.summary() for bench in benches},
+        "referees": referees,
+    }
+
+
+def table(numbers: dict[str, Any]) -> str:
+    """The summary as Markdown."""
+    lines = [
+        f"{numbers['machine']}; CPU time [ms]: median / 99.9 % / worst of {numbers['problems'] - 1} plans",
+        "",
+        "| N | " + " | ".join(name.replace("_", " ") for name in PARTS) + " | plan / floor | controller / plan |",
+        "| --- " * (len(PARTS) + 3) + "|",
+    ]
+    for horizon, found in numbers["horizons"].items():
+        cells = [" / ".join(f"{value:.2g}" for value in found["ms"][name].values()) for name in PARTS]
+        ratios = [f"{found[name]:.2f}" for name in ("plan_over_floor", "controller_over_plan")]
+        lines.append(f"| {horizon} | " + " | ".join(cells + ratios) + " |")
+    lines.append("")
+    for horizon, answers in numbers["referees"].items():
+        for answer in answers:
+            costs = [
+                f"{name} {found['cost']:.5g} ({found['ms']:.0f} ms{'' if found['solved'] else ', not converged'})"
+                for name, found in answer.items()
+            ]
+            lines.append(f"- N = {horizon}, cost to convergence: " + ", ".join(costs))
+    return "\n".join(lines)
+
+
+def main(config: BenchmarkConfig) -> None:
+    """Runs, prints and stores the benchmark."""
+    folder = make_run_folder("benchmark_mpc", config.out)
+    numbers = run(config)
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", numbers)
+    write_versions(folder)
+    (folder / "report.md").write_text(table(numbers) + "\n")
+    print(table(numbers))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(BenchmarkConfig))

@@ -1,0 +1,47 @@
+"""Drifts the figure-8 with each of the controllers' models on vehicles that no model was trained on (section IV-B).
+
+    python -m experiments.drifting.figure_8
+    python -m experiments.drifting.figure_8 --as-in-paper
+    python -m experiments.drifting.figure_8 --models prior online twice_online --noise-seeds 1 --out runs/online
+
+The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `drifting.runs` for
+the models, `experiments.executors` for clusters. Written: config.json, runs.csv, numbers.json, report.md (the paper's
+Tables II and III beside ours), time_series.png, overhead.png. Broken off, it goes on where it was (give --out).
+"""
+
+import sys
+
+import tyro
+
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
+from experiments.drifting.report import completion_table, draw, paper_table, refusal_sentence, summarise
+from experiments.drifting.runs import REFUSALS, ModelsConfig, open_folder, reference, run_models
+
+
+def main(config: ModelsConfig) -> None:
+    """Runs what is missing, then writes numbers and pictures."""
+    config = config.resolved()
+    folder = make_run_folder("figure_8", config.out)
+    open_folder(folder, config)
+    write_versions(folder)
+    runs = run_models(config, "figure_8", folder)
+    summary = summarise(runs)
+    write_json(folder / "numbers.json", summary)
+    report = (
+        f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
+        f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
+        "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
+        f"{paper_table(summary, 'rms_sideslip_error')}\n"
+    )
+    write_text(folder / "report.md", report)
+    draw(folder, runs, reference("figure_8"))
+    print(report)
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    try:
+        main(tyro.cli(ModelsConfig))
+    except REFUSALS as error:
+        sys.exit(f"error: {error}")

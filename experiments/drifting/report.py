@@ -1,0 +1,167 @@
+"""What is reported of closed-loop runs: numbers by model, tables beside the paper's, and pictures."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from drift_drake.pictures.overhead_panels import Panel, overhead_panels
+from drift_drake.pictures.time_series import time_series
+from drift_drake.reference.trajectory import Reference
+from drift_drake.safe_files import write_figure
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting.runs import run_name
+
+LABELS = {
+    "nominal": "nominal car",
+    "prior": "prior",
+    "once_ocp": "Once-OCP",
+    "once_info": "Once-Info",
+    "twice_info": "Twice-Info",
+    "online": "prior, adapting",
+    "twice_online": "Twice-Info, adapting",
+    "oracle": "oracle",
+}
+# Tables II and III of Davydov et al.: best, median and worst of three attempts of one car.
+PAPER: dict[str, dict[str, tuple[float, float, float]]] = {
+    "rms_e": {"once_ocp": (2.31, 3.19, 7.35), "once_info": (1.18, 1.31, 3.64), "twice_info": (0.61, 0.83, 1.29)},
+    "rms_sideslip_error": {
+        "once_ocp": (0.137, 0.261, 0.384), "once_info": (0.105, 0.348, 0.526), "twice_info": (0.068, 0.070, 0.084),
+    },
+}  # fmt: skip
+QUANTILES = {"least": 0.0, "lower": 0.25, "median": 0.5, "upper": 0.75, "most": 1.0}
+PICTURED = (
+    "once_ocp",
+    "once_info",
+    "twice_info",
+    "oracle",
+)  # of those run: the paper's, and the oracle
+
+
+DRIFTED = 0.9  # share of the steady drifts from which on a run that arrived counts as drifted throughout
+
+
+def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sideslip_error")) -> dict[str, Any]:
+    """By model: how many runs arrived, how many of them drifting, and errors over all runs and over each vehicle's.
+
+    Errors of all runs, failures included. `NAME_of_attempts`: the best, median and worst of a vehicle's attempts, each
+    in the median over the vehicles, which is what compares with the paper's three attempts of one car.
+    """
+    runs = runs.assign(drifted=runs["completed"] & (runs["drifting"] >= DRIFTED))
+    summary = {}
+    for model, group in runs.groupby("model", sort=False):
+        entry: dict[str, Any] = {
+            "runs": len(group),
+            "vehicles": group["vehicle"].nunique(),
+            "attempts": int(group.groupby("vehicle").size().max()),
+            "completed": float(group["completed"].mean()),
+            "drifted": float(group["drifted"].mean()),
+            "vehicles_always_drifted": int(group.groupby("vehicle")["drifted"].all().sum()),
+            **{name: _spread(group[name]) for name in ("completion", "drifting")},
+            "outcomes": {str(k): int(v) for k, v in group["outcome"].value_counts().items()},
+            "solver_failures": int(group["solver_failures"].sum()),
+            "solve_ms_median": float(group["solve_ms_median"].median()),
+        }
+        if "second_plan" in group:
+            entry["without_second_plan"] = int((group["second_plan"] == False).sum())  # noqa: E712 (None counts not)
+        if "refused" in group and group["refused"].notna().all():
+            refused = group["refused"].astype(bool)
+            entry["refused"] = int(refused.sum())
+            entry["not_completed_and_not_refused"] = int((~refused & ~group["completed"]).sum())
+        for name in errors:
+            entry[name] = _spread(group[name])
+            by_vehicle = group.groupby("vehicle")[name]
+            entry[f"{name}_of_attempts"] = {
+                "best": float(by_vehicle.min().median()),
+                "median": float(by_vehicle.median().median()),
+                "worst": float(by_vehicle.max().median()),
+            }
+        summary[str(model)] = entry
+    return summary
+
+
+def _spread(values: pd.Series) -> dict[str, float]:
+    return {label: float(values.quantile(q)) for label, q in QUANTILES.items()}
+
+
+def completion_table(summary: dict[str, Any]) -> str:
+    """How far the runs came, and their errors, over all runs, as Markdown."""
+    lines = [
+        "| the controller believes | drifted it all | on all attempts | arrived | share driven, median (least) "
+        "| RMS e, least / median / most [m] | RMS sideslip error [rad] | spins |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for model, s in summary.items():
+        e, b = (" / ".join(f"{s[name][q]:.{digits}f}" for q in ("least", "median", "most"))
+                for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
+        lines.append(
+            f"| {LABELS.get(model, model)} | {s['drifted']:.0%} of {s['runs']} "
+            f"| {s['vehicles_always_drifted']} of {s['vehicles']} vehicles | {s['completed']:.0%} "
+            f"| {s['completion']['median']:.0%} ({s['completion']['least']:.0%}) | {e} | {b} "
+            f"| {s['outcomes'].get('spin', 0)} |"
+        )
+    return "\n".join(lines)
+
+
+def refusal_sentence(summary: dict[str, Any]) -> str:
+    """What the lane's logs foretold (`drift_drake.gathering.trust`); empty where it was not asked."""
+    parts = [
+        f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
+        f"{s['not_completed_and_not_refused']} of the others did not arrive"
+        for model, s in summary.items()
+        if "refused" in s
+    ]
+    return f"By the first informative drive's log, {'; '.join(parts)}.\n\n" if parts else ""
+
+
+def paper_table(summary: dict[str, Any], error: str) -> str:
+    """Table II (`rms_e`) or III (`rms_sideslip_error`), the paper's figure and ours side by side, as Markdown."""
+    models = sorted(summary, key=lambda model: model not in PAPER[error])  # the paper's first
+    header, digits = ["of a vehicle's attempts"], 2 if error == "rms_e" else 3
+    for model in models:
+        label = LABELS.get(model, model)
+        header += [f"{label}, paper", "here"] if model in PAPER[error] else [label]
+    lines = [header, ["---"] * len(header)]
+    for row, name in enumerate(("best", "median", "worst")):
+        cells = [name]
+        for model in models:
+            here = f"{summary[model][f'{error}_of_attempts'][name]:.{digits}f}"
+            cells += [f"{PAPER[error][model][row]:.{digits}f}", here] if model in PAPER[error] else [here]
+        lines.append(cells)
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def median_runs(folder: Path, runs: pd.DataFrame, models: list[str]) -> dict[str, pd.DataFrame]:
+    """Each model's median run by RMS e."""
+    tables = {}
+    for model in models:
+        ranked = runs[runs["model"] == model].sort_values("rms_e")
+        tables[LABELS.get(model, model)] = _read(folder, ranked.iloc[(len(ranked) - 1) // 2])
+    return tables
+
+
+def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Sequence[str] = PICTURED) -> None:
+    """time_series.png (median runs, transitions in grey) and overhead.png (all runs from above, a panel a model).
+
+    Args:
+        pictured: the models of the time series, as far as they were run; with fewer than two of them, the first four.
+    """
+    parameters = VehicleParameters()
+    present = list(dict.fromkeys(runs["model"]))
+    shown = [model for model in pictured if model in present]
+    shown = shown if len(shown) > 1 else present[:4]
+    write_figure(time_series(median_runs(folder, runs, shown), reference, parameters), folder / "time_series.png")
+    panels = []
+    for model in present:
+        group = runs[runs["model"] == model]
+        median = next(iter(median_runs(folder, runs, [model]).values()))
+        drifted = int((group["completed"] & (group["drifting"] >= DRIFTED)).sum())
+        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} drifted it all"
+        tables = [_read(folder, run) for _, run in group.iterrows()]
+        panels.append(Panel(title, tables, list(group["outcome"]), median))
+    write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
+
+
+def _read(folder: Path, run: pd.Series) -> pd.DataFrame:
+    return pd.read_csv(folder / f"{run_name(str(run['model']), int(run['vehicle']), int(run['noise_seed']))}.csv")

@@ -1,0 +1,232 @@
+"""Closed-loop runs of many vehicles with each of the controllers' models, spread over workers and resumable.
+
+Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
+(adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
+while it drives), `twice_online` (Twice-Info, adapting while it drives) and `oracle` (the true car with its true
+effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once
+for each noise seed, and shared by the models that need it.
+"""
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import pandas as pd
+import tyro
+
+from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import DriftDrakeError
+from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper
+from drift_drake.gathering.trust import familiar_to
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.bayesian_step import PathStep
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
+from drift_drake.model.posterior import Posterior
+from drift_drake.model.quality import step_model
+from drift_drake.reference.trajectory import Reference, figure_8, loops
+from drift_drake.run_folder import is_done, plain, write_json
+from drift_drake.safe_files import write_table
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
+from experiments.gathering.beliefs import Attempt, Taught, gather_all
+
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
+Maneuver = Literal["figure_8", "loops"]
+
+BELIEFS: dict[str, str] = {"once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info",
+                           "twice_online": "twice_info"}  # fmt: skip
+ADAPTING = ("online", "twice_online")
+COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
+
+
+@dataclasses.dataclass(frozen=True)
+class DriftConfig:
+    """Which vehicles, how often, and how the controller is set up."""
+
+    vehicles: int = 20
+    first: int = 0  # index of the first vehicle of the population
+    population: Population = "held_out"
+    noise_seeds: int = 3  # attempts of each vehicle
+    vehicle_seed: int = 0  # of the draw of the vehicles
+    as_in_paper: bool = False
+    """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles), its information
+    gathering (eq. (8) with one weight, no added bounds) and Euler's path in the controller."""
+    checkpoint: Path | None = None  # the shipped one without
+    path_step: PathStep = "trapezoid"  # of the learnt model in the controller
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    out: Path | None = None
+    """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
+
+    def resolved(self) -> Self:
+        """The configuration with what `as_in_paper` stands for."""
+        if not self.as_in_paper:
+            return self
+        return dataclasses.replace(
+            self, checkpoint=paper_checkpoint(), path_step="euler", gathering=as_in_paper(self.gathering)
+        )
+
+    def attempts(self) -> list[Attempt]:
+        """(vehicle, noise seed) of each attempt, every vehicle's first before any second."""
+        return [(self.first + i, seed) for seed in range(self.noise_seeds) for i in range(self.vehicles)]
+
+    def effects(self, vehicle: int) -> Effects:
+        """What is true of a vehicle."""
+        return draw_effects(self.population, vehicle, self.vehicle_seed)
+
+    def gathered(self, wanted: frozenset[str], learnt: BayesianModel, folder: Path) -> dict[Attempt, Taught]:
+        """What each attempt's gathering has taught, made where the folder lacks it (`gathered_beliefs.gather_all`)."""
+        return gather_all(self.attempts(), self.effects, wanted, learnt, self.gathering, folder, self.run_on)
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelsConfig(DriftConfig):
+    """An experiment that compares models."""
+
+    models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
+
+
+class Learnt(NamedTuple):
+    """A learnt model as a controller has it."""
+
+    model: BayesianModel
+    belief: Posterior  # that the run starts with
+    adapting: bool = False
+    path_step: PathStep = "trapezoid"
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveJob:
+    """One closed-loop run."""
+
+    name: str  # of its files
+    labels: dict[str, Any]  # what it is of; columns of the experiment's table
+    maneuver: Maneuver
+    effects: Effects
+    noise_seed: int
+    believes: Literal["nominal", "oracle"] | Learnt
+    control: ControlConfig
+
+
+class DriveResult(NamedTuple):
+    """A run's metrics, and a row each control period."""
+
+    metrics: dict[str, Any]
+    table: pd.DataFrame
+
+
+@cache
+def reference(maneuver: Maneuver) -> Reference:
+    """What is driven."""
+    return (figure_8 if maneuver == "figure_8" else loops)(VehicleParameters())
+
+
+def closed_loop(job: DriveJob) -> ClosedLoop:
+    """The closed loop of one vehicle with what its controller believes."""
+    parameters, believes, control, adapter = VehicleParameters(), job.believes, job.control, None
+    model: StepModel
+    if isinstance(believes, Learnt):
+        model = step_model(believes.model, believes.belief, believes.path_step)
+        # A belief that stays as it is needs no adapter, unless its covariance is asked for.
+        adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
+    else:
+        model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
+        control = dataclasses.replace(control, tightening=0.0)  # neither has any uncertainty
+    return ClosedLoop(parameters, reference(job.maneuver), model, job.effects, control=control, adapter=adapter)
+
+
+def drive(job: DriveJob) -> DriveResult:
+    """One run, from a start on the reference: the figure-8's is in a drift, as after the paper's hand-brake."""
+    loop = closed_loop(job)
+    context = loop.initial_context(seed=job.noise_seed)
+    if loop.adapter is not None and isinstance(job.believes, Learnt):
+        adapter_context = loop.adapter.GetMyMutableContextFromRoot(context)
+        loop.adapter.set_posterior(adapter_context, job.believes.belief)
+        loop.adapter.set_frozen(adapter_context, not job.believes.adapting)
+    run = loop.run(context)
+    return DriveResult(dataclasses.asdict(run.metrics()), run.table)
+
+
+def run_drives(jobs: Sequence[DriveJob], folder: Path, run_on: ExecutorConfig) -> pd.DataFrame:
+    """Makes the runs that the folder lacks; one row a run (labels and metrics), in the order of the jobs."""
+
+    def write(job: DriveJob, result: DriveResult) -> None:
+        write_table(result.table[list(COLUMNS)], folder / f"{job.name}.csv", index=False, float_format="%.6g")
+        # Last: a run is done when its numbers are there.
+        write_json(folder / f"{job.name}.json", job.labels | result.metrics)
+
+    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
+    run_jobs(run_on, drive, missing, write, "run")
+    runs = pd.DataFrame([json.loads((folder / f"{job.name}.json").read_text()) for job in jobs])
+    write_table(runs, folder / "runs.csv", index=False)
+    return runs
+
+
+def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.DataFrame:
+    """All models on all vehicles: gathers and drives what the folder lacks; one row a run.
+
+    Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
+    """
+    learnt = load_model(config.checkpoint)
+    wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
+    gathered = config.gathered(wanted, learnt, folder)
+    familiar = familiar_to(learnt)
+    jobs = []
+    for vehicle, seed in config.attempts():
+        for model in config.models:
+            labels: dict[str, Any] = {"model": model, "vehicle": vehicle, "noise_seed": seed}
+            believes: Literal["nominal", "oracle"] | Learnt
+            if model == "nominal" or model == "oracle":
+                believes = model
+            else:
+                belief = learnt.prior()
+                if model in BELIEFS:
+                    found = gathered[vehicle, seed].beliefs
+                    belief = found.get(BELIEFS[model], found.get("once_info", belief))
+                    labels["second_plan"] = "twice_info" in found or BELIEFS[model] != "twice_info"
+                    surprise = gathered[vehicle, seed].surprise
+                    if surprise is not None and familiar is not None:
+                        labels["refused"] = surprise > familiar.limit()
+                believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
+            name = run_name(model, vehicle, seed)
+            jobs.append(DriveJob(name, labels, maneuver, config.effects(vehicle), seed, believes, config.control))
+    return run_drives(jobs, folder, config.run_on)
+
+
+def run_name(model: str, vehicle: int, noise_seed: int) -> str:
+    """Of a run's files."""
+    return f"{model}-{vehicle:03d}-{noise_seed}"
+
+
+class OtherExperimentError(DriftDrakeError, ValueError):
+    """A folder that holds runs of another experiment; the message names it and what differs."""
+
+
+# Told in their one sentence.
+REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError, InfeasiblePlanError)
+
+
+def open_folder(folder: Path, config: DriftConfig) -> None:
+    """Writes config.json; more vehicles, seeds or models may join runs that are there, other settings may not.
+
+    Raises:
+        OtherExperimentError: the runs there were made with other settings or another checkpoint.
+    """
+    free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
+    path = folder / "config.json"
+    entry = plain(dataclasses.asdict(config) | {"checkpoint": load_model(config.checkpoint).content_hash()})
+    before = json.loads(path.read_text()) if is_done(path) else {}
+    differ = [name for name in before if name not in free and before[name] != entry.get(name)]
+    if differ:
+        raise OtherExperimentError(
+            f"{folder} holds runs made with another {', '.join(differ)}; give another folder, or the settings of {path}"
+        )
+    write_json(path, entry)

@@ -1,0 +1,1 @@
+"""Cases of cars that their simulators lack something of: made, diagnosed and scored."""

@@ -1,0 +1,200 @@
+"""Blind cases from Drake plants: the car with withheld effects, a driver, strange forces and sensors as one diagram.
+
+Another integrator than the diagnosis's: Runge-Kutta of third order with error control.
+"""
+
+import dataclasses
+from typing import Any, Protocol
+
+import numpy as np
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    DiscreteValues,
+    LeafSystem,
+)
+from pydrake.systems.primitives import LogVectorOutput
+
+from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.simulation.car import Car
+from drift_drake.simulation.runner import make_simulator
+from drift_drake.simulation.sensors import LOG_ROW
+from drift_drake.vehicle.effects import make_effects
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from experiments.gap.cases import MANOEUVRES, PERIOD, SPIN, Driver, Truth, true_constants
+from experiments.gap.strange_effects import Strange, ring_rates, rung_torque, strange_wrench
+
+ACCURACY = 1e-6
+
+
+class RowDriver(Protocol):
+    """A driver that gives a command for each row of the log."""
+
+    def start(self) -> np.ndarray:
+        """First state (r, v, beta, omega_r)."""
+        ...
+
+    def resting_command(self) -> tuple[float, float]:
+        """Command before the first row."""
+        ...
+
+    def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
+        """Command a row after t, from the state (r, v, beta, omega_r, e, dphi) at t and the command then."""
+        ...
+
+
+class DriverSystem(LeafSystem):
+    """A driver of `gap_cases` as a system: a new command each row, reached linearly by the next one.
+
+    Input ports: state (6). Output ports: command (delta [rad], tau [N m]).
+    """
+
+    def __init__(self, driver: RowDriver, first: tuple[float, float]) -> None:
+        LeafSystem.__init__(self)
+        self._driver = driver
+        self._state = self.DeclareVectorInputPort("state", 6)
+        self.DeclareDiscreteState([0.0, *first, *first])  # time of the update, command then, command a row later
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        self.DeclareVectorOutputPort(
+            "command", 2, self._calc_command, prerequisites_of_calc={self.time_ticket(), self.xd_ticket()}
+        )
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        _, _, _, delta, tau = context.get_discrete_state_vector().value()
+        t = context.get_time()
+        wanted = self._driver.command(t, self._state.Eval(context), (delta, tau))
+        discrete.get_mutable_vector().SetFromVector([t, delta, tau, *wanted])
+
+    def _calc_command(self, context: Context, output: Any) -> None:
+        t, delta, tau, next_delta, next_tau = context.get_discrete_state_vector().value()
+        share = min(max((context.get_time() - t) / PERIOD, 0.0), 1.0)
+        output.SetFromVector([delta + share * (next_delta - delta), tau + share * (next_tau - tau)])
+
+
+class StrangeForces(LeafSystem):
+    """Forces of the families that the catalogue lacks.
+
+    Input ports: state (6), pose (3), command (2). Output ports: wrench (3) for the plant's disturbance.
+    """
+
+    def __init__(self, constants: Constants, strange: Strange) -> None:
+        LeafSystem.__init__(self)
+        self._constants, self._strange = constants, strange
+        self._state = self.DeclareVectorInputPort("state", 6)
+        self._pose = self.DeclareVectorInputPort("pose", 3)
+        self._command = self.DeclareVectorInputPort("command", 2)
+        self.DeclareVectorOutputPort("wrench", 3, self._calc_wrench)
+
+    def _calc_wrench(self, context: Context, output: Any) -> None:
+        r, v, beta, omega_r = (float(c) for c in self._state.Eval(context)[:4])
+        x, y, psi = (float(c) for c in self._pose.Eval(context))
+        delta, tau = (float(c) for c in self._command.Eval(context))
+        output.SetFromVector(
+            strange_wrench(
+                context.get_time(), r, v, beta, omega_r, x, y, psi, delta, tau, self._constants, self._strange
+            )
+        )
+
+
+class Driveline(LeafSystem):
+    """A driveline that rings: part of the torque passes an oscillator.
+
+    Input ports: command (2). Output ports: command (2), its torque rung.
+    """
+
+    def __init__(self, strange: Strange, torque: float) -> None:
+        LeafSystem.__init__(self)
+        self._strange = strange
+        self._command = self.DeclareVectorInputPort("command", 2)
+        self.DeclareContinuousState(BasicVector([torque, 0.0]))
+        self.DeclareVectorOutputPort("command", 2, self._calc_command)
+
+    def DoCalcTimeDerivatives(self, context: Context, derivatives: Any) -> None:  # noqa: N802
+        ring, rate = context.get_continuous_state_vector().CopyToVector()
+        derivatives.get_mutable_vector().SetFromVector(ring_rates(ring, rate, self._command.Eval(context)[1]))
+
+    def _calc_command(self, context: Context, output: Any) -> None:
+        delta, tau = self._command.Eval(context)
+        output.SetFromVector([delta, rung_torque(tau, context.get_continuous_state_vector()[0], self._strange)])
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """A diagram of one drive and the systems in it that are asked later."""
+
+    diagram: Diagram
+    car: Car
+    commands: Any
+    rows: Any
+    first: tuple[float, float]
+
+
+def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> Drive:
+    """Driver, strange forces and the car that `truth` describes, logged each row."""
+    constants, offset = true_constants(vehicle, truth.deviations)
+    effects = make_effects(truth.effects)
+    effects = effects._replace(steering_offset=effects.steering_offset + offset)
+    strange = Strange(*(float(q) for q in Strange(**truth.strange)))
+    first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
+    builder = DiagramBuilder()
+    parameters = vehicle.replace(**{k: v for k, v in constants._asdict().items() if k != "gravity"})
+    car = builder.AddNamedSystem("car", Car(parameters, effects))
+    driving = builder.AddNamedSystem("driver", DriverSystem(driver, first))
+    builder.Connect(car.GetOutputPort("state"), driving.GetInputPort("state"))
+    command = driving.GetOutputPort("command")
+    if truth.strange:
+        forces = builder.AddNamedSystem("strange_forces", StrangeForces(constants, strange))
+        driveline = builder.AddNamedSystem("driveline", Driveline(strange, first[1]))
+        builder.Connect(car.GetOutputPort("state"), forces.GetInputPort("state"))
+        builder.Connect(car.GetOutputPort("pose"), forces.GetInputPort("pose"))
+        builder.Connect(command, forces.GetInputPort("command"))
+        builder.Connect(forces.GetOutputPort("wrench"), car.GetInputPort("disturbance"))
+        builder.Connect(command, driveline.GetInputPort("command"))
+        builder.Connect(driveline.GetOutputPort("command"), car.GetInputPort("command"))
+    else:
+        builder.Connect(command, car.GetInputPort("command"))
+    commands = LogVectorOutput(command, builder, PERIOD)
+    rows = LogVectorOutput(car.GetOutputPort("log_row"), builder, PERIOD)
+    return Drive(builder.Build(), car, commands, rows, first)
+
+
+def drive(
+    driver: RowDriver, truth: Truth, vehicle: VehicleParameters, seed: int, name: str, duration: float = 12.0,
+    heading: float = 0.0,
+) -> Run:  # fmt: skip
+    """One run in Drake, ended early by a spin."""
+    built = build_drive(driver, truth, vehicle)
+    context = built.diagram.CreateDefaultContext()
+    car_context = built.car.GetMyMutableContextFromRoot(context)
+    plant_context = built.car.plant.GetMyMutableContextFromRoot(context)
+    built.car.plant.set_initial(
+        plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, heading), actuation=built.first
+    )
+    built.car.sensors.set_seed(context, seed)
+    state = built.car.GetOutputPort("state")
+
+    def spun(_root: Context) -> str | None:
+        r, v, beta, omega_r = state.Eval(car_context)[:4]
+        return "spin" if abs(beta) > SPIN or v < 3.0 or omega_r < 3.0 or abs(r) > 6.0 else None
+
+    make_simulator(built.diagram, context, (built.car, spun), ACCURACY).AdvanceTo(duration)
+    rows, commands = built.rows.FindLog(context).data(), built.commands.FindLog(context).data()
+    columns = dict(zip(LOG_ROW, rows, strict=True))
+    columns["t"] = np.round(columns["t"], 9)
+    return Run(name=name, delta_cmd=commands[0].copy(), tau_cmd=commands[1].copy(), **columns)
+
+
+def drake_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:
+    """Four runs of one car; a run too short for a log is driven again with other draws, five times at most."""
+    runs = []
+    for i, kind in enumerate(MANOEUVRES):
+        for _ in range(5):
+            try:
+                driver, seed = Driver(kind, rng, vehicle), int(rng.integers(2**31))
+                runs.append(drive(driver, truth, vehicle, seed, f"run_{i}", duration))
+                break
+            except InvalidLogError:
+                continue
+    return runs

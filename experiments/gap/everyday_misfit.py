@@ -1,0 +1,165 @@
+"""Does a diagnosis tell a new gap from the misfit that a calibrated car has every day? Simulated cars, two days each.
+
+    python -m experiments.gap.everyday_misfit --out runs/everyday_misfit
+
+Every car does something that neither the nominal equations nor the catalogue have (`gap.strange_effects`, or
+tyres of another shape). It is calibrated on the first day's drives (`identify`). On the second day it is diagnosed as
+it is, and with one catalogued effect added: with the everyday forces that the identification learnt and their row
+weight, with the row weight alone, and with neither. A car that is done is kept: start again to go on.
+"""
+
+import dataclasses
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from drift_drake.diagnosis.diagnose import diagnose
+from drift_drake.identification.calibration import Identification
+from drift_drake.identification.identify import identify
+from drift_drake.logs.table import Run
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.gap.cases import Truth, drawn_deviations, drawn_magnitude, make_case
+from experiments.gap.score import wilson
+
+MISFITS = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
+    "tyre_curve": (0.05, 0.3),
+    "aligning_moment": (0.01, 0.03),
+    "rear_compliance_steer": (0.0006, 0.002),
+    "grabbing_brake": (100.0, 300.0),
+    "driveline_oscillation": (0.05, 0.15),
+    "slippery_patch": (0.05, 0.15),
+}
+SIGNED = ("rear_compliance_steer", "grabbing_brake")
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """Gaps of the second day beside the misfit of every day."""
+
+    out: Path | None = None
+    """Run folder; one that exists is gone on with."""
+    vehicles: int = 12
+    duration: float = 12.0
+    """Of each of a day's four drives [s]."""
+    ways: tuple[str, ...] = ("changed, everyday", "changed, neither", "same, everyday", "changed, row weight",
+                             "same, neither", "same, row weight")  # fmt: skip
+    """Day, and what of the identification is given to the diagnosis."""
+    seed: int = 31
+
+
+@dataclasses.dataclass(frozen=True)
+class Days:
+    """What a car is every day, and what is added to it on the second."""
+
+    everyday: Truth
+    changed: Truth
+
+
+def drawn_days(rng: np.random.Generator, index: int, vehicle: VehicleParameters) -> Days:
+    """One car; misfits take turns."""
+    kind = list(MISFITS)[index % len(MISFITS)]
+    sign = -1.0 if kind in SIGNED and rng.uniform() < 0.5 else 1.0
+    strange = {kind: sign * float(rng.uniform(*MISFITS[kind]))}
+    deviations = drawn_deviations(rng, vehicle.tolerance)
+    name = str(rng.choice(list(CATALOGUE)))
+    effect = {name: drawn_magnitude(rng, name, vehicle.tolerance)}
+    return Days(Truth({}, strange, deviations), Truth(effect, strange, deviations))
+
+
+def asked(found: Identification, runs: list[Run], **trusted: Any) -> dict[str, Any]:
+    """What a diagnosis of the calibrated car says of the second day's runs."""
+    began = time.process_time()
+    trust = found.calibration.trust
+    answer = diagnose(runs, found.vehicle, workers=1, process_scale=trust.process, noise_scale=trust.noise,
+                      own=found.effects, **trusted).answer  # fmt: skip
+    return {
+        "sentence": answer.sentence(),
+        "name": "+".join(answer.causes) or answer.verdict,
+        "probability": next(iter(answer.posterior.values())),
+        "posterior": answer.posterior,
+        "ambiguity": answer.ambiguity,
+        "magnitudes": answer.magnitudes,
+        "leading_known": answer.details["leading_known"],
+        "unexplained_nats": answer.details["unexplained_nats"],
+        "implausible_nats": answer.details["implausible_nats"],
+        "seconds": time.process_time() - began,
+    }
+
+
+def one_vehicle(config: Config, index: int) -> dict[str, Any]:
+    """Two days of one car."""
+    vehicle = VehicleParameters()
+    rng = np.random.default_rng([config.seed, index])
+    days = drawn_days(rng, index, vehicle)
+    found = identify(make_case(days.everyday, vehicle, rng, config.duration), vehicle)
+    c = found.calibration
+    weight = {"row_weight": c.row_weight}
+    ways: dict[str, dict[str, Any]] = {
+        "everyday": weight | {"everyday": c.everyday},
+        "row weight": weight,
+        "neither": {},
+    }
+    answers = {}
+    for asked_for in config.ways:
+        day, way = asked_for.split(", ")
+        truth = days.changed if day == "changed" else days.everyday
+        runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)
+        answers[asked_for] = asked(found, runs, **ways[way])
+    return {
+        "misfit": days.everyday.strange,
+        "effect": days.changed.effects,
+        "trust": c.trust,
+        "row_weight": c.row_weight,
+        "row_weight_beside_everyday": c.everyday.row_weight if c.everyday else None,
+        "answers": answers,
+    }
+
+
+def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
+    """Counts of right answers, of `unknown` and of magnitudes within their intervals."""
+    out: dict[str, Any] = {"vehicles": len(results)}
+    for key in results[0]["answers"]:
+        answers = [r["answers"][key] for r in results]
+        truths = ["none" if key.startswith("same") else next(iter(r["effect"])) for r in results]
+        right = sum(a["name"] == truth for a, truth in zip(answers, truths, strict=True))
+        out[key] = {
+            "right": right,
+            "share_right": wilson(right, len(results)),
+            "unknown": sum(a["name"] == "unknown" for a in answers),
+            "in_ambiguity_set": sum(truth in a["ambiguity"] for a, truth in zip(answers, truths, strict=True)),
+            "leads_the_known": sum(a["leading_known"] == truth for a, truth in zip(answers, truths, strict=True)),
+            "magnitudes_held": [
+                sum(m["low"] <= r["effect"][name] <= m["high"] for m in [a["magnitudes"][name]])
+                for r, a, name in zip(results, answers, truths, strict=True) if name in a["magnitudes"]
+            ],
+        }  # fmt: skip
+    return out
+
+
+def main(config: Config) -> None:
+    """Does the cars that are not done yet, and sums up."""
+    folder = make_run_folder("everyday_misfit", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    (folder / "vehicles").mkdir(exist_ok=True)
+    results = []
+    for index in tqdm(range(config.vehicles), unit="vehicle"):
+        path = folder / "vehicles" / f"{index:03d}.json"
+        if not is_done(path):
+            write_json(path, one_vehicle(config, index))
+        results.append(json.loads(path.read_text()))
+        write_json(folder / "numbers.json", numbers(results))
+    for key, found in numbers(results).items():
+        if key != "vehicles":
+            print(f"{key}: {found['right']} of {len(results)} right, {found['unknown']} unknown")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Config, description=__doc__))

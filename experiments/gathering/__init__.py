@@ -1,0 +1,1 @@
+"""Information gathered along a lane, round after round."""

@@ -1,0 +1,1 @@
+"""The learnt model's data and how well it predicts."""

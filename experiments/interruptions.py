@@ -1,0 +1,235 @@
+"""Long commands ended at random moments, by kill -9 and by Ctrl-C, then given again: the same results to the bit.
+
+    python -m experiments.interruptions --count 200
+
+Each command is first run through undisturbed. Then, in a fresh folder, it is ended at a random moment, once or twice,
+and given again until it ends by itself; every number that it wrote must be that of the undisturbed run, times and dates
+aside. Ctrl-C, which reaches all of a command's processes as at a terminal, must be answered in one line. Broken off,
+it goes on where it was (give --out).
+"""
+
+import dataclasses
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import tyro
+from tqdm import tqdm
+
+from drift_drake.run_folder import is_done, make_run_folder, write_json
+from drift_drake.safe_files import PARTIAL, write_table
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PATIENCE = 120.0  # [s] beyond which a command that was interrupted hangs
+OF_TIME = ("second", "_ms_", "late_solves", "date", "made", "spent")  # in names of numbers that no run repeats
+NOT_RESULTS = ("versions.json", "summary.json", "config.json", "report.md")
+
+
+@dataclasses.dataclass(frozen=True)
+class InterruptionsConfig:
+    """How often, and what."""
+
+    count: int = 200
+    commands: tuple[str, ...] = ("dataset", "train", "campaign", "diagnose")
+    seed: int = 0
+    out: Path | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class LongCommand:
+    """A command that takes a while and can be given again."""
+
+    arguments: Callable[[Path, Path], list[str]]  # of python, from the folder of inputs and that of results
+    prepare: Callable[[Path], None] = lambda _: None  # makes its inputs in a folder
+
+
+def _cases(inputs: Path) -> None:
+    """Two short cases of one car, and its vehicle file."""
+    from drift_drake.logs.table import write_run
+    from experiments.gap_cases import Truth, make_case
+
+    parameters = VehicleParameters()
+    parameters.to_yaml(inputs / "car.yaml")
+    for index, effects in enumerate(({"rear_stiffness_error": -0.25}, {"mass_error": 0.1})):
+        folder = inputs / "cases" / f"case_{index}"
+        folder.mkdir(parents=True)
+        truth = Truth(effects, {}, {})
+        for i, run in enumerate(make_case(truth, parameters, np.random.default_rng(index), 1.5)):
+            write_run(run, folder / f"run_{i}.csv")
+
+
+def _dataset(inputs: Path) -> None:
+    subprocess.run([sys.executable, *_drives(inputs, inputs / "drives")], check=True, capture_output=True)
+
+
+def _drives(_: Path, out: Path) -> list[str]:
+    none = [word for name in ("validation", "held-out", "wide") for word in (f"--{name}", "0")]
+    return ["-m", "experiments.drives", "--train", "3", *none, "--samples", "12", "--output", str(out)]
+
+
+COMMANDS = {
+    "dataset": LongCommand(_drives),
+    "train": LongCommand(
+        lambda inputs, out: [
+            "-m", "drift_drake", "train", "--recipe", "windows", "--data", str(inputs / "drives/train_phases.npz"),
+            "--validation", "None", "--lane", "None", "--epochs", "30", "--threads", "1", "--horizons", "5",
+            "--no-temper", "--output", str(out / "model.npz"),
+        ],
+        _dataset,
+    ),
+    "campaign": LongCommand(
+        lambda _, out: [
+            "-m", "experiments.fault_campaign", "--loops", "6", "--vehicles", "1", "--models", "nominal",
+            "--distance", "15", "--out", str(out),
+        ]
+    ),
+    "diagnose": LongCommand(
+        lambda inputs, out: [
+            "-m", "drift_drake", "diagnose", str(inputs / "cases"), "--vehicle", str(inputs / "car.yaml"),
+            "--effects", "rear_stiffness_error", "mass_error", "--json", str(out / "answers"),
+        ],
+        _cases,
+    ),
+}  # fmt: skip
+
+
+def results(folder: Path) -> dict[str, str]:
+    """A hash of the numbers in each file of results: no times, no dates, no files that a kill left unfinished."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        unfinished = any(part.startswith(PARTIAL) for part in path.relative_to(folder).parts)
+        if unfinished or path.suffix not in (".json", ".csv", ".npz") or path.name in NOT_RESULTS:
+            continue
+        found[str(path.relative_to(folder))] = hashlib.sha256(_numbers(path)).hexdigest()
+    return found
+
+
+def _numbers(path: Path) -> bytes:
+    if path.suffix == ".json":
+        return json.dumps(_timeless(json.loads(path.read_text())), sort_keys=True).encode()
+    if path.suffix == ".csv":
+        table = pd.read_csv(path)
+        return table[[name for name in table if not _of_time(str(name))]].to_csv(index=False).encode()
+    with np.load(path, allow_pickle=False) as stored:
+        parts = {name: stored[name] for name in stored.files}
+    said = {
+        name: json.dumps(_timeless(json.loads(str(value)))) for name, value in parts.items() if value.dtype.kind == "U"
+    }
+    return b"".join(
+        name.encode() + (said[name].encode() if name in said else value.tobytes())
+        for name, value in sorted(parts.items())
+    )
+
+
+def _timeless(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _timeless(value) for name, value in data.items() if not _of_time(name)}
+    return [_timeless(value) for value in data] if isinstance(data, list) else data
+
+
+def _of_time(name: str) -> bool:
+    return any(part in name for part in OF_TIME)
+
+
+def begin(arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
+    """Starts python in a session of its own, as at a terminal of its own; all that it says goes to a file."""
+    with log.open("wb") as file:
+        return subprocess.Popen([sys.executable, *arguments], stdout=file, stderr=file, start_new_session=True)
+
+
+def interrupted(arguments: list[str], number: signal.Signals, moment: float, log: Path) -> dict[str, Any]:
+    """Ends a command `moment` [s] after its start: what it said of it, and whether it had ended before."""
+    process = begin(arguments, log)
+    try:
+        process.wait(moment)
+    except subprocess.TimeoutExpired:
+        (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+    try:
+        code = process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        return {"hangs": True, "said": "", "code": None}
+    return {"hangs": False, "said": last_lines(log), "code": code}
+
+
+def last_lines(log: Path) -> str:
+    """What a command said, its progress bars left out."""
+    lines = log.read_text(errors="replace").replace("\r", "\n").splitlines()
+    return "\n".join(line for line in lines if line.strip() and "%|" not in line and "it/s" not in line)
+
+
+def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], duration: float,
+            generator: np.random.Generator) -> dict[str, Any]:  # fmt: skip
+    """One command in a fresh folder, ended once or twice and then given again."""
+    folder.mkdir(parents=True)
+    out, log = folder / "out", folder / "log.txt"
+    out.mkdir()
+    arguments = COMMANDS[name].arguments(inputs, out)
+    ends = []
+    for _ in range(int(generator.integers(1, 3))):
+        number = signal.SIGINT if generator.random() < 0.5 else signal.SIGKILL
+        moment = float(generator.uniform(0.0, duration))
+        end = interrupted(arguments, number, moment, log)
+        lines = end["said"].splitlines()
+        one_line = number == signal.SIGKILL or end["code"] == 0 or (len(lines) == 1 and "interrupted" in lines[0])
+        ends.append({"signal": number.name, "moment": moment, "one_line": one_line} | end)
+        time.sleep(0.2)  # workers end with the process that started them
+    process = begin(arguments, log)
+    code = process.wait()
+    same = results(out) == wanted
+    return {"command": name, "ends": ends, "code": code, "same": same, "said": "" if code == 0 else last_lines(log)}
+
+
+def main(config: InterruptionsConfig) -> None:
+    """Makes the interruptions that are missing and tells what came of them."""
+    folder = make_run_folder("interruptions", config.out)
+    undisturbed = {name: _undisturbed(name, folder) for name in config.commands}
+    found = []
+    for index in tqdm(range(config.count), unit="interruption"):
+        path = folder / f"attempt_{index:03d}.json"
+        if not is_done(path):
+            name = config.commands[index % len(config.commands)]
+            generator = np.random.default_rng([config.seed, index])
+            trial = folder / "attempts" / f"{index:03d}_{os.getpid()}"
+            wanted, duration = undisturbed[name]
+            write_json(path, attempt(name, folder / name / "inputs", trial, wanted, duration, generator))
+        found.append(json.loads(path.read_text()))
+    ends = [end for one in found for end in one["ends"]]
+    write_table(pd.DataFrame([{"command": one["command"], "same": one["same"]} for one in found]),
+                folder / "attempts.csv", index=False)  # fmt: skip
+    print(f"{len(ends)} interruptions of {len(found)} commands ({', '.join(config.commands)}): "
+          f"{sum(not one['same'] for one in found)} with other results, {sum(one['code'] != 0 for one in found)} that "
+          f"could not go on, {sum(end['hangs'] for end in ends)} hangs, "
+          f"{sum(not end['one_line'] for end in ends)} not told in one line\nresults in {folder}")  # fmt: skip
+
+
+def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
+    """Hashes of what a command writes, and how long it takes [s]; its inputs are made first."""
+    done = folder / name / "undisturbed.json"
+    if not is_done(done):
+        inputs, out = folder / name / "inputs", folder / name / "out"
+        if not (folder / name / "inputs_are_made").exists():
+            inputs.mkdir(parents=True)
+            COMMANDS[name].prepare(inputs)
+            (folder / name / "inputs_are_made").touch()
+        out.mkdir(exist_ok=True)
+        start = time.monotonic()
+        process = begin(COMMANDS[name].arguments(inputs, out), folder / name / "log.txt")
+        if process.wait() != 0:
+            raise SystemExit(f"error: {name}: {last_lines(folder / name / 'log.txt')}")
+        write_json(done, {"results": results(out), "time": time.monotonic() - start})
+    known = json.loads(done.read_text())
+    return known["results"], known["time"]
+
+
+if __name__ == "__main__":
+    main(tyro.cli(InterruptionsConfig))

@@ -1,0 +1,94 @@
+"""Commands that are ended and given again, on a small one of every habit; a real one too."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments import interruptions
+from experiments.interruptions import COMMANDS, InterruptionsConfig, LongCommand, last_lines, main, results
+
+STEADY = """
+import sys, time
+from pathlib import Path
+
+import experiments  # answers Ctrl-C
+from drift_drake.run_folder import is_done, write_json
+
+for i in range(8):
+    path = Path(sys.argv[1]) / f"{i}.json"
+    if not is_done(path):
+        time.sleep(0.05)
+        write_json(path, {"value": i, "seconds": time.time()})
+"""
+CARELESS = STEADY.replace("if not is_done(path)", "if not path.exists()").replace(
+    'write_json(path, {"value": i, "seconds": time.time()})',
+    'path.write_text("{"); time.sleep(0.05); path.write_text("{}")',
+)
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder, in which the commands `steady` and `careless` are known."""
+    for name, text in (("steady", STEADY), ("careless", CARELESS)):
+        (tmp_path / f"{name}.py").write_text(text)
+    monkeypatch.setenv("PYTHONPATH", str(Path(interruptions.__file__).parents[1]))
+    monkeypatch.setattr(interruptions, "COMMANDS", {
+        name: LongCommand(lambda _, out, name=name: [str(tmp_path / f"{name}.py"), str(out)])
+        for name in ("steady", "careless")
+    })  # fmt: skip
+    return tmp_path
+
+
+def test_a_command_that_writes_files_whole_gives_the_same_results(
+    small: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = InterruptionsConfig(count=2, commands=("steady",), seed=1, out=small / "out")
+    main(config)
+    said = capsys.readouterr().out
+    assert (
+        "of 2 commands (steady): 0 with other results, 0 that could not go on, 0 hangs, 0 not told in one line" in said
+    )
+    made = {path: path.stat().st_mtime_ns for path in (small / "out").glob("attempt_*.json")}
+    main(config)
+    assert {path: path.stat().st_mtime_ns for path in made} == made
+
+
+def test_a_command_that_does_not_is_found_out(small: Path) -> None:
+    inputs, out = small / "inputs", small / "undisturbed"
+    out.mkdir()
+    assert interruptions.begin(interruptions.COMMANDS["careless"].arguments(inputs, out), small / "log").wait() == 0
+    torn = small / "torn"
+    torn.mkdir()
+    for path in out.iterdir():
+        (torn / path.name).write_text(path.read_text())
+    (torn / "3.json").write_text("{ ")
+    with pytest.raises(json.JSONDecodeError):
+        results(torn)
+
+
+def test_times_are_no_results(tmp_path: Path) -> None:
+    folders = [tmp_path / "one", tmp_path / "other"]
+    for seconds, folder in enumerate(folders):
+        folder.mkdir()
+        (folder / "a.json").write_text(json.dumps({"x": [1.0, {"seconds": seconds}], "solve_ms_99": seconds}))
+        pd.DataFrame({"x": [1.0], "seconds": [seconds]}).to_csv(folder / "b.csv", index=False)
+        np.savez(folder / "c.npz", x=np.ones(3), record=json.dumps({"epochs": 3, "seconds": seconds}))
+    assert results(folders[0]) == results(folders[1])
+    np.savez(folders[1] / "c.npz", x=np.full(3, 1.0 + 1e-15), record=json.dumps({"epochs": 3}))
+    assert results(folders[0])["c.npz"] != results(folders[1])["c.npz"]
+
+
+def test_progress_bars_are_not_what_a_command_says(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_text("\r  0%|   | 0/3\r 50%|##  | 1/3\ninterrupted\n")
+    assert last_lines(log) == "interrupted"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_real_commands_give_the_same_results(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(InterruptionsConfig(count=1, commands=(name,), out=tmp_path))
+    assert "0 with other results, 0 that could not go on, 0 hangs, 0 not told in one line" in capsys.readouterr().out

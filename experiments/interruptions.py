@@ -8,6 +8,7 @@ aside. Ctrl-C, which reaches all of a command's processes as at a terminal, must
 it goes on where it was (give --out).
 """
 
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -16,7 +17,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -140,24 +141,30 @@ def _of_time(name: str) -> bool:
     return any(part in name for part in OF_TIME)
 
 
-def begin(arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
-    """Starts python in a session of its own, as at a terminal of its own; all that it says goes to a file."""
+@contextlib.contextmanager
+def begun(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Python in a session of its own, as at a terminal of its own; all that it says goes to a file."""
     with log.open("wb") as file:
-        return subprocess.Popen([sys.executable, *arguments], stdout=file, stderr=file, start_new_session=True)
+        process = subprocess.Popen([sys.executable, *arguments], stdout=file, stderr=file, start_new_session=True)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
 
 
 def interrupted(arguments: list[str], number: signal.Signals, moment: float, log: Path) -> dict[str, Any]:
     """Ends a command `moment` [s] after its start: what it said of it, and whether it had ended before."""
-    process = begin(arguments, log)
-    try:
-        process.wait(moment)
-    except subprocess.TimeoutExpired:
-        (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
-    try:
-        code = process.wait(PATIENCE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        return {"hangs": True, "said": "", "code": None}
+    with begun(arguments, log) as process:
+        try:
+            process.wait(moment)
+        except subprocess.TimeoutExpired:
+            (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+        try:
+            code = process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            return {"hangs": True, "said": "", "code": None}
     return {"hangs": False, "said": last_lines(log), "code": code}
 
 
@@ -183,8 +190,8 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
         one_line = number == signal.SIGKILL or end["code"] == 0 or (len(lines) == 1 and "interrupted" in lines[0])
         ends.append({"signal": number.name, "moment": moment, "one_line": one_line} | end)
         time.sleep(0.2)  # workers end with the process that started them
-    process = begin(arguments, log)
-    code = process.wait()
+    with begun(arguments, log) as process:
+        code = process.wait()
     same = results(out) == wanted
     return {"command": name, "ends": ends, "code": code, "same": same, "said": "" if code == 0 else last_lines(log)}
 
@@ -223,8 +230,9 @@ def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
             (folder / name / "inputs_are_made").touch()
         out.mkdir(exist_ok=True)
         start = time.monotonic()
-        process = begin(COMMANDS[name].arguments(inputs, out), folder / name / "log.txt")
-        if process.wait() != 0:
+        with begun(COMMANDS[name].arguments(inputs, out), folder / name / "log.txt") as process:
+            code = process.wait()
+        if code != 0:
             raise SystemExit(f"error: {name}: {last_lines(folder / name / 'log.txt')}")
         write_json(done, {"results": results(out), "time": time.monotonic() - start})
     known = json.loads(done.read_text())

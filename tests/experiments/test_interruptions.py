@@ -59,7 +59,8 @@ def test_a_command_that_writes_files_whole_gives_the_same_results(
 def test_a_command_that_does_not_is_found_out(small: Path) -> None:
     inputs, out = small / "inputs", small / "undisturbed"
     out.mkdir()
-    assert interruptions.begin(interruptions.COMMANDS["careless"].arguments(inputs, out), small / "log").wait() == 0
+    with interruptions.begun(interruptions.COMMANDS["careless"].arguments(inputs, out), small / "log") as process:
+        assert process.wait() == 0
     torn = small / "torn"
     torn.mkdir()
     for path in out.iterdir():

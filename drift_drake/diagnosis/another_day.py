@@ -13,7 +13,7 @@ import numpy as np
 from drift_drake.diagnosis.answer import Answer
 from drift_drake.diagnosis.day_beliefs import day_beliefs
 from drift_drake.diagnosis.day_gap import reduction, where
-from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
+from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.detection_limits import detection_limits
 from drift_drake.diagnosis.gross_gap import judged
@@ -97,6 +97,8 @@ def diagnose_day(
     limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"
+    if named:
+        warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     bounds = at_bound(h, search.ranges) if named else []
     answer = Answer(
@@ -155,19 +157,27 @@ def believed(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: Calibration
 ) -> tuple[Ranked, Reduction]:
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
-    kept = [none, *(h for h in others if tells_from_zero(h))]
-    refused: set[tuple[str, ...]] = set()
+    kept = [none, *(as_change(h) for h in others if tells_from_zero(h))]
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
     found = ranked(kept, *counts)
     shrinks = reduction(search, found.leading, found.leading)
     while found.leading.names and shrinks.estimate <= 0.0:
-        refused.add(found.leading.names)
-        found = ranked([h for h in kept if h.names not in refused], *counts)
+        kept = [h for h in kept if h is not found.leading]
+        found = ranked(kept, *counts)
         shrinks = reduction(search, found.leading, found.leading)
     if gross(search, found.leading) > GROSS:
         doubted = max(counts[-1], CERTAIN)
-        found = ranked([h for h in kept if h.names not in refused], *counts[:-1], doubted)
+        found = ranked(kept, *counts[:-1], doubted)
     return found, shrinks
+
+
+def unseen_sentence(name: str, q: float) -> str:
+    """That the day asks for more of the car's build than its calibration knows."""
+    unit = "" if CATALOGUE[name].unit == "-" else f" {CATALOGUE[name].unit}"
+    return (
+        f"beside it the day asks for {name} of {q:.2g}{unit}, which belongs to the car's build: the day of calibration "
+        "did not show it; calibrate on such drives too"
+    )
 
 
 def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search, effects_of
+from drift_drake.diagnosis.day_hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
 from drift_drake.estimation.scores import Normal
@@ -35,7 +35,7 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) ->
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
         q = held_out_magnitudes(search, h, fold)
-        after[held] = squares(search.normal, day.errors_with(effects_of(h.names, q, h.follows_load, day)))[held]
+        after[held] = squares(search.normal, day.errors_with(h.effects(day, q)))[held]
     sums = np.zeros((day.blocks, 3))
     for i, part in enumerate((before, after, floor)):
         np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
@@ -63,7 +63,7 @@ def held_out_magnitudes(search: Search, h: Hypothesis, fold: int) -> np.ndarray:
     part = float(np.mean(kept))
 
     def scores(q: np.ndarray) -> np.ndarray:
-        e = day.errors_with(effects_of(h.names, q, h.follows_load, day))
+        e = day.errors_with(h.effects(day, q))
         return search.kept_scores(e, kept) - part * search.scatter.mean
 
     q = h.magnitudes

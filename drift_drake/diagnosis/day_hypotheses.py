@@ -14,6 +14,7 @@ import numpy as np
 from drift_drake.diagnosis.day_ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
 from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.scores import Day, Normal, Scatter, scatter_of, summed
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
@@ -23,6 +24,7 @@ FINE = 24  # interpolated magnitudes between two of the grid
 REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
+BUILD = 0.5  # `daily` below which an effect is of the car's build
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 Errors = Callable[[Mapping[str, float]], np.ndarray]
@@ -38,10 +40,32 @@ class Hypothesis:
     nats: float  # half the squared distance of its scores from normal
     log_evidence: float
     follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`estimation.load_following`)
+    beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
 
-    def effects(self, day: Day) -> dict[str, float]:
-        """What is added to the calibrated car."""
-        return effects_of(self.names, self.magnitudes, self.follows_load, day)
+    def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
+        """What is added to the calibrated car, with other magnitudes [k] if they are given."""
+        q = self.magnitudes if magnitudes is None else magnitudes
+        return added_up(effects_of(self.names, q, self.follows_load, day), self.beside)
+
+
+def added_up(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """The sum of two sets of effects by name."""
+    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {**one, **other}}
+
+
+def as_change(h: Hypothesis) -> Hypothesis:
+    """A pair with one effect of the car's build as the other alone: a car's build does not change by the day.
+
+    That effect stays beside it, as something that calibration has not seen.
+    """
+    built = [name for name in h.names if CATALOGUE[name].daily < BUILD]
+    if len(h.names) != 2 or len(built) != 1:
+        return h
+    at = 1 - h.names.index(built[0])
+    return dataclasses.replace(
+        h, names=(h.names[at],), magnitudes=h.magnitudes[[at]], covariance=h.covariance[[at]][:, [at]],
+        beside={built[0]: float(h.magnitudes[1 - at])},
+    )  # fmt: skip
 
 
 def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float, day: Day) -> dict[str, float]:

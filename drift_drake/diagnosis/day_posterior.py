@@ -46,10 +46,12 @@ def ranked(
     none = next(h for h in hypotheses if not h.names)
     least = min(h.nats for h in hypotheses)
     tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / scores
-    values = {
-        hypothesis_name(h.names): h.log_evidence + h.nats * (1.0 - 1.0 / tempered) + prior(h, catalogue, constants)
-        for h in hypotheses
-    }
+    scored = sorted(
+        ((h.log_evidence + h.nats * (1.0 - 1.0 / tempered) + prior(h, catalogue, constants), h) for h in hypotheses),
+        key=lambda item: item[0],
+    )
+    values = {hypothesis_name(h.names): value for value, h in scored}  # the best of each name
+    hypotheses = [h for _, h in scored]
     price = 0.5 * scores * np.log(WIDE)
     values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
     return concluded_from(values, hypotheses, doubt)
@@ -57,8 +59,9 @@ def ranked(
 
 def prior(h: Hypothesis, catalogue: int, constants: Calibration) -> float:
     """Log prior of a hypothesis, but for a constant."""
-    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in h.names]))
-    return log_prior(len(h.names), catalogue, constants) + daily - SECOND * (len(h.names) > 1)
+    names = (*h.names, *h.beside)
+    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
+    return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
 
 
 def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked:

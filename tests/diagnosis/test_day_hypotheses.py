@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.day_hypotheses import Curve, Hypothesis, Search, concluded, effects_of
+from drift_drake.diagnosis.day_hypotheses import Curve, Hypothesis, Search, as_change, concluded, effects_of
 from drift_drake.diagnosis.day_posterior import (
     OF_SCATTER,
     PRIORS,
@@ -197,3 +197,30 @@ def test_a_tolerance_wider_than_one_side_of_a_range_leaves_the_other():
     h = concluded(("friction_level",), np.array([-0.45]), np.array([[0.01]]), 3.0, [r], False)
     assert np.isfinite(h.log_evidence)
     assert r.width == pytest.approx(dataclasses.replace(r, low=-0.3, high=0.525).width)
+
+
+def pair(names, magnitudes, log_evidence):
+    return Hypothesis(names, np.array(magnitudes), np.diag([1e-4, 4e-4]), -log_evidence, log_evidence)
+
+
+def test_what_belongs_to_a_cars_build_does_not_change_by_the_day():
+    h = as_change(pair(("steering_offset", "tyre_relaxation"), [0.02, 0.3], -5.0))
+    assert h.names == ("steering_offset",)
+    assert h.beside == {"tyre_relaxation": 0.3}
+    np.testing.assert_array_equal(h.covariance, [[1e-4]])
+    day = SimpleNamespace(constants=CAR.constants())
+    assert h.effects(day) == {"steering_offset": 0.02, "tyre_relaxation": 0.3}
+    assert h.effects(day, np.array([0.03])) == {"steering_offset": 0.03, "tyre_relaxation": 0.3}
+    for names in (("friction_level", "steering_offset"), ("lateral_load_transfer", "tyre_relaxation")):
+        both = pair(names, [-0.2, 0.02], -5.0)
+        assert as_change(both) is both
+
+
+def test_the_better_of_two_of_a_name_is_believed_and_pays_for_what_is_beside_it():
+    alone = single("steering_offset", 0.02, 0.001, nats=45.0)
+    joint = as_change(pair(("steering_offset", "tyre_relaxation"), [0.018, 0.3], -5.0))
+    found = ranked([NONE, alone, joint], 28, PRIORS)
+    assert found.leading is joint
+    assert found.verdict == "effect"
+    near = as_change(pair(("steering_offset", "tyre_relaxation"), [0.018, 0.3], -44.0))
+    assert ranked([NONE, alone, near], 28, PRIORS).leading is alone

@@ -6,8 +6,6 @@ Ctrl-C ends each in one line; what is done stays, and the same command goes on f
 import sys
 from types import TracebackType
 
-import diagrams  # noqa: F401 (sets the number of BLAS threads before NumPy is imported)
-
 
 def _interrupted(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     if issubclass(kind, KeyboardInterrupt):
@@ -17,3 +15,5 @@ def _interrupted(kind: type[BaseException], error: BaseException, trace: Traceba
 
 
 sys.excepthook = _interrupted
+
+import diagrams  # noqa: E402, F401 (sets the number of BLAS threads before NumPy is imported)

@@ -168,6 +168,13 @@ def interrupted(arguments: list[str], number: signal.Signals, moment: float, log
     return {"hangs": False, "said": last_lines(log), "code": code}
 
 
+def answered(end: dict[str, Any]) -> bool:
+    """Whether Ctrl-C was answered in one line: the program's, unless it had not begun or had ended."""
+    lines = end["said"].splitlines()
+    begun_already = any(package in end["said"] for package in ("drift_drake", "experiments", "interrupted"))
+    return end["code"] == 0 or not begun_already or (len(lines) == 1 and "interrupted" in lines[0])
+
+
 def last_lines(log: Path) -> str:
     """What a command said, its progress bars left out."""
     lines = log.read_text(errors="replace").replace("\r", "\n").splitlines()
@@ -186,9 +193,9 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
         number = signal.SIGINT if generator.random() < 0.5 else signal.SIGKILL
         moment = float(generator.uniform(0.0, duration))
         end = interrupted(arguments, number, moment, log)
-        lines = end["said"].splitlines()
-        one_line = number == signal.SIGKILL or end["code"] == 0 or (len(lines) == 1 and "interrupted" in lines[0])
-        ends.append({"signal": number.name, "moment": moment, "one_line": one_line} | end)
+        ends.append(
+            {"signal": number.name, "moment": moment, "one_line": number == signal.SIGKILL or answered(end)} | end
+        )
         time.sleep(0.2)  # workers end with the process that started them
     with begun(arguments, log) as process:
         code = process.wait()

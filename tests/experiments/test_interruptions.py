@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from experiments import interruptions
-from experiments.interruptions import COMMANDS, InterruptionsConfig, LongCommand, last_lines, main, results
+from experiments.interruptions import COMMANDS, InterruptionsConfig, LongCommand, answered, last_lines, main, results
 
 STEADY = """
 import sys, time
@@ -68,6 +68,20 @@ def test_a_command_that_does_not_is_found_out(small: Path) -> None:
     (torn / "3.json").write_text("{ ")
     with pytest.raises(json.JSONDecodeError):
         results(torn)
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "well"),
+    [
+        (130, "drift-drake: interrupted; files are as they were before, or complete", True),
+        (0, "done", True),
+        (-2, "Traceback\n  File site.py\nKeyboardInterrupt", True),  # Python itself had not started
+        (-2, "Traceback\n  File drift_drake/cli.py\nKeyboardInterrupt", False),
+        (1, "interrupted\nTraceback", False),
+    ],
+)
+def test_ctrl_c_is_to_be_answered_in_one_line(code: int, said: str, well: bool) -> None:
+    assert answered({"code": code, "said": said}) == well
 
 
 def test_times_are_no_results(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ class LongCommand:
 def _cases(inputs: Path) -> None:
     """Two short cases of one car, and its vehicle file."""
     from drift_drake.logs.table import write_run
-    from experiments.gap_cases import Truth, make_case
+    from experiments.gap.cases import Truth, make_case
 
     parameters = VehicleParameters()
     parameters.to_yaml(inputs / "car.yaml")

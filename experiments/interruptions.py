@@ -74,7 +74,7 @@ def _dataset(inputs: Path) -> None:
 
 def _drives(_: Path, out: Path) -> list[str]:
     none = [word for name in ("validation", "held-out", "wide") for word in (f"--{name}", "0")]
-    return ["-m", "experiments.drives", "--train", "3", *none, "--samples", "12", "--output", str(out)]
+    return ["-m", "experiments.model.drives", "--train", "3", *none, "--samples", "12", "--output", str(out)]
 
 
 COMMANDS = {

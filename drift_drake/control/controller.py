@@ -28,7 +28,8 @@ class MpcController(LeafSystem):
 
     Input ports:
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
-        theta (optional): last-layer parameters for a model that has `with_theta`; else the model as it was given.
+        theta (optional): parameters of a model that has `with_theta` (a learnt one's last layer, magnitudes of
+            effects); else the model as it was given.
         memory: the model's further states, for a model that has any.
         posterior_covariance: of the last layer [4096], with `tightening`.
 
@@ -113,7 +114,7 @@ class MpcController(LeafSystem):
         """The model with the parameters that the port gives, where there is one."""
         if self._theta is None or not self._theta.HasValue(context):
             return self.mpc.model
-        return self.mpc.model.with_theta(self._theta.Eval(context).reshape(4, -1))  # type: ignore[attr-defined]
+        return self.mpc.model.with_theta(self._theta.Eval(context))  # type: ignore[attr-defined]
 
     def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:
         """The last solution, as the Context holds it."""

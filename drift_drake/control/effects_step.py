@@ -16,7 +16,7 @@ from drift_drake.compilation import compiled
 from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
-from drift_drake.vehicle.effects import RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.effects import COUNT, RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import jitable
 
@@ -51,7 +51,12 @@ class EffectsStepModel(StepModel):
         """The same step of another car, whose effects are of the same kind."""
         other = copy.copy(self)
         other.constants, other.effects = constants, effects
+        other._substeps = max(self._substeps, _stable_substeps(effects, self.dt))
         return other
+
+    def with_theta(self, theta: Array) -> "EffectsStepModel":
+        """The same step of the car that has the effects' magnitudes `theta` in place of its own."""
+        return self.of_car(self.constants, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
         """See `MemoryObserver`."""
@@ -140,10 +145,20 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
             x_next[n, i] = z[i].real
 
 
+def _free(q: Effects) -> Array:
+    """Which of `Memory` nothing lags or relaxes [8] (bool)."""
+    relaxed = q.tyre_relaxation > 0.0
+    lagged = q.steering_lag + q.steering_rate_limit > 0.0
+    return np.array([not lagged, q.torque_lag <= 0.0, not relaxed, not relaxed, False, False, False, False])
+
+
 class MemoryObserver(LeafSystem):
     """Runs the effects' states along what is measured: they are stable, so that their initial error dies out.
 
-    Input ports: measured_state [7]; command [2], in force. Output port: memory [8] (`effects.Memory`).
+    What no effect lags or relaxes follows the commands and the slips at once, so that an effect may begin at any time.
+
+    Input ports: measured_state [7]; command [2], in force; theta (optional), magnitudes in place of the model's own.
+    Output port: memory [8] (`effects.Memory`).
     State in the Context, each `period`: the memory and the command of the last tick; the memory starts settled.
     """
 
@@ -152,11 +167,12 @@ class MemoryObserver(LeafSystem):
         self._model, self._period = model, period
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._command = self.DeclareVectorInputPort("command", 2)
+        self._theta = self.DeclareVectorInputPort("theta", COUNT)
         size = len(Memory._fields)
         # Time, memory, state and command of the last tick.
         held = self.DeclareDiscreteState(np.full(1 + STATE_SIZE + 2, np.nan))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command)}
+        inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command, self._theta)}
         self.DeclareVectorOutputPort(
             "memory",
             size,
@@ -171,16 +187,19 @@ class MemoryObserver(LeafSystem):
             return held
         measured, command = self._measured.Eval(context), self._command.Eval(context)
         model = self._model
+        if self._theta.HasValue(context):
+            model = model.with_theta(self._theta.Eval(context))
         if not np.isfinite(measured).all():  # no reading: go on from the last one
             measured = held[1:8]
+        settled = np.array(settled_memory(*measured[:4], *command, model.constants, model.effects), dtype=float)
         if np.isnan(held[0]) or not np.isfinite(held[7:-2]).all():
-            memory = np.array(settled_memory(*measured[:4], *command, model.constants, model.effects), dtype=float)
+            memory = settled
         else:
             x_next = np.empty((1, STATE_SIZE))
             substeps = _stable_substeps(model.effects, self._period)
             _steps(held[None, 1:-2].copy(), held[None, -2:].copy(), command[None].copy(), np.zeros(1), model.constants,
                    model.effects, self._period, substeps, x_next)  # fmt: skip
-            memory = x_next[0, 6:]
+            memory = np.where(_free(model.effects), settled, x_next[0, 6:])
         return np.concatenate([[t], measured[:6], memory, command])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:

@@ -70,10 +70,10 @@ class BayesianStepModel(StepModel):
         self._trapezoid = path_step == "trapezoid"
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
-        """The model with another theta [4, 16] (the features and work arrays are shared)."""
+        """The model with another theta [4, 16] or [64] (the features and work arrays are shared)."""
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
-        other._mean = self._mean.with_theta(theta)
+        other._mean = self._mean.with_theta(np.reshape(theta, (4, -1)))
         return other
 
     def observer(self, period: float) -> LeafSystem:

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
@@ -34,10 +33,11 @@ from drift_drake.estimation.filter_state import (
     transition,
 )
 from drift_drake.monitoring.nodes import Node
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.scalar import fixed_tuple
 
-EFFECTS, CONSTANTS = len(Effects._fields), len(Constants._fields)
+CONSTANTS = len(Constants._fields)
 
 
 class Bank(NamedTuple):
@@ -86,12 +86,12 @@ def make_state(bank: Bank) -> BankState:
 
 @compiled
 def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
-    constants = Constants(*to_fixed_tuple(bank.constants, CONSTANTS))
+    constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque = np.full(1, command[0]), np.full(1, command[1])
     rows = np.empty((1, MEASURED))
     rows[0] = y
     for j in range(len(state.z)):
-        effects = Effects(*to_fixed_tuple(bank.dynamic[j], EFFECTS))
+        effects = Effects(*fixed_tuple(bank.dynamic[j], COUNT))
         first_state(rows, 0, used, delta, torque, constants, effects, state.z[j])
         state.actuators[j] = command
     state.commands[:] = command
@@ -100,7 +100,7 @@ def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
         state.p[i, i] = bank.noise[i] if used[i] else UNMEASURED
     for i in range(3):
         state.p[4 + i, 4 + i] = bank.noise[6 + i] if used[6 + i] else 0.0
-    own = Effects(*to_fixed_tuple(bank.dynamic[0], EFFECTS))
+    own = Effects(*fixed_tuple(bank.dynamic[0], COUNT))
     if own.tyre_relaxation > 0.0:
         state.p[7, 7] = state.p[8, 8] = 1e-4
     _linearised(state.z[0], command[0], command[1], constants, own, state.jacobian)
@@ -126,7 +126,7 @@ def _late(commands: Any, column: Any, delay: Any, out: Any) -> Any:
 @compiled
 def _actuated(bank: Any, state: Any, j: Any, delta: Any, torque: Any) -> Any:
     """Road-wheel angle and torque of car j over the last row; carries its actuators on."""
-    effects = Effects(*to_fixed_tuple(bank.effects[j], EFFECTS))
+    effects = Effects(*fixed_tuple(bank.effects[j], COUNT))
     step = bank.period / STAGES
     _late(state.commands, 0, bank.delays[j, 0], delta)
     _late(state.commands, 1, bank.delays[j, 1], torque)
@@ -142,7 +142,7 @@ def _actuated(bank: Any, state: Any, j: Any, delta: Any, torque: Any) -> Any:
 @compiled
 def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: Any) -> Any:
     n, m = CORRECTED, MEASURED
-    constants = Constants(*to_fixed_tuple(bank.constants, CONSTANTS))
+    constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque, k, w = np.empty(STAGES + 1), np.empty(STAGES + 1), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     f, t, scratch, s, low = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((m, m)), np.zeros((m, m))
     h, ph, gain, whitening = np.zeros((m, n)), np.zeros((n, m)), np.zeros((n, m)), np.zeros((m, m))
@@ -152,7 +152,7 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     transition(state.jacobian, bank.period, f, t, scratch)
     propagate(f, bank.process, bank.period, state.p, t)
     for j in range(len(state.z)):
-        effects, z = Effects(*to_fixed_tuple(bank.dynamic[j], EFFECTS)), state.z[j]
+        effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
         advance(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.pushes[j], k)

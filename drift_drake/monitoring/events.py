@@ -7,43 +7,48 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.posterior import UNKNOWN
-from drift_drake.monitoring.monitor import TRUSTED, Monitor, State
+from drift_drake.monitoring.monitor import Monitor
+from drift_drake.monitoring.renewal import NAMED, TRUSTED
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 ALARM = 0.05  # probability of none, below which a change is reported
-NAMED = 0.8  # probability, from which on a cause is
+PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
 
 
 @dataclasses.dataclass(frozen=True)
 class Events:
-    """What has been told: whether there is a change, and which cause."""
+    """What has been told: whether there is a change, and which cause; and what is about to be."""
 
     changed: bool = False
     cause: str | None = None
+    candidate: str | None = None
+    count: int = 0  # verdicts in a row that name the candidate
 
-    def after(self, monitor: Monitor, state: State, t: float) -> tuple["Events", list[dict[str, Any]]]:
-        """What has been told after a verdict at t [s], and what it adds, as plain data."""
-        p, new = state.verdict[:-4], list[dict[str, Any]]()
+    def after(self, monitor: Monitor, verdict: np.ndarray, t: float) -> tuple["Events", list[dict[str, Any]]]:
+        """What has been told after a verdict (`monitor.State`) at t [s], and what it adds, as plain data."""
+        p, new = verdict[:-4], list[dict[str, Any]]()
         told = self
         if told.changed and p[0] >= TRUSTED:
             told, new = Events(), [{"t": t, "event": "over"}]
         if not told.changed and p[0] < ALARM:
-            told = Events(changed=True)
-            new.append({"t": t, "event": "change"} | details(monitor, state))
+            told = Events(True)
+            new.append({"t": t, "event": "change"} | details(monitor, verdict))
         if told.changed:
             leading = 1 + int(np.argmax(p[1:]))
             name = monitor.labels[leading]
-            if p[leading] >= NAMED and name != told.cause:
-                told = Events(True, name)
-                new.append({"t": t, "event": "cause"} | details(monitor, state))
+            sure = p[leading] >= NAMED
+            told = Events(True, told.cause, name if sure else None, told.count * (name == told.candidate) + sure)
+            if told.count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS) and name != told.cause:
+                told = dataclasses.replace(told, cause=name)
+                new.append({"t": t, "event": "cause"} | details(monitor, verdict))
         return told, [{key: _rounded(value) for key, value in event.items()} for event in new]
 
 
-def details(monitor: Monitor, state: State) -> dict[str, Any]:
+def details(monitor: Monitor, verdict: np.ndarray) -> dict[str, Any]:
     """The leading hypothesis that is not none: probability, magnitude, onset."""
-    p = state.verdict[:-4]
+    p = verdict[:-4]
     leading = 1 + int(np.argmax(p[1:]))
-    name, (q, low, high, onset) = monitor.labels[leading], state.verdict[-4:]
+    name, (q, low, high, onset) = monitor.labels[leading], verdict[-4:]
     out = {"cause": name, "probability": p[leading], "none": p[0], "onset": onset}
     if name == UNKNOWN:
         return out

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr
 
 from drift_drake.diagnosis.posterior import NONE, UNKNOWN
 from drift_drake.monitoring.history import History, Sums, since, until
@@ -38,6 +38,11 @@ class Problem(NamedTuple):
 
     nodes: tuple[Node, ...]
     names: tuple[str, ...]  # of the effects
+    member: np.ndarray  # [n, effects] 1 where the node is the effect's
+    log_prior: np.ndarray  # [n] of each node once something of the catalogue has changed; minus infinity for forces
+    mean: np.ndarray  # [n] of the amplitude; likewise
+    deviation: np.ndarray  # [n]
+    signed: np.ndarray  # [n] bool
     tolerance: np.ndarray  # [n] standard deviation of each node's amplitude within the vehicle file's tolerances
     excess: np.ndarray  # [n, n] covariance of scores beyond white innovations, by roots of information
 
@@ -56,8 +61,15 @@ class Verdict(NamedTuple):
 def make_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarray | None = None) -> Problem:
     """The problem of nodes; without `excess`, innovations are white."""
     names = tuple(dict.fromkeys(node.name for node in nodes if node.name not in FORCES))
+    member = np.array([[node.name == name for name in names] for node in nodes], dtype=float)
+    daily = np.array([CATALOGUE[name].daily for name in names])
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(member @ (daily / daily.sum() / member.sum(axis=0)))
+    mean, deviation, signed = (np.array([getattr(node, key) for node in nodes]) for key in
+                               ("mean", "deviation", "signed"))  # fmt: skip
     n = len(nodes)
-    return Problem(tuple(nodes), names, tolerance, np.zeros((n, n)) if excess is None else excess)
+    return Problem(tuple(nodes), names, member, log_prior, mean, deviation, signed, tolerance,
+                   np.zeros((n, n)) if excess is None else excess)  # fmt: skip
 
 
 def residual_scores(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
@@ -78,6 +90,14 @@ def residual_scores(problem: Problem, recent: Sums, older: Sums) -> tuple[np.nda
     return score, covariance
 
 
+def whitened(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
+    """Whitened scores w [m, n], and their mean [m, n, n] by amplitudes: w = M a + white noise."""
+    score, covariance = residual_scores(problem, recent, older)
+    root = np.linalg.cholesky(covariance)
+    both = np.linalg.solve(root, np.concatenate([score[:, :, None], recent.information], axis=2))
+    return both[:, :, 0], both[:, :, 1:]
+
+
 def judge(problem: Problem, beliefs: Beliefs, history: History, block: float) -> Verdict:
     """The posterior at the end of a history of blocks of `block` seconds."""
     ages, recent = since(history)
@@ -85,14 +105,9 @@ def judge(problem: Problem, beliefs: Beliefs, history: History, block: float) ->
         p = np.zeros(len(problem.names) + 2)
         p[0] = 1.0
         return Verdict(p, np.nan, np.nan, np.nan, np.nan, 0.0)
-    older = until(history)
-    score, covariance = residual_scores(problem, recent, older)
-    root = np.linalg.cholesky(covariance)
-    whitened = np.linalg.solve(root, np.concatenate([score[:, :, None], recent.information], axis=2))
-    w, m = whitened[:, :, 0], whitened[:, :, 1:]
+    w, m = whitened(problem, recent, until(history))
     a, b = np.einsum("mij,mij->mj", m, m), np.einsum("mij,mi->mj", m, w)
-    mean, deviation = (np.array([getattr(node, key) for node in problem.nodes]) for key in ("mean", "deviation"))
-    signed = np.array([node.signed for node in problem.nodes])
+    mean, deviation, signed = problem.mean, problem.deviation, problem.signed
     explained = 0.5 * b**2 / np.maximum(a, 1e-12) * (signed | (b > 0.0))
     temper = 1.0 + 2.0 * beliefs.shape**2 * float(np.max(explained)) / len(problem.nodes)
     a, b = a / temper, b / temper
@@ -107,7 +122,7 @@ def judge(problem: Problem, beliefs: Beliefs, history: History, block: float) ->
     begun = np.log(beliefs.hazard * spans)
     if not np.any(history.before.rows):
         begun[-1] = np.logaddexp(begun[-1], np.log(beliefs.gap_at_start))
-    joint = begun[:, None] + log_factor + _log_priors(problem, beliefs)
+    joint = begun[:, None] + log_factor + problem.log_prior + np.log(1.0 - beliefs.unknown)
     return _verdict(problem, joint, begun + unknown + np.log(beliefs.unknown), amplitude, precision, ages, block)
 
 
@@ -120,34 +135,28 @@ def _unknown(m: np.ndarray, w: np.ndarray, temper: float, deviation: float) -> n
     return np.asarray(0.5 * np.sum(projected**2, axis=1) / temper - price)
 
 
-def _log_priors(problem: Problem, beliefs: Beliefs) -> np.ndarray:
-    """Log prior [n] of each node once something has changed; minus infinity for forces."""
-    daily = sum(CATALOGUE[name].daily for name in problem.names)
-    counts = {name: sum(node.name == name for node in problem.nodes) for name in problem.names}
-    share = [0.0 if node.name in FORCES else CATALOGUE[node.name].daily / daily / counts[node.name]
-             for node in problem.nodes]  # fmt: skip
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log((1.0 - beliefs.unknown) * np.array(share)))
-
-
 def _verdict(
     problem: Problem, joint: np.ndarray, unknown: np.ndarray, amplitude: np.ndarray, precision: np.ndarray,
     ages: np.ndarray, block: float,
 ) -> Verdict:  # fmt: skip
     """Marginals of joint log posteriors [m, n] of ages and nodes, of `unknown` [m], against zero for none."""
-    of = np.array([problem.names.index(node.name) if node.name in problem.names else -1 for node in problem.nodes])
-    values = [0.0, *(logsumexp(joint[:, of == i]) for i in range(len(problem.names))), logsumexp(unknown)]
-    p = np.exp(values - logsumexp(values))
-    leading = int(np.argmax(p[1:-1]))
-    part = joint[:, of == leading]
-    share = np.exp(part - logsumexp(part))
-    nodes = [node for node, i in zip(problem.nodes, of, strict=True) if i == leading]
-    q = np.array([[node.magnitude_at(x) for node, x in zip(nodes, row, strict=True)]
-                  for row in amplitude[:, of == leading]])  # fmt: skip
-    spread = np.array([node.magnitude for node in nodes]) / np.sqrt(precision[:, of == leading])
+    top = max(0.0, float(joint.max()), float(unknown.max()))
+    weight, other = np.exp(joint - top), np.exp(unknown - top)
+    by_effect = weight.sum(axis=0) @ problem.member
+    p = np.array([np.exp(-top), *by_effect, other.sum()])
+    p /= p.sum()
+    leading = int(np.argmax(by_effect))
+    if by_effect[leading] == 0.0:  # nothing but unknown counts
+        nan = float("nan")
+        return Verdict(p, nan, nan, nan, float(other @ ages / other.sum()) * block, float(ages[np.argmax(other)]))
+    own = np.flatnonzero(problem.member[:, leading])
+    share = weight[:, own] / by_effect[leading]
+    nodes = [problem.nodes[i] for i in own]
+    q = np.array([[node.magnitude_at(x) for node, x in zip(nodes, row, strict=True)] for row in amplitude[:, own]])
+    spread = np.array([node.magnitude for node in nodes]) / np.sqrt(precision[:, own])
     mean = float(np.sum(share * q))
     half = TWO_SIDED * float(np.sqrt(np.sum(share * (spread**2 + (q - mean) ** 2))))
-    by_age = share.sum(axis=1) if p[-1] < p[1 + leading] else np.exp(unknown - logsumexp(unknown))
+    by_age = share.sum(axis=1) if other.sum() < by_effect[leading] else other / other.sum()
     edge = float(ages[int(np.argmax(by_age))])
     return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge)
 

@@ -83,14 +83,19 @@ def _joined(lengths: list[float], blocks: list[Sums], newer: int) -> None:
         length = min(2.0 * length, LONGEST)
 
 
-def newest(history: History, blocks: float) -> History:
-    """The history with only so many of its last blocks (whole slots), and nothing before them."""
-    kept = np.cumsum(history.lengths) <= blocks
-    kept &= history.lengths > 0.0
-    count = int(np.count_nonzero(kept))
+def newest(history: History, blocks: float, edge: float) -> History:
+    """The history with only so many of its last blocks (whole slots); what is older than the edge came before them.
+
+    What lies between is left out: there the car was another one.
+    """
+    ages = np.cumsum(history.lengths)
+    there = history.lengths > 0.0
+    count = int(np.count_nonzero(there & (ages <= blocks)))
+    old = there & (ages > edge + 0.5)
+    before = Sums(*(b + a[old].sum(axis=0) for b, a in zip(history.before, history.blocks, strict=True)))
     sums = [Sums(*(a[i] for a in history.blocks)) for i in range(count)]
     lengths = [float(length) for length in history.lengths[:count]]
-    return History(_filled(lengths), _stacked(sums, history.blocks), Sums(*(0.0 * a for a in history.before)))
+    return History(_filled(lengths), _stacked(sums, history.blocks), before)
 
 
 def since(history: History) -> tuple[np.ndarray, Sums]:

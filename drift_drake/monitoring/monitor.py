@@ -13,6 +13,7 @@ from drift_drake.monitoring.bank import Bank, BankState, make_bank
 from drift_drake.monitoring.evidence import Beliefs, Problem, judge, labels, make_problem
 from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
 from drift_drake.monitoring.nodes import Node, make_nodes
+from drift_drake.monitoring.renewal import TRUSTED, renewed
 from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -24,7 +25,8 @@ CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
 STATES = ("r", "v", "beta", "omega_r")
-TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
+TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
+TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
 SLOWEST = 3.0  # [m/s] below which the equations are not judged
 SPIN = 1.2  # [rad]
 
@@ -89,12 +91,11 @@ def make_monitor(
 
 
 def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
-    """Standard deviation [n] of each node's amplitude within the vehicle file's tolerances; one node an effect."""
-    out, taken = np.zeros(len(nodes)), set[str]()
+    """Standard deviation [n] of each node's amplitude within the vehicle file's tolerances."""
+    out = np.zeros(len(nodes))
     for i, node in enumerate(nodes):
-        tolerance = CATALOGUE[node.name].tolerance if node.name in CATALOGUE else None
-        if tolerance and node.name not in taken:
-            taken.add(node.name)
+        tolerance = TOLERANCES.get(node.name)
+        if tolerance:
             out[i] = abs(float(getattr(vehicle.tolerance, tolerance)) / node.magnitude)
     return out
 
@@ -145,6 +146,8 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
     n = len(monitor.problem.nodes)
     history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
     verdict = judge(monitor.problem, monitor.beliefs, history, BLOCK)
+    if verdict.probabilities[0] < TRUSTED:
+        history, verdict = renewed(monitor.problem, monitor.beliefs, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
     return State(np.array([rows, 0.0, edge]), state.bank, no_sums(n), packed(history), values)

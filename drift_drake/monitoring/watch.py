@@ -60,5 +60,5 @@ def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.n
     for row in rows:
         state = advance(monitor, state, row.y, row.command, row.t)
         if state.clock[0] > 1.0 and state.clock[1] == 0.0:
-            told, events = told.after(monitor, state, row.t)
+            told, events = told.after(monitor, state.verdict, row.t)
             yield row.t, state.verdict, events

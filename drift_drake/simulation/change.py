@@ -4,11 +4,14 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from pydrake.systems.framework import Context
+
 from drift_drake.errors import InvalidOptionError
 from drift_drake.simulation.faults import Fault, friction_at, patches
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import PathPlant
 from drift_drake.vehicle.plausible import check_effects
 
 
@@ -53,3 +56,15 @@ def with_patches(change: Change | None, effects: Effects, faults: Sequence[Fault
         friction = friction_at(t, faults) * (1.0 + now.friction_level) - 1.0
         changes.append(Change(t, now._replace(friction_level=friction)))
     return changes
+
+
+def make_change(change: Change, plant: PathPlant, context: Context, command: Sequence[float]) -> None:
+    """Makes a plant the other car, in its Context; actuators that begin to lag do so from the command in force [2]."""
+    parameter = context.get_mutable_numeric_parameter(1)
+    before = Effects(*parameter.CopyToVector())
+    parameter.SetFromVector(change.effects)
+    state, names = context.get_mutable_continuous_state_vector(), plant.state_names
+    lagged = (before.steering_lag + before.steering_rate_limit, before.torque_lag)
+    for name, value, lag in zip(("steering", "torque"), command, lagged, strict=True):
+        if lag == 0.0:
+            state.SetAtIndex(names.index(name), float(value))

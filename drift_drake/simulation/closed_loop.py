@@ -22,10 +22,12 @@ from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
+from drift_drake.monitoring.in_loop import logged_ports, watching
+from drift_drake.monitoring.monitor import Monitor
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.change import Change, check_change, with_patches
+from drift_drake.simulation.change import Change, check_change, make_change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults, behind
 from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault, patches
 from drift_drake.simulation.innovation import Innovation
@@ -35,7 +37,7 @@ from drift_drake.simulation.safe_stop import SafeStop
 from drift_drake.simulation.screening import Screen
 from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS, STATES
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 from drift_drake.vehicle.plant import acts_on_motion
@@ -100,6 +102,8 @@ class ClosedLoop:
         detector: OutOfDistributionDetector | None = None,
         plant: PathPlant | None = None,
         faults: Sequence[Fault] = (),
+        monitor: Monitor | None = None,
+        correct: bool = False,
     ) -> None:
         """Builds the diagram.
 
@@ -110,9 +114,11 @@ class ClosedLoop:
             detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
             plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
             faults: what goes wrong in the loop.
+            monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`);
+            correct: the controller takes what it names (`monitoring.correction`), with an `EffectsStepModel`.
 
         Raises:
-            ValueError: a detector, or a tightened lane, without an adapter.
+            ValueError: a detector, or a tightened lane, without an adapter; a correction without a monitor or model.
         """
         if control.tightening > 0.0 and adapter is None:
             raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
@@ -143,7 +149,7 @@ class ClosedLoop:
                 control.period,
                 control.delay,
                 self.initial_command,
-                theta_size=MEAN_COUNT if adapter else 0,
+                theta_size=MEAN_COUNT if adapter else COUNT if correct else 0,
                 tightening=tightening,
             ),
         )
@@ -164,6 +170,11 @@ class ClosedLoop:
         self.safe_stop = self._add_safe_stop(builder, control, plan, state)
         if self.safe_stop is not None:
             plan = self.safe_stop.GetOutputPort("supervised_plan")
+        self.monitor, measured_state, theta = watching(
+            builder, monitor, measured_state, command_in_force, self.car.GetOutputPort("log_row"), correct and model
+        )
+        if theta is not None:
+            builder.Connect(theta, self.controller.GetInputPort("theta"))
         for_solver = behind(
             builder, measured_state, "solver_faults", SOLVER_KINDS, lambda: SolverFaults(faults), faults
         )
@@ -188,6 +199,8 @@ class ClosedLoop:
             for name, port in (("measured_state", measured_state), ("command", command_in_force)):
                 if observer.HasInputPort(name):
                     builder.Connect(port, observer.GetInputPort(name))
+            if theta is not None:
+                builder.Connect(theta, observer.GetInputPort("theta"))
             learners = [system for system in (adapter, detector) if system is not None]
             for system, name in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
                 builder.Connect(observer.get_output_port(), system.GetInputPort(name))
@@ -276,8 +289,8 @@ class ClosedLoop:
                     break
                 status = simulator.AdvanceTo(event.time)
                 if not status.message():
-                    plant_context = plant.GetMyMutableContextFromRoot(context)
-                    plant_context.get_mutable_numeric_parameter(1).SetFromVector(event.effects)
+                    command = self.actuator.GetOutputPort("command").Eval(self.actuator.GetMyContextFromRoot(context))
+                    make_change(event, plant, plant.GetMyMutableContextFromRoot(context), command)
             if not status.message():
                 status = simulator.AdvanceTo(end)
             if not status.message() and self._stopping(context):
@@ -285,7 +298,8 @@ class ClosedLoop:
             outcome: Outcome = status.message() or "time is up"
         except (MotionError, RuntimeError, SystemExit) as failure:  # SystemExit is how Drake's assertions fail
             outcome, error = "simulation failed", one_line(failure)
-        return ClosedLoopRun(self._logs.table(simulator.get_context()), outcome, reference, self.parameters, error)
+        table, watched = self._logs.table(simulator.get_context()), self.monitor and self.monitor.monitor
+        return ClosedLoopRun(table, outcome, reference, self.parameters, error, watched)
 
     def _logged(
         self, received: OutputPort, detector: OutOfDistributionDetector | None
@@ -314,6 +328,8 @@ class ClosedLoop:
             logged["stopping"] = (self.safe_stop.GetOutputPort("stopping"), ("stopping",))
         if detector is not None:
             logged |= {name: (detector.GetOutputPort(name), (f"ood_{name}",)) for name in DETECTION}
+        if self.monitor is not None:
+            logged |= logged_ports(self.monitor)
         return logged
 
 
@@ -326,6 +342,7 @@ class ClosedLoopRun:
     reference: Reference
     parameters: VehicleParameters
     error: str = ""  # why the simulation failed
+    monitor: Monitor | None = None  # that watched, if one did
 
     def metrics(self) -> RunMetrics:
         """The run in numbers."""

@@ -1,18 +1,26 @@
 """The closed loop as a command: what to drive with which model, and what a run leaves behind."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
+from drift_drake.monitoring.events import sentence
+from drift_drake.monitoring.in_loop import events_of
+from drift_drake.monitoring.monitor import make_monitor
+from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.trajectory import figure_8, loops
 from drift_drake.run_folder import make_run_folder
+from drift_drake.safe_files import write_text
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.results import write_results
@@ -48,6 +56,9 @@ class ClosedLoopConfig:
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch. See docs/robustness.md."""
+    monitor: Literal["off", "watch", "correct"] = "off"
+    """Watch what the simulator comes to lack (events.jsonl in the folder); correct: the controller takes what is
+    named, on the motion in its model, of a sensor in the readings. For the nominal model."""
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
@@ -75,8 +86,13 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     effects = config.effects()
     plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
     faults = [parse_fault(text) for text in config.fault]
+    monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
+    if config.monitor == "correct":
+        if config.model != "nominal":
+            raise InvalidOptionError(f"--monitor correct is for --model nominal, not {config.model}; choose watch")
+        model = EffectsStepModel(parameters, Effects())
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
-                      faults=faults)  # fmt: skip
+                      faults=faults, monitor=monitor, correct=config.monitor == "correct")  # fmt: skip
 
 
 def simulate(config: ClosedLoopConfig) -> ClosedLoopRun:
@@ -96,6 +112,11 @@ def main(config: ClosedLoopConfig) -> None:
         return
     run = simulate(config)
     m = run.metrics()
+    events = [] if run.monitor is None else events_of(run.monitor, run.table)
+    if run.monitor is not None:
+        write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
+    for event in events:
+        print(sentence(event))
     write_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
     print(
         f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "

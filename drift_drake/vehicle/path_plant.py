@@ -53,6 +53,7 @@ class PathPlant:
     """
 
     path: CurvedPath | None
+    state_names: tuple[str, ...]
     scalar: Any
 
     def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:

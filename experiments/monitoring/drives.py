@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.effects import Effects, settled_memory
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.rollout import LOG_STATES, advance, start
+from drift_drake.vehicle.effects import Effects, combined, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap import cases as gap_cases
-from experiments.gap.cases import NOISE, PERIOD, SPIN, Driver, sensed
+from experiments.gap.cases import NOISE, PERIOD, SPIN, Driver, sensed, true_constants
 from experiments.gap.strange_effects import Strange
+from experiments.other_worlds.drivers import DayDriver
 
 SLOWEST = 3.0  # [m/s] at which a drive ends
 NOTHING = Strange(*([0.0] * len(Strange._fields)))
@@ -18,15 +21,20 @@ NOTHING = Strange(*([0.0] * len(Strange._fields)))
 
 def changed_drive(
     kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0,
-    vehicle: VehicleParameters | None = None,
+    vehicle: VehicleParameters | None = None, deviations: dict[str, float] | None = None, until: float = np.inf,
 ) -> Run:  # fmt: skip
-    """A drive of the nominal car that has `effects` from `onset` [s] on; it ends early where the car spins.
+    """A drive of the nominal car that has `effects` on its motion from `onset` [s] on, and no more `until` [s].
 
-    The commands' part of the effects' memory begins settled at the change: actuators that begin to lag do not jump.
+    It ends early where the car spins.
+
+    Args:
+        kind: of `gap.cases.MANOEUVRES`; deviations: of the car from the vehicle, within its tolerances.
     """
     vehicle = vehicle or VehicleParameters()
-    driver, constants = Driver(kind, np.random.default_rng([seed, 0]), vehicle), vehicle.constants()
-    rows, nominal = round(duration / PERIOD) + 1, Effects()
+    driver = Driver(kind, np.random.default_rng([seed, 0]), vehicle)
+    constants, offset = true_constants(vehicle, deviations or {})
+    rows, nominal = round(duration / PERIOD) + 1, Effects(steering_offset=offset)
+    effects = combined(nominal, effects)
     delta, tau = np.zeros(rows), np.zeros(rows)
     state = driver.start()
     delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
@@ -39,13 +47,37 @@ def changed_drive(
     states[0], accelerations[0] = z, scratch[17:]
     end, change = rows, round(onset / PERIOD)
     for row in range(rows - 1):
-        if row == change:
+        if row == change:  # actuators and tyres that begin to lag do so from where they are
             z[7:11] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, effects)[:4]
         delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
-        now = effects if row >= change else nominal
+        now = effects if change <= row < until / PERIOD else nominal
         accelerations[row + 1] = gap_cases._advance(z, row, delta, tau, constants, now, NOTHING)
         states[row + 1] = z
         if abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST:
+            end = row + 1
+            break
+    return sensed_across(states[:end], accelerations[:end], delta[:end], tau[:end], effects, onset, seed)
+
+
+def changed_double_track_drive(
+    kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0, car: str = "coupe"
+) -> Run:
+    """The same of a double-track car; `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
+    parameters = CARS[car]
+    driver, p = DayDriver(kind, np.random.default_rng([seed, 0]), parameters), parameters.constants()
+    rows, nominal = round(duration / PERIOD) + 1, Effects()
+    delta, tau = np.zeros(rows), np.zeros(rows)
+    states, accelerations = np.zeros((rows, len(LOG_STATES))), np.zeros((rows, 2))
+    states[0], accelerations[0] = start(driver.start(), (0.0, 0.0), p, nominal)
+    end, change = rows, round(onset / PERIOD)
+    for row in range(rows - 1):
+        if row == change:
+            states[row, 7:9] = delta[row], tau[row]
+        z = states[row]
+        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z, (delta[row], tau[row]))
+        now = effects if row >= change else nominal
+        states[row + 1], accelerations[row + 1] = advance(z, row, delta, tau, p, now)
+        if abs(states[row + 1, 2]) > SPIN or states[row + 1, 1] < SLOWEST:
             end = row + 1
             break
     return sensed_across(states[:end], accelerations[:end], delta[:end], tau[:end], effects, onset, seed)

@@ -6,10 +6,11 @@ import pytest
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.events import sentence
-from drift_drake.monitoring.history import Sums, since, unpacked
+from drift_drake.monitoring.history import Sums, no_sums, since, unpacked
+from drift_drake.monitoring.limits import limits
 from drift_drake.monitoring.monitor import SETTLING, advance, summed
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.monitoring.drives import changed_drive
 
@@ -73,3 +74,27 @@ def test_missing_readings_are_waited_through(monitor, changed_run):
         state = advance(monitor, state, y, row.command, row.t)
     assert np.isfinite(state.verdict[:-4]).all()
     assert state.verdict[0] > 0.5
+
+
+def test_a_change_that_is_over_is_told():
+    effects, end = make_effects({"friction_level": -0.25}), 4.5
+    run = changed_drive("power", effects, ONSET, seed=6, duration=8.0, until=end)
+    monitor = monitor_of(run, VehicleParameters(), Effects())
+    told = [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
+    over = [event["t"] for event in told if event["event"] == "over"]
+    assert over
+    assert over[0] > end
+    assert any(event.get("cause") == "friction_level" for event in told)
+
+
+def test_limits_fall_with_time_and_are_not_below_what_was_seen(monitor, changed_run):
+    """Twice the time halves a limit at the most; an effect beyond its limit is seen, one at zero has none."""
+    n = len(monitor.problem.nodes)
+    history = unpacked(states(monitor, changed_run, 240)[-1].history, n)
+    ages, recent = since(history)
+    nothing = no_sums(n)
+    found = [limits(monitor.problem, monitor.beliefs, Sums(*(a[i] for a in recent)), nothing, 1.0, 0.05)
+             for i in (len(ages) // 2, -1)]  # fmt: skip
+    for short, long in zip(*found, strict=True):
+        assert 0.0 < long.detected <= short.detected
+        assert long.named >= long.detected

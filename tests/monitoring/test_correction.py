@@ -1,0 +1,49 @@
+"""The policy: what the controller believes after a verdict, and what readings lose."""
+
+import numpy as np
+import pytest
+
+from drift_drake.monitoring.correction import GapCorrection, corrected, corrected_reading, for_model
+from drift_drake.vehicle.effects import COUNT, Effects, make_effects, measured
+
+
+def posterior(monitor, **probabilities: float) -> np.ndarray:
+    return np.array([probabilities.get(name, 0.0) for name in monitor.labels])
+
+
+def test_a_named_cause_is_taken_and_kept_until_the_simulator_is_believed_again(monitor):
+    nothing = np.zeros(COUNT)
+    named = corrected(nothing, monitor.labels, posterior(monitor, friction_level=0.9, none=0.1), -0.2)
+    assert Effects(*named) == make_effects({"friction_level": -0.2})
+    doubted = corrected(named, monitor.labels, posterior(monitor, friction_level=0.5, unknown=0.5), -0.3)
+    np.testing.assert_array_equal(doubted, named)
+    followed = corrected(named, monitor.labels, posterior(monitor, friction_level=0.9), -0.25)
+    assert Effects(*followed).friction_level == -0.25
+    assert not corrected(named, monitor.labels, posterior(monitor, none=0.9, mass_error=0.1), 0.1).any()
+
+
+@pytest.mark.parametrize("name", ["steering_delay", "sensor_latency", "unknown"])
+def test_what_no_model_can_take_changes_nothing(monitor, name):
+    assert not corrected(np.zeros(COUNT), monitor.labels, posterior(monitor, **{name: 1.0}), 0.1).any()
+
+
+def test_a_reading_loses_its_sensors_errors():
+    q = make_effects({"gyro_bias": 0.02, "sideslip_bias": -0.03, "wheel_radius_error": 0.04})
+    true = np.array([0.5, 11.0, -0.4, 14.0, 0.1, 0.05, 3.0])
+    reading = true.copy()
+    reading[0], reading[2], reading[3] = measured(true[0], true[2], true[3], q)
+    reading[5] += q.sideslip_bias
+    np.testing.assert_allclose(corrected_reading(reading, np.array(q)), true, rtol=1e-12)
+    assert not for_model(np.array(q)).any()
+
+
+def test_the_system_holds_a_correction(monitor):
+    system = GapCorrection(monitor)
+    context = system.CreateDefaultContext()
+    system.GetInputPort("posterior").FixValue(context, posterior(monitor, sideslip_bias=0.95, none=0.05))
+    system.GetInputPort("magnitude").FixValue(context, [0.02, 0.01, 0.03])
+    system.GetInputPort("measured_state").FixValue(context, [0.5, 11.0, -0.4, 14.0, 0.1, 0.05, 3.0])
+    assert system.GetOutputPort("corrected_state").Eval(context)[2] == -0.4
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    assert system.GetOutputPort("corrected_state").Eval(context)[2] == pytest.approx(-0.42)
+    assert not system.GetOutputPort("effects").Eval(context).any()

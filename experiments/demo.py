@@ -19,11 +19,12 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.diagnose import Diagnosis, diagnose_folder
+from drift_drake.diagnosis.diagnose import Diagnosis, diagnose
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import Gathered, taught
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.logs.table import read_case
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import standardized_errors
@@ -94,7 +95,7 @@ def drift(job: DriveJob) -> tuple[str, DriveResult]:
 
 def diagnosed(log: Path) -> Diagnosis:
     """The diagnosis of the log, which knows the vehicle file and nothing else."""
-    return diagnose_folder(log, VehicleParameters(), workers=1)
+    return diagnose(read_case(log), VehicleParameters(), case=log.name, workers=1)
 
 
 def one_step_errors(

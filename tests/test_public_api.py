@@ -1,5 +1,6 @@
 """The library's names: all there, and none imported before it is used."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,14 @@ ROOT = Path(__file__).parents[1]
 def test_every_name_is_there_and_documented(name: str) -> None:
     thing = getattr(drift_drake, name)
     assert name == "CATALOGUE" or thing.__doc__
+
+
+def test_the_api_page_has_every_name() -> None:
+    stub, page = (ROOT / "drift_drake" / "__init__.pyi").read_text(), (ROOT / "docs" / "api.md").read_text()
+    wanted = {
+        f"::: drift_drake.{module}.{name}" for module, name in re.findall(r"from \.([\w.]+) import (\w+) as", stub)
+    }
+    assert {line for line in page.splitlines() if line.startswith(":::")} == wanted
 
 
 def test_the_import_itself_costs_nothing() -> None:

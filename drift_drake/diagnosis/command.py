@@ -19,6 +19,7 @@ from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
+from drift_drake.progress import progress_bar
 from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -169,12 +170,7 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
         from drift_drake.diagnosis.diagnose import answer_folder
         from drift_drake.estimation.filter import filter_run
     say_if_it_compiles(filter_run, "the filter")
-    with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
-
-        def show(stage: str, share: float) -> None:
-            bar.set_description(stage)
-            bar.update(round(100 * share) - bar.n)
-
+    with progress_bar(command.quiet) as show:
         diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
     _say(diagnosis.answer, to=said_to(command.json))
     if command.json is not None:

@@ -216,16 +216,6 @@ def find_gap(
     return where
 
 
-def diagnose_folder(folder: str | Path, vehicle: VehicleParameters, workers: int = 2, **options: Any) -> Diagnosis:
-    """Diagnoses one case folder (`logs.table.read_case`), with the noise that its import stated."""
-    folder = Path(folder)
-    found_from = {KEY: provenance(folder, vehicle, options)}
-    options.setdefault("stated", stated_noise(folder))
-    found = diagnose(read_case(folder), vehicle, case=case_name(folder), workers=workers, **options)
-    answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)
-    return dataclasses.replace(found, answer=answer)
-
-
 def answer_folder(
     folder: str | Path,
     vehicle: VehicleParameters,

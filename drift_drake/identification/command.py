@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from tqdm import tqdm
 
 from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
+from drift_drake.progress import progress_bar
 from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
@@ -70,12 +70,7 @@ def run_identify(command: Identify) -> None:
         from drift_drake.estimation.filter import filter_run
         from drift_drake.identification.identify import identify_folders
     say_if_it_compiles(filter_run, "the filter")
-    with tqdm(total=100, disable=command.quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
-
-        def show(stage: str, share: float) -> None:
-            bar.set_description(stage)
-            bar.update(round(100 * share) - bar.n)
-
+    with progress_bar(command.quiet) as show:
         found = identify_folders(
             command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show,
             criterion=command.criterion, tolerances=stated_tolerances(command.vehicle),

@@ -26,7 +26,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.diagnose import diagnose_folder
+from drift_drake.diagnosis.diagnose import Diagnosis, answer_folder
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text
@@ -137,7 +137,8 @@ def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any
     """Diagnoses one case; returns the answer's JSON and the evidences behind it."""
     vehicle = VehicleParameters.from_yaml(folder.parent.parent / "vehicle.yaml")
     catalogue = [name for name in CATALOGUE if name not in without]
-    diagnosis = diagnose_folder(folder, vehicle, workers=1, catalogue=catalogue)
+    diagnosis = answer_folder(folder, vehicle, workers=1, catalogue=catalogue)
+    assert isinstance(diagnosis, Diagnosis)  # without another day's calibration
     evidence = {"+".join(f.names): e for f, e in diagnosis.found.hypotheses()}
     fits = {
         "+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names}

@@ -12,8 +12,8 @@ from drift_drake.identification.calibration import Calibration, Identification, 
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
 from drift_drake.identification.held_out import compare, judged, squares_of, without_fold
+from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, seen, widened
-from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -65,7 +65,7 @@ def identify_by_likelihood(
         case=case,
         parameters=parameters,
         correlation=correlation.tolist(),
-        untold=untold([list(parameters)[i] for i in free], prior[free], covariance[np.ix_(free, free)]),
+        not_identified=not_identified([list(parameters)[i] for i in free], prior[free], covariance[np.ix_(free, free)]),
         tied=tied(list(parameters), correlation),
         left_out=dropped,
         held_out=held,

@@ -7,7 +7,7 @@ from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.scores import Normal
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.held_out import HeldOut
-from drift_drake.identification.untold import Direction
+from drift_drake.identification.not_identified import Direction
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -34,7 +34,7 @@ class Calibration:
     case: str
     parameters: dict[str, Parameter]
     correlation: list[list[float]]
-    untold: list[Direction]
+    not_identified: list[Direction]
     tied: list[tuple[str, str, float]]
     left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
     held_out: HeldOut
@@ -59,10 +59,10 @@ class Calibration:
                 f"{self.case}: no better than the first guess: half a second ahead on parts that were not fitted, "
                 f"errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of its."
             )
-        told = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
+        identified = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
         free = sum(1 for p in self.parameters.values() if p.kind != "known")
         return (
-            f"{self.case}: {told} of {free} parameters told by the logs; half a second ahead on parts that were not "
+            f"{self.case}: {identified} of {free} parameters identified; half a second ahead on parts that were not "
             f"fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first guess's."
         )
 

@@ -100,9 +100,9 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     for name, p in c.parameters.items():
         lines.append(f"  {name:<28}{row(p)}")
     if c.left_out:
-        lines.append(f"Not told from zero, and left out of the vehicle file: {', '.join(c.left_out)}.")
-    lines += [f"Not told: {direction.sentence()}." for direction in c.untold]
-    lines += [f"Told only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+        lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
+    lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
+    lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
     if c.normal is not None:
         where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
         lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")

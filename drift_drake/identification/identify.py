@@ -20,9 +20,9 @@ from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Trust
+from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.identification.unknowns import check_names
-from drift_drake.identification.untold import tied, untold
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
@@ -154,7 +154,7 @@ def stated_in_full(
     covariance = found.correlation * np.outer(sigmas, sigmas)
     calibration = Calibration(
         case=case, parameters=parameters, correlation=found.correlation.tolist(),
-        untold=untold(shown, prior_of, covariance), tied=tied(shown, found.correlation),
+        not_identified=not_identified(shown, prior_of, covariance), tied=tied(shown, found.correlation),
         left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
         seconds=0.0, warnings=[white.sentence(), *worse_states(found)], criterion="prediction", normal=found.normal,
     )  # fmt: skip

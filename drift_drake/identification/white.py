@@ -28,6 +28,8 @@ class Whiteness:
 
     def sentence(self) -> str:
         """Why prediction was the criterion."""
+        if not np.isfinite(self.mean_square):
+            return "calibrated by prediction: the filter of the nominal equations loses the car on these logs"
         return (
             f"calibrated by prediction: innovations are not white (mean square {self.mean_square:.3g}, correlation "
             f"from row to row {self.correlation:.2f})"

@@ -60,12 +60,12 @@ def test_effects_that_are_not_there_are_left_out(identified):
     assert identified.effects.aero_drag == 0.0
 
 
-def test_without_torque_what_only_torque_tells_stays_untold(strange_car_runs):
+def test_without_torque_what_only_torque_tells_stays_not_identified(strange_car_runs):
     runs = [run.without("tau_cmd") for run in strange_car_runs[:2]]
     found = identify(runs, VehicleParameters(), names=("steering_lag", "torque_lag"), criterion="likelihood")
     c = found.calibration
     assert "torque_lag" not in c.parameters
-    assert {"gear_ratio", "rear_axle_inertia"} <= {name for direction in c.untold for name in direction.parts}
+    assert {"gear_ratio", "rear_axle_inertia"} <= {name for direction in c.not_identified for name in direction.parts}
     assert c.parameters["gear_ratio"].deviation == pytest.approx(c.parameters["gear_ratio"].prior, rel=0.01)
 
 

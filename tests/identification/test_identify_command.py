@@ -31,7 +31,7 @@ def test_a_calibrated_file_and_json_on_standard_output(files, capsys):
     vehicle, effects = read_vehicle(files / "car.yaml")
     assert vehicle.friction == pytest.approx(data["parameters"]["friction"]["estimate"], rel=1e-3)
     assert effects.steering_lag > 0.0
-    assert "told by the logs" in error
+    assert "parameters identified" in error
     assert "--process-scale" in error
 
 

@@ -27,6 +27,7 @@ def test_of_a_wrong_car_they_are_not(nominal_runs):
     assert found.mean_square > 2.0
     assert found.correlation > 0.5
     assert "innovations are not white" in found.sentence()
+    assert "inf" not in Whiteness(np.inf, 1.0).sentence()
 
 
 def test_of_another_kind_of_car_they_are_not(other_car):

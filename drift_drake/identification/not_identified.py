@@ -1,11 +1,11 @@
-"""What the logs cannot tell: directions of the unknowns in which the posterior is not much narrower than the prior."""
+"""What the logs do not identify: directions of the unknowns whose posterior is not much narrower than the prior."""
 
 import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
-UNTOLD = 0.5  # of the prior's standard deviation that is left
+LEFT = 0.5  # of the prior's standard deviation that is left
 PART = 0.3  # of a direction's length that a parameter must hold to be named
 SIMILAR = 0.95  # correlation beyond which two parameters are told only together
 
@@ -25,7 +25,7 @@ class Direction:
         return f"{' against '.join(filter(None, sides))} ({100 * self.left:.0f} % of the priors' width is left)"
 
 
-def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:
+def not_identified(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:
     """Combinations that stay as they were believed, the worst first.
 
     Args:
@@ -34,7 +34,7 @@ def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> l
     left, directions = np.linalg.eigh(covariance / np.outer(prior, prior))
     out = []
     for i in np.argsort(-left):
-        if np.sqrt(max(left[i], 0.0)) <= UNTOLD:
+        if np.sqrt(max(left[i], 0.0)) <= LEFT:
             break
         v = directions[:, i] * np.sign(directions[np.argmax(np.abs(directions[:, i])), i])
         order = np.argsort(-np.abs(v))
@@ -44,7 +44,7 @@ def untold(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> l
 
 
 def tied(names: Sequence[str], correlation: np.ndarray) -> list[tuple[str, str, float]]:
-    """Pairs of parameters that are told only together, the closest first."""
+    """Pairs of parameters that are identified only together, the closest first."""
     pairs = [
         (names[i], names[j], float(correlation[i, j]))
         for i in range(len(names))

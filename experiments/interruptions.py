@@ -26,6 +26,7 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
+from drift_drake.interruption import terminable
 from drift_drake.run_folder import is_done, make_run_folder, write_json
 from drift_drake.safe_files import PARTIAL, write_table
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -156,6 +157,7 @@ def begun(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 def interrupted(arguments: list[str], number: signal.Signals, moment: float, log: Path) -> dict[str, Any]:
     """Ends a command `moment` [s] after its start: what it said of it, and whether it had ended before."""
+    start = time.monotonic()
     with begun(arguments, log) as process:
         try:
             process.wait(moment)
@@ -164,8 +166,8 @@ def interrupted(arguments: list[str], number: signal.Signals, moment: float, log
         try:
             code = process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
-            return {"hangs": True, "said": "", "code": None}
-    return {"hangs": False, "said": last_lines(log), "code": code}
+            return {"hangs": True, "said": "", "code": None, "seconds": PATIENCE}
+    return {"hangs": False, "said": last_lines(log), "code": code, "seconds": time.monotonic() - start}
 
 
 def answered(end: dict[str, Any]) -> bool:
@@ -205,6 +207,8 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
 
 def main(config: InterruptionsConfig) -> None:
     """Makes the interruptions that are missing and tells what came of them."""
+    # Commands inherit what is ignored: a shell's background jobs ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = make_run_folder("interruptions", config.out)
     undisturbed = {name: _undisturbed(name, folder) for name in config.commands}
     found = []
@@ -215,9 +219,13 @@ def main(config: InterruptionsConfig) -> None:
             generator = np.random.default_rng([config.seed, index])
             trial = folder / "attempts" / f"{index:03d}_{os.getpid()}"
             wanted, duration = undisturbed[name]
-            write_json(path, attempt(name, folder / name / "inputs", trial, wanted, duration, generator))
+            made = attempt(name, folder / name / "inputs", trial, wanted, duration, generator)
+            # Where a command had ended before it was to be interrupted, the next moments are drawn earlier.
+            shorter = min([duration, *(end["seconds"] for end in made["ends"] if end["code"] == 0)])
+            undisturbed[name] = wanted, shorter
+            write_json(path, made)
         found.append(json.loads(path.read_text()))
-    ends = [end for one in found for end in one["ends"]]
+    ends = [end for one in found for end in one["ends"] if end["code"] != 0]
     write_table(pd.DataFrame([{"command": one["command"], "same": one["same"]} for one in found]),
                 folder / "attempts.csv", index=False)  # fmt: skip
     print(f"{len(ends)} interruptions of {len(found)} commands ({', '.join(config.commands)}): "
@@ -247,4 +255,5 @@ def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(InterruptionsConfig))
+    with terminable():
+        main(tyro.cli(InterruptionsConfig))

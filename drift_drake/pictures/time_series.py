@@ -65,6 +65,7 @@ def time_series(
     grid = figure.subplots(4, 2, sharex=True)
     states = grid[:, 0]
     _draw_transitions(grid.ravel(), runs, reference, against)
+    faults = _draw_faults(grid.ravel(), runs, against)
 
     lines = (
         (states[0], "sideslip [deg]", 2, "beta", DEGREES),
@@ -107,7 +108,8 @@ def time_series(
     steering.plot([], [], color=BOUND, linewidth=0.8, label="bound")
     steering.fill_between([], [], color=TRANSITION, label="transition")
     handles, labels = steering.get_legend_handles_labels()
-    shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in ("bound", "transition")]
+    named = ("bound", "transition", *faults)
+    shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in named]
     steering.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
@@ -168,3 +170,25 @@ def _draw_transitions(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame
         for axes in grid:
             axes.axvspan(position[begin], position[min(end, len(position) - 1)], color=TRANSITION, linewidth=0.0,
                          zorder=0.5)  # fmt: skip
+
+
+def _draw_faults(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], against: str) -> list[str]:
+    """Where one run's readings were screened out, and where the car was being stopped; the legend's words for them."""
+    run = next(iter(runs.values()))
+    if len(runs) > 1:
+        return []
+    drawn = []
+    position = run[against].to_numpy(dtype=float)
+    if "stopping" in run and (run["stopping"] > 0.0).any():
+        for axes in grid:
+            axes.axvspan(position[run["stopping"] > 0.0][0], position[-1], color=BOUND, alpha=0.12, linewidth=0.0)
+        grid[1].fill_between([], [], color=BOUND, alpha=0.12, label="being stopped")
+        drawn.append("being stopped")
+    if "reading" in run and (run["reading"] > 0.0).any():
+        refused = position[run["reading"] > 0.0]
+        for axes in grid:
+            axes.plot(refused, np.full(len(refused), 0.02), "|", color=BOUND, markersize=4.0,
+                      transform=axes.get_xaxis_transform())  # fmt: skip
+        grid[1].plot([], [], "|", color=BOUND, label="reading screened out")
+        drawn.append("reading screened out")
+    return drawn

@@ -36,7 +36,8 @@ class ClosedLoopDrive:
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
-    dropout, nan, freeze, spike, bias, delay (of the measured state), lost_plans, late_plans."""
+    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
+    clock_drift, saturated (the actuator), friction_patch."""
     out: Path | None = None
     """Folder for the results; runs/closed_loop-DATE-TIME without."""
     graph: bool = False

@@ -55,7 +55,7 @@ class ClosedLoopConfig:
     fault: tuple[str, ...] = ()
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
-    clock_drift, saturated (the actuator), friction_patch. See docs/robustness.md."""
+    clock_drift, saturated (the actuator), friction_patch."""
     monitor: Literal["off", "watch", "correct"] = "off"
     """Watch what the simulator comes to lack (events.jsonl in the folder); correct: the controller takes what is
     named, on the motion in its model, of a sensor in the readings. For the nominal model."""

@@ -36,6 +36,21 @@ def test_inputs_come_with_their_bounds(eight, perfect_run):
     assert torque == [NOMINAL.torque_min, NOMINAL.torque_max]
 
 
+def test_faults_and_what_follows_are_drawn_for_a_single_run(eight, perfect_run):
+    late = perfect_run["t"] > perfect_run["t"].iloc[-1] - 1.0
+    faulted = perfect_run.assign(reading=late.astype(float), stopping=late.astype(float))
+
+    def words(figure):
+        return [text.get_text() for text in panel(figure, "steering angle [deg]").get_legend().get_texts()]
+
+    one, two = (
+        time_series({"driven": faulted}, eight, NOMINAL),
+        time_series({"a": faulted, "b": faulted}, eight, NOMINAL),
+    )
+    assert {"being stopped", "reading screened out"} <= set(words(one))
+    assert words(two) == words(time_series({"driven": perfect_run}, eight, NOMINAL)) == ["bound", "transition"]
+
+
 def test_transitions_are_shaded_where_the_reference_has_them(eight, perfect_run):
     axes = panel(time_series({"driven": perfect_run}, eight, NOMINAL), "sideslip [deg]")
     (band,) = axes.patches

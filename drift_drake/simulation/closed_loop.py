@@ -16,7 +16,6 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import DT, plan_size
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
-from drift_drake.control.tightening import LaneTightening
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
@@ -31,6 +30,7 @@ from drift_drake.simulation.change import Change, check_change, make_change, wit
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults, behind
 from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault, patches
 from drift_drake.simulation.innovation import Innovation
+from drift_drake.simulation.learners import connect_learners, connect_observer, lane_tightening
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.safe_stop import SafeStop
@@ -120,15 +120,7 @@ class ClosedLoop:
         Raises:
             ValueError: a detector, or a tightened lane, without an adapter; a correction without a monitor or model.
         """
-        if control.tightening > 0.0 and adapter is None:
-            raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
-        tightening = (
-            LaneTightening(adapter.model.network, adapter.model.sigma, control.tightening)
-            if adapter is not None and control.tightening > 0.0
-            else None
-        )
-        if detector is not None and adapter is None:
-            raise ValueError("a detector judges by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        tightening = lane_tightening(control.tightening, adapter, detector)
         if plant is None and patches(faults) and not acts_on_motion(effects):
             effects = effects._replace(aero_drag=NEGLIGIBLE)
         self.parameters, self.reference, self.adapter, self.effects = parameters, reference, adapter, effects
@@ -137,28 +129,14 @@ class ClosedLoop:
         self.initial_command = (float(at_start[0]), float(at_start[1]))
         builder = DiagramBuilder()
         self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
-        self.controller = builder.AddNamedSystem(
-            "controller",
-            MpcController(
-                model,
-                parameters,
-                reference,
-                control.horizon,
-                control.weights,
-                SqpOptions.real_time(control.iterations),
-                control.period,
-                control.delay,
-                self.initial_command,
-                theta_size=MEAN_COUNT if adapter else COUNT if correct else 0,
-                tightening=tightening,
-            ),
-        )
-        self.actuator = builder.AddNamedSystem(
-            "actuator",
-            LinearInterpolationActuator(
-                parameters, control.horizon, DT, control.period, initial_command=self.initial_command
-            ),
-        )
+        self.controller = builder.AddNamedSystem("controller", MpcController(
+            model, parameters, reference, control.horizon, control.weights, SqpOptions.real_time(control.iterations),
+            control.period, control.delay, self.initial_command,
+            theta_size=MEAN_COUNT if adapter else COUNT if correct else 0, tightening=tightening,
+        ))  # fmt: skip
+        self.actuator = builder.AddNamedSystem("actuator", LinearInterpolationActuator(
+            parameters, control.horizon, DT, control.period, initial_command=self.initial_command
+        ))  # fmt: skip
         received = behind(builder, self.car.GetOutputPort("measured_state"), "sensor_faults", SENSOR_KINDS,
                           lambda: SensorFaults(faults, control.period), faults)  # fmt: skip
         plan = behind(builder, self.controller.GetOutputPort("plan"), "plan_faults", PLAN_KINDS,
@@ -179,31 +157,10 @@ class ClosedLoop:
             builder, measured_state, "solver_faults", SOLVER_KINDS, lambda: SolverFaults(faults), faults
         )
         builder.Connect(for_solver, self.controller.GetInputPort("measured_state"))
-        if adapter is not None:
-            builder.AddNamedSystem("adapter", adapter)
-            builder.Connect(measured_state, adapter.GetInputPort("measured_state"))
-            builder.Connect(command_in_force, adapter.GetInputPort("command"))
-            builder.Connect(adapter.GetOutputPort("posterior_mean"), self.controller.GetInputPort("theta"))
-            if tightening is not None:
-                covariance = adapter.GetOutputPort("posterior_covariance")
-                builder.Connect(covariance, self.controller.GetInputPort("posterior_covariance"))
-        if adapter is not None and detector is not None:
-            builder.AddNamedSystem("detector", detector)
-            builder.Connect(measured_state, detector.GetInputPort("measured_state"))
-            builder.Connect(command_in_force, detector.GetInputPort("command"))
-            for name in ("posterior_mean", "posterior_covariance"):
-                builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
-        observer = model.observer(control.period)
-        if observer is not None:
-            builder.AddNamedSystem("observer", observer)
-            for name, port in (("measured_state", measured_state), ("command", command_in_force)):
-                if observer.HasInputPort(name):
-                    builder.Connect(port, observer.GetInputPort(name))
-            if theta is not None:
-                builder.Connect(theta, observer.GetInputPort("theta"))
-            learners = [system for system in (adapter, detector) if system is not None]
-            for system, name in [(self.controller, "memory"), *((system, "lagged_command") for system in learners)]:
-                builder.Connect(observer.get_output_port(), system.GetInputPort(name))
+        connect_learners(builder, self.controller, adapter, detector, measured_state, command_in_force,
+                         tightening is not None)  # fmt: skip
+        ports = {"measured_state": measured_state, "command": command_in_force, "theta": theta}
+        connect_observer(builder, model, control.period, self.controller, [adapter, detector], ports)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
         command = behind(builder, command_in_force, "actuator_faults", ACTUATOR_KINDS,
                          lambda: ActuatorFaults(faults, parameters), faults)  # fmt: skip

@@ -230,5 +230,3 @@ if __name__ == "__main__":
         main(tyro.cli(CampaignConfig))
     except DriftDrakeError as error:
         sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        sys.exit("interrupted; the same command with --out goes on where it was")

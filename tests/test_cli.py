@@ -141,7 +141,11 @@ def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
     answer, plan = tmp_path / "answer.json", tmp_path / "plan.csv"
     given = ["--vehicle", str(vehicle_path)]
     assert main(["diagnose", str(tmp_path), *given, "--json", str(answer), "--quiet"]) == 0
-    assert main(["plan-next", str(answer), *given, "--out", str(plan)]) == 0
+    expected = tmp_path / "expected.json"
+    assert main(["plan-next", str(answer), *given, "--out", str(plan), "--json", str(expected)]) == 0
+    told = json.loads(expected.read_text())
+    assert len(told["nats"]) == len(told["hypotheses"]) >= 2
+    assert told["probability_after"] >= told["probability_before"]
     assert "is expected to fall behind" in capsys.readouterr().out
     table = pd.read_csv(plan)
     assert len(table) == 451

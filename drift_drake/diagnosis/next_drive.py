@@ -76,6 +76,17 @@ class NextDrive:
         """By how many standard deviations the leading hypothesis and its first rival are told apart, at the least."""
         return float(np.sqrt(2.0 * min(self.nats[0, 1], self.nats[1, 0])))
 
+    def expectations(self) -> dict[str, Any]:
+        """What the drive is expected to tell, as plain data."""
+        return {
+            "kind": self.kind,
+            "hypotheses": list(self.names),
+            "nats": self.nats.tolist(),
+            "probability_before": self.before,
+            "probability_after": self.after,
+            "sigmas": self.sigmas,
+        }
+
     def commands(self) -> Commands:
         """At 100 Hz, as the actuator interpolates them."""
         t = np.arange(ROWS * (len(self.u) - 1) + 1) / ROWS

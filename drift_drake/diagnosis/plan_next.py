@@ -10,7 +10,9 @@ import tyro
 from drift_drake.diagnosis.answer import read_answer
 from drift_drake.diagnosis.provenance import check_diagnosed
 from drift_drake.interruption import ended_at_once
+from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
+from drift_drake.standard_output import said_to, write_text
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
@@ -33,6 +35,8 @@ class PlanNext:
     """Speed that the drive is led towards [m/s]."""
     half_width: float = 3.0
     """Of the lane [m]."""
+    json: Path | None = None
+    """Where to write what the drive is expected to tell, as JSON (-: standard output)."""
 
 
 def run_plan_next(command: PlanNext) -> None:
@@ -41,11 +45,13 @@ def run_plan_next(command: PlanNext) -> None:
     vehicle, own = read_vehicle(command.vehicle)
     if warning := check_diagnosed(answer, vehicle, own, command.vehicle):
         print(f"warning: {warning}", file=sys.stderr)
-    try_outputs({"--out": command.out}, [command.answer, command.vehicle])
+    try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
         from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer
 
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
-    print(f"{command.out}: {drive.sentence()}")
+    print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))
+    if command.json is not None:
+        write_text(command.json, to_json(drive.expectations()))

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import tyro
 
+import drift_drake
 from drift_drake.cli import load, main
 
 ROOT = Path(__file__).parents[2]
@@ -49,6 +50,12 @@ def test_links_and_pictures_are_there(page):
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         if "://" not in target:
             assert (page.parent / target).exists(), f"{names(page)}: {target}"
+
+
+def test_the_api_page_has_every_name_of_the_library():
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    listed = {line.rsplit(".", 1)[1] for line in page.splitlines() if line.startswith("::: drift_drake.")}
+    assert listed == set(drift_drake.__all__)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=names)

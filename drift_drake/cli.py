@@ -40,6 +40,7 @@ COMMANDS = {
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
     "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),
+    "fleet": Command("drift_drake.monitoring.fleet_command", "many cars and days: what all lack, what one has"),
     "effects": Command(
         "drift_drake.diagnosis.effects_command", "the effects that can be named, and what shows them", "ListEffects"
     ),

@@ -1,8 +1,12 @@
 """`drift-drake watch`: what the simulator comes to lack during a drive, told as the log's rows come."""
 
 import dataclasses
+import itertools
 import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -10,7 +14,7 @@ from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
@@ -27,6 +31,10 @@ class Watch:
     """What the simulator believes of the car (YAML)."""
     json: Path | None = None
     """Where to write the events, one JSON object a line (-: standard output)."""
+    follow: bool = False
+    """Wait for further rows: the log (a CSV) is still being written. Events are then written as they come."""
+    idle: float = 0.0
+    """With --follow: end after so many seconds without a new row; 0: never."""
 
 
 def run_watch(command: Watch) -> None:
@@ -41,16 +49,31 @@ def run_watch(command: Watch) -> None:
     with ended_at_once():
         from drift_drake.logs.table import read_run
         from drift_drake.monitoring.events import sentence
-        from drift_drake.monitoring.watch import monitor_of, rows_of, watched
+        from drift_drake.monitoring.follow import as_row, growing_lines, growing_rows, head_of
+        from drift_drake.monitoring.watch import Row, monitor_of, rows_of, watched
 
-    run = read_run(command.log)
-    monitor = monitor_of(run, vehicle, own)
-    told = []
-    for _, _, events in watched(monitor, rows_of(run)):
+    rows: Iterator[Row]
+    if command.follow:
+        coming = growing_rows(command.log, growing_lines(command.log, command.idle))
+        head, first = head_of(command.log, coming)
+        monitor, rows = monitor_of(head, vehicle, own), map(as_row, itertools.chain(first, coming))
+    else:
+        run = read_run(command.log)
+        monitor, rows = monitor_of(run, vehicle, own), rows_of(run)
+    told, end = [], 0.0
+    for t, _, events in watched(monitor, rows):
+        end = t
         for event in events:
             print(sentence(event), file=said_to(command.json), flush=True)
         told += events
+        if events and command.json is not None and command.follow:
+            write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else told))
+            sys.stdout.flush()
     if not told:
-        print(f"{command.log}: nothing has changed in {run.t[-1] - run.t[0]:.0f} s", file=said_to(command.json))
-    if command.json is not None:
-        write_text(command.json, "".join(json.dumps(event) + "\n" for event in told))
+        print(f"{command.log}: nothing has changed until {end:.0f} s", file=said_to(command.json))
+    if command.json is not None and not (command.follow and told):
+        write_text(command.json, _lines(told))
+
+
+def _lines(events: Sequence[Mapping[str, Any]]) -> str:
+    return "".join(json.dumps(event) + "\n" for event in events)

@@ -1,0 +1,101 @@
+"""`drift-drake fleet`: many cars and days at once; what all lack, what one car lacks, what a day brings."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from drift_drake.interruption import ended_at_once
+from drift_drake.logs.table import InvalidLogError, run_paths
+from drift_drake.run_folder import to_json
+from drift_drake.safe_files import try_outputs
+from drift_drake.standard_output import said_to, write_text
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+if TYPE_CHECKING:
+    from drift_drake.monitoring import fleet
+
+
+@dataclasses.dataclass(frozen=True)
+class Fleet:
+    """Tell what the simulator lacks of all cars of a fleet, of single cars, and of single days.
+
+    drift-drake fleet logs --vehicle car.yaml --picture fleet.png
+
+    LOGS holds a folder for each car, and in it runs (run_0.csv, ...) or a folder of runs for each day.
+    """
+
+    folder: tyro.conf.Positional[Path]
+    """Folder of cars."""
+    vehicle: Path
+    """What the simulator believes of every car (YAML)."""
+    json: Path | None = None
+    """Where to write what was found (-: standard output)."""
+    picture: Path | None = None
+    """Where to draw it: cars by effects (PNG)."""
+    workers: int = 2
+    """Processes."""
+
+
+def run_fleet(command: Fleet) -> None:
+    """`drift-drake fleet`.
+
+    Raises:
+        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+    """
+    vehicle, own = read_vehicle(command.vehicle)
+    folders = day_folders(command.folder)
+    try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle])
+    with ended_at_once():
+        from drift_drake.monitoring.fleet import compared
+        from drift_drake.monitoring.fleet_days import days_of, problem_of
+
+    days = days_of(folders, vehicle, own, command.workers)
+    found = compared(problem_of(folders, vehicle, own), days)
+    print("\n".join(lines(found)), file=said_to(command.json))
+    if command.json is not None:
+        write_text(command.json, to_json(found))
+    if command.picture is not None:
+        from drift_drake.monitoring.fleet_picture import draw_fleet  # matplotlib is slow to import
+        from drift_drake.safe_files import write_figure
+
+        write_figure(draw_fleet(found), command.picture)
+        print(f"{command.picture}: cars by effects", file=said_to(command.json))
+
+
+def day_folders(folder: Path) -> dict[tuple[str, str], Path]:
+    """Folders of runs by (car, day).
+
+    Raises:
+        InvalidLogError: there is no such folder, or none with runs in it.
+    """
+    if not folder.is_dir():
+        raise InvalidLogError(f"{folder}: no such folder; a fleet is a folder of cars, which are folders of runs")
+    out = {}
+    for car in sorted(path for path in folder.iterdir() if path.is_dir()):
+        if run_paths(car):
+            out[car.name, "runs"] = car
+        for day in sorted(path for path in car.iterdir() if path.is_dir()):
+            if run_paths(day):
+                out[car.name, day.name] = day
+    if not out:
+        raise InvalidLogError(f"{folder}: holds no cars; give a folder of cars, which are folders of runs (run_0.csv)")
+    return out
+
+
+def lines(found: "fleet.Fleet") -> Sequence[str]:
+    """What was found, a line each."""
+    from drift_drake.vehicle.catalogue import CATALOGUE
+
+    out = [f"{len(found.cars)} cars, {found.days} days"]
+    for term in sorted(found.terms, key=lambda t: (("fleet", "car", "day").index(t.level), t.owner, -t.probability)):
+        unit = CATALOGUE[term.effect].unit
+        size = f"{term.magnitude:+.3g}{'' if unit == '-' else ' ' + unit} (95 %: {term.low:.3g} to {term.high:.3g})"
+        owner = "all cars" if term.level == "fleet" else term.owner
+        out.append(f"  {owner}: {term.effect} {size}, probability {term.probability:.2f}")
+    if not found.terms:
+        out.append("  nothing that the simulator lacks")
+    out += [f"  outlier: {day}, {z:.1f} standard deviations beyond what is told" for day, z in found.outliers.items()]
+    return out

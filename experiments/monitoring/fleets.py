@@ -1,0 +1,66 @@
+"""A fleet of cars with one effect that all share and some of their own: are they all named?
+
+    python -m experiments.monitoring.fleets OUT --cars 30 --own 5
+
+Each car has deviations within its file's tolerances too, and two drives a day. Writes the logs and truth.json; then
+`drift-drake fleet OUT --vehicle OUT/vehicle.yaml`.
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from drift_drake.logs.table import write_run
+from drift_drake.run_folder import write_json
+from drift_drake.vehicle.effects import make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.gap.cases import drawn_deviations
+from experiments.monitoring.drives import changed_drive
+
+SHARED = {"aero_drag": 1.2}
+OWN: tuple[dict[str, float], ...] = (
+    {"rear_stiffness_error": -0.2}, {"steering_delay": 0.04}, {"torque_gain_error": -0.12}, {"mass_error": 0.1},
+    {"sideslip_bias": 0.02},
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """A fleet."""
+
+    out: Annotated[Path, tyro.conf.Positional]
+    cars: int = 30
+    own: int = 5
+    """Cars with an effect of their own, at most 5."""
+    days: int = 1
+    duration: float = 8.0
+    """[s] of a drive."""
+    seed: int = 0
+
+
+def main(config: Config) -> None:
+    """Writes the fleet."""
+    vehicle = VehicleParameters()
+    rng = np.random.default_rng([config.seed, 9])
+    odd = rng.choice(config.cars, size=config.own, replace=False)
+    own = {f"car_{car:02d}": OWN[i] for i, car in enumerate(odd)}
+    for car in range(config.cars):
+        name = f"car_{car:02d}"
+        effects = make_effects(SHARED | own.get(name, {}))
+        deviations = drawn_deviations(rng, vehicle.tolerance)
+        for day in range(config.days):
+            for i, kind in enumerate(("slalom", "power")):
+                seed = 1000 * config.seed + 100 * car + 10 * day + i
+                run = changed_drive(kind, effects, 0.0, seed, config.duration, vehicle, deviations)
+                folder = config.out / name / f"day_{day}"
+                folder.mkdir(parents=True, exist_ok=True)
+                write_run(run, folder / f"run_{i}.csv")
+    vehicle.to_yaml(config.out / "vehicle.yaml")
+    write_json(config.out / "truth.json", {"shared": SHARED, "own": own})
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Config, description=__doc__))

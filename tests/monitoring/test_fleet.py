@@ -1,0 +1,69 @@
+"""A fleet in one model: what all share, what one car has, what one day brings; from sums that are drawn here."""
+
+import numpy as np
+import pytest
+
+from drift_drake.errors import DriftDrakeError
+from drift_drake.monitoring.evidence import make_problem
+from drift_drake.monitoring.fleet import Day, compared
+from drift_drake.monitoring.fleet_command import day_folders, lines
+from drift_drake.monitoring.fleet_picture import draw_fleet
+from drift_drake.monitoring.history import Sums
+from drift_drake.monitoring.nodes import make_nodes
+from drift_drake.vehicle.parameters import VehicleParameters
+
+NODES = make_nodes(["aero_drag", "mass_error", "steering_delay", "gyro_bias", "torque_gain_error"], VehicleParameters())
+PROBLEM = make_problem(NODES, np.zeros(len(NODES)))
+NAMES = [node.name for node in NODES]
+
+
+def day(rng: np.random.Generator, car: str, name: str, amplitudes: dict[str, float]) -> Day:
+    """A day whose innovations are white about known amplitudes."""
+    g = rng.normal(size=(200, len(NODES)))
+    truth = np.zeros(len(NODES))
+    for effect, amplitude in amplitudes.items():
+        truth[NAMES.index(effect)] = amplitude
+    score = g.T @ (g @ truth + rng.normal(size=len(g)))
+    return Day(car, name, Sums(np.array(200.0), np.array(0.0), np.array(200.0), score, g.T @ g))
+
+
+def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dict[str, dict[str, float]]):
+    rng = np.random.default_rng(3)
+    days = [day(rng, f"car_{c}", f"day_{d}", shared | own.get(f"car_{c}", {}) | daily.get(f"car_{c}/day_{d}", {}))
+            for c in range(6) for d in range(2)]  # fmt: skip
+    return compared(PROBLEM, days)
+
+
+def test_shared_own_and_daily_effects_are_told_apart():
+    found = fleet({"aero_drag": 0.6}, {"car_2": {"mass_error": 0.8}}, {"car_4/day_1": {"gyro_bias": -0.9}})
+    told = {(term.level, term.owner, term.effect): term for term in found.terms}
+    assert set(told) == {
+        ("fleet", "", "aero_drag"),
+        ("car", "car_2", "mass_error"),
+        ("day", "car_4/day_1", "gyro_bias"),
+    }
+    drag = told["fleet", "", "aero_drag"]
+    truth = 0.6 * NODES[NAMES.index("aero_drag")].magnitude
+    assert drag.low - 0.05 < truth < drag.high + 0.05
+    assert not found.outliers
+    assert "all cars: aero_drag" in "\n".join(lines(found))
+    draw_fleet(found)
+
+
+def test_a_fleet_that_the_simulator_knows_has_nothing_to_tell():
+    found = fleet({}, {}, {})
+    assert not found.terms
+    assert lines(found)[1].strip() == "nothing that the simulator lacks"
+
+
+def test_folders_of_cars_and_days(tmp_path):
+    for place in ("a/monday/run_0.csv", "a/tuesday/run_0.csv", "b/run_0.csv"):
+        path = tmp_path / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    assert list(day_folders(tmp_path)) == [("a", "monday"), ("a", "tuesday"), ("b", "runs")]
+    with pytest.raises(DriftDrakeError, match="no such folder"):
+        day_folders(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DriftDrakeError, match="holds no cars"):
+        day_folders(tmp_path / "empty")

@@ -1,0 +1,55 @@
+"""A log that is still being written: complete lines only, and a sentence for what cannot be used."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from drift_drake.errors import DriftDrakeError
+from drift_drake.monitoring.follow import as_row, growing_lines, growing_rows, head_of
+
+HEADER = "t,r,v,beta,omega_r,delta_cmd,tau_cmd\n"
+
+
+def line(i: int) -> str:
+    return f"{0.01 * i:.2f},0.1,10.0,0.0,10.0,0.02,30.0\n"
+
+
+def test_rows_come_as_they_are_written(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(HEADER + line(0) + line(1)[:7])
+
+    def write() -> None:
+        time.sleep(0.15)
+        with path.open("a") as file:
+            file.write(line(1)[7:] + line(2))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    rows = list(growing_rows(path, growing_lines(path, 0.5)))
+    writer.join()
+    assert [row["t"] for row in rows] == [0.0, 0.01, 0.02]
+    row = as_row(rows[-1])
+    np.testing.assert_array_equal(row.command, [0.02, 30.0])
+    assert np.isnan(row.y[4:]).all()
+
+
+def test_the_head_is_a_run(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text(HEADER + "".join(line(i) for i in range(400)))
+    rows = growing_rows(path, growing_lines(path, 0.1))
+    run, first = head_of(path, rows)
+    assert len(run) == len(first) == 301
+    assert len(list(rows)) == 99
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("t,r,v\n", "missing column delta_cmd, tau_cmd"), (HEADER + "0.0,x,1\n", "line 2"), (HEADER, "no rows")],
+)
+def test_what_cannot_be_followed_is_said(tmp_path, text, said):
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(DriftDrakeError, match=said):
+        head_of(path, growing_rows(path, growing_lines(path, 0.1)))

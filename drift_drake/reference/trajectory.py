@@ -49,10 +49,10 @@ class Reference:
 
     Attributes:
         path: the path, whose length is the grid's end.
-        s: grid [M] [m], uniform, from 0 to the path's length.
+        s: grid [M] in m, uniform, from 0 to the path's length.
         v, beta, r, omega_r: states wanted [M]; delta, tau: inputs that go with them [M].
-        curvature: of the path [M] [1/m].
-        e_min, e_max: lane bounds [M] [m], e_min < 0 < e_max.
+        curvature: of the path [M] in 1/m.
+        e_min, e_max: lane bounds [M] in m, e_min < 0 < e_max.
         in_transition: whether the car is between two steady drifts [M].
         distance: [m] to drive in all, several laps of a closed path perhaps.
     """
@@ -123,7 +123,7 @@ class Reference:
         return (1.0 - weight) * self._table[index] + weight * self._table[index + 1]
 
     def time(self, s: ArrayLike) -> Array:
-        """Time [...] [s] at which a car on the reference is at s [...] [m]; 0 at s = 0."""
+        """Time [...] in s at which a car on the reference is at s [...] in m; 0 at s = 0."""
         s = np.asarray(s, dtype=float)
         within, laps = self._wrapped(s)
         beyond = np.zeros_like(s) if self.path.closed else s - within
@@ -131,7 +131,7 @@ class Reference:
         return np.interp(within, self.s, self._time) + laps * self._time[-1] + beyond / end_speed
 
     def position(self, time: ArrayLike) -> Array:
-        """Path position [...] [m] of a car on the reference at a time [...] [s]: ds/dt = v_ref(s), s = 0 at 0."""
+        """Path position [...] in m of a car on the reference at a time [...] in s: ds/dt = v_ref(s), s = 0 at 0."""
         time = np.asarray(time, dtype=float)
         end = self._time[-1]
         if self.path.closed:
@@ -141,20 +141,20 @@ class Reference:
         return np.interp(time, self._time, self.s) + beyond * np.where(beyond < 0.0, self.v[0], self.v[-1])
 
     def state(self, s: ArrayLike) -> Array:
-        """States (r, v, beta, omega_r, e, dphi) [..., 6] wanted at s [...] [m]; e = dphi = 0."""
+        """States (r, v, beta, omega_r, e, dphi) [..., 6] wanted at s [...] in m; e = dphi = 0."""
         return _state(self._lookup(s))
 
     def input(self, s: ArrayLike) -> Array:
-        """Inputs (delta, tau) [..., 2] that go with the states at s [...] [m]."""
+        """Inputs (delta, tau) [..., 2] that go with the states at s [...] in m."""
         return self._lookup(s)[..., 4:6]
 
     def lane(self, s: ArrayLike) -> tuple[Array, Array]:
-        """Lane bounds (e_min, e_max) [...] [m] at s [...] [m]."""
+        """Lane bounds (e_min, e_max) [...] in m at s [...] in m."""
         row = self._lookup(s)
         return row[..., 7], row[..., 8]
 
     def transition(self, s: ArrayLike) -> NDArray[np.bool_]:
-        """Whether s [...] [m] lies in a transition."""
+        """Whether s [...] in m lies in a transition."""
         within, _ = self._wrapped(np.asarray(s, dtype=float))
         return self.in_transition[np.rint(np.nan_to_num(within) / self._spacing).astype(np.intp)]
 

@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -76,3 +78,12 @@ def test_marked_snippets_run(page, tmp_path, monkeypatch, capsys):
             exec(compile(text, str(page), "exec"), space)
         for words in commands(text) if language == "console" else []:
             assert main(words) == 0, capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path):
+    pytest.importorskip("mkdocs", reason="the site is an extra: pip install 'drift_drake[docs]'")
+    pytest.importorskip("mkdocstrings", reason="the site is an extra: pip install 'drift_drake[docs]'")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr

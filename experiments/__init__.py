@@ -1,4 +1,4 @@
-"""Experiments: one file each, `python -m experiments.NAME`; results go to runs/.
+"""Experiments, `python -m experiments.FOLDER.NAME`; results go to runs/.
 
 Ctrl-C ends each in one line; what is done stays, and the same command goes on from there.
 """

@@ -116,7 +116,7 @@ def write_page(
         gathered=picture(
             overhead(gathered, lane_for_pictures(settings, gathered.values()), parameters, car_every=0.9)
         ),
-        map=picture(overhead(tables, eight, parameters)),
+        map=picture(overhead(tables, eight, parameters, car_every=0.0)),
         colours=dict(zip(tables, colours_of(tables), strict=True)),
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 Colour = Literal["sideslip", "speed", "run"]
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
+MOST_ABREAST = 5  # entries of the legend in a row: a longer one would be wider than the picture
 CLEARANCE = 1.6  # lengths of the car between the centres of two of a run
 LINE_SPACING = 0.5  # [m] between points of the reference's lines
 
@@ -180,4 +181,5 @@ def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference |
         handles.append(Line2D([], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), label="reference"))
         handles.append(Line2D([], [], color="#B8B8B4", linewidth=0.8, label="lane"))
     if handles:
-        axes.legend(handles=handles, loc="lower right", ncols=len(handles), bbox_to_anchor=(1.0, 1.0))
+        columns = min(len(handles), MOST_ABREAST)
+        axes.legend(handles=handles, loc="lower right", ncols=columns, bbox_to_anchor=(1.0, 1.0))

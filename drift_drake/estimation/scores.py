@@ -33,6 +33,9 @@ BETWEEN_DAYS = 8.0  # by how much scores scatter more between days than between 
 COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is known
 GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
 BEYOND = 0.15  # share beyond, at which a window counts half
+MODEL_FORM = {"yaw_inertia_error": 0.08}
+"""Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and
+tyres relax, the yaw inertia that predicts best depends on the drive (validation cars)."""
 LARGEST_NUMBER = 1e100  # of a calibration's file: beyond, its squares are not finite
 ROUNDED = 1e-6  # of a matrix's largest entry, by which rounding may make an eigenvalue negative
 CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
@@ -227,6 +230,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     seen = np.diag(information) > 0.0
     ratio = float(np.mean(np.diag(covariance)[seen] * len(score) / np.diag(information)[seen]))
     unknown = np.linalg.inv(np.diag(1.0 / prior**2) + information / (max(ratio, 1.0) * CALIBRATED))
+    unknown = unknown + np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     offset = np.median(day.errors, axis=0)

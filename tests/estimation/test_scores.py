@@ -9,6 +9,7 @@ import pytest
 from drift_drake.estimation.scores import (
     BEYOND,
     CLIPPED,
+    MODEL_FORM,
     block_of,
     block_scores,
     coverage,
@@ -127,3 +128,10 @@ def test_a_longer_day_scatters_more(other_car, day):
         sizes.append(np.diag(np.linalg.inv(scatter_of(some, normal).inverse)))
     seen = normal.information > 0.0
     assert np.all(sizes[1][seen] > sizes[0][seen])
+
+
+def test_a_yaw_inertia_is_never_known_better_than_the_equations_hold(other_car):
+    normal = other_car.normal
+    for name, least in MODEL_FORM.items():
+        i = normal.names.index(name)
+        assert np.sqrt(normal.unknown[i, i]) * normal.units[i] > least

@@ -219,7 +219,7 @@ def test_what_the_commands_refuse_is_told_with_their_sentence(tmp_path):
     job = jobs.Ask(tmp_path / "case", car.folder, tmp_path / "case.json")
     jobs.ask(job)
     assert answer_of(job.out)["verdict"] == REFUSED
-    assert "drift-drake identify --json" in answer_of(job.out)["message"]
+    assert "no such folder; give a case" in answer_of(job.out)["message"]
 
 
 def test_worlds_have_a_name_each(tmp_path):

@@ -108,12 +108,12 @@ class Answer:
         causes = [_stated(name, Interval(**m)) for name, m in found["magnitudes"].items()]
         if found["free_forces_remove"] is None:
             near = " and ".join(causes) or "the calibrated car as it is"
-            return f" The nearest known, {near}, removes {100 * found['removes']:.0f} % of it on held-out blocks."
-        free = f"{100 * found['free_forces_remove']:.0f} %"
+            return f" The nearest known, {near}, removes {_removed(found['removes'])} of it on held-out blocks."
+        free = _removed(found["free_forces_remove"])
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
         if not causes:
             return f" No known cause comes near; free forces remove {free} {where}."
-        removes = f"{'removes' if len(causes) == 1 else 'remove'} {100 * found['removes']:.0f} %"
+        removes = f"{'removes' if len(causes) == 1 else 'remove'} {_removed(found['removes'])}"
         return f" The nearest known, {' and '.join(causes)}, {removes} {where}, free forces {free}."
 
 
@@ -123,6 +123,11 @@ def without_rivals(answer: Answer) -> str:
         f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
         "commands); diagnose logs with the column tau_cmd anew"
     )
+
+
+def _removed(share: float) -> str:
+    """A share of errors that is removed; what adds to them removes nothing."""
+    return f"{100 * share:.0f} %" if share > 0.0 else "nothing"
 
 
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:

@@ -1,5 +1,6 @@
 """What an answer of `unknown` leaves an engineer with."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -26,6 +27,14 @@ def test_unknown_names_the_nearest_known_cause_and_the_ceiling(diagnosis):
     assert set(found["magnitudes"]) == set() if found["name"] == "none" else set(found["name"].split("+"))
     assert found["removes"] < found["free_forces_remove"] <= 1.0
     assert found["free_forces_remove"] > 0.3
+
+
+def test_what_adds_to_the_errors_removes_nothing(diagnosis):
+    answer = diagnosis.answer
+    nearest = answer.details["nearest"] | {"free_forces_remove": -68.6}
+    spoilt = dataclasses.replace(answer, details=answer.details | {"nearest": nearest})
+    assert "free forces" in spoilt.sentence()
+    assert "-68" not in spoilt.sentence()
 
 
 def test_the_sentence_says_so_and_survives_the_file(diagnosis, tmp_path):

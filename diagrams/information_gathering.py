@@ -12,8 +12,9 @@ import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.gathering.gather import execution, taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper, plan_again, plan_drive
-from drift_drake.model.checkpoint import InvalidCheckpointError, load_model, paper_checkpoint
+from drift_drake.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.gathering.recipe import Recipe
+from drift_drake.model.checkpoint import InvalidCheckpointError, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
@@ -21,16 +22,12 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 
 @dataclasses.dataclass(frozen=True)
-class Options:
+class Options(Recipe):
     """One vehicle's information gathering."""
 
     vehicle: int = 0
     population: Population = "validation"
-    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     seed: int = 0
-    checkpoint: Path | None = None
-    as_in_paper: bool = False
-    """The paper's model, and eq. (8) in every round with one weight, Euler's path, no added bounds."""
     graph: bool = False
     """Only draw the diagram of the execution."""
     out: Path | None = None
@@ -38,9 +35,8 @@ class Options:
 
 def main(options: Options) -> None:
     """Runs, or draws the diagram, and prints the covariance norms of the four models."""
-    config = as_in_paper(options.gathering) if options.as_in_paper else options.gathering
-    model = load_model(paper_checkpoint() if options.as_in_paper else options.checkpoint)
-    parameters = VehicleParameters()
+    options = options.resolved()
+    model, config, parameters = load_model(options.checkpoint), options.gathering, VehicleParameters()
     effects = draw_effects(options.population, options.vehicle, 0)
     beliefs = {"prior": model.prior()}
     nominal = plan_drive(model, beliefs["prior"], config, 0.0)

@@ -21,11 +21,12 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, as_in_paper
+from drift_drake.gathering.plan import InfeasiblePlanError
+from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import familiar_to
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -47,7 +48,7 @@ COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", 
 
 
 @dataclasses.dataclass(frozen=True)
-class DriftConfig:
+class DriftConfig(Recipe):
     """Which vehicles, how often, and how the controller is set up."""
 
     vehicles: int = 20
@@ -55,24 +56,16 @@ class DriftConfig:
     population: Population = "held_out"
     noise_seeds: int = 3  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
-    as_in_paper: bool = False
-    """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles), its information
-    gathering (eq. (8) with one weight, no added bounds) and Euler's path in the controller."""
-    checkpoint: Path | None = None  # the shipped one without
-    path_step: PathStep = "trapezoid"  # of the learnt model in the controller
+    path_step: PathStep = "trapezoid"  # of the learnt model in the controller; Euler's as in the paper
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
-    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     out: Path | None = None
     """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
 
     def resolved(self) -> Self:
-        """The configuration with what `as_in_paper` stands for."""
-        if not self.as_in_paper:
-            return self
-        return dataclasses.replace(
-            self, checkpoint=paper_checkpoint(), path_step="euler", gathering=as_in_paper(self.gathering)
-        )
+        """The configuration with what `as_in_paper` stands for, in the controller too."""
+        config = super().resolved()
+        return dataclasses.replace(config, path_step="euler") if self.as_in_paper else config
 
     def attempts(self) -> list[Attempt]:
         """(vehicle, noise seed) of each attempt, every vehicle's first before any second."""

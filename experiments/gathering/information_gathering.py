@@ -32,11 +32,11 @@ from drift_drake.gathering.plan import (
     GatheringConfig,
     InfeasiblePlanError,
     Trajectory,
-    as_in_paper,
     plan_again,
     plan_drive,
 )
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model, paper_checkpoint
+from drift_drake.gathering.recipe import Recipe
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
@@ -57,7 +57,7 @@ SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 1.5  # [m], [s]
 
 
 @dataclasses.dataclass(frozen=True)
-class InformationConfig:
+class InformationConfig(Recipe):
     """Which vehicles, how many rounds."""
 
     drives: Path = Path("runs/drives")  # made by `experiments.model.drives`: what the models are judged by
@@ -66,21 +66,10 @@ class InformationConfig:
     first: int = 0  # index of the first vehicle
     rounds: int = 5
     stop_below: float = 0.1  # a round's predicted gain over all gained so far, under which another is not worth it
-    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
-    checkpoint: Path | None = None  # the shipped one without
-    as_in_paper: bool = False
-    """The paper's model and its information gathering: eq. (8) with one weight, Euler's path, no added bounds."""
     drives_seed: int = 0  # that the drives were made with
     seed: int = 0
     workers: int = 2
     out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
-
-
-def resolved(config: InformationConfig) -> InformationConfig:
-    """The configuration with what `as_in_paper` stands for."""
-    if not config.as_in_paper:
-        return config
-    return dataclasses.replace(config, checkpoint=paper_checkpoint(), gathering=as_in_paper(config.gathering))
 
 
 class MissingDrivesError(DriftDrakeError, ValueError):
@@ -236,7 +225,7 @@ def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
 
 def main(config: InformationConfig) -> None:
     """Runs all vehicles, then writes numbers and pictures."""
-    config = resolved(config)
+    config = config.resolved()
     drives_file(config)  # asked for before anything is driven
     folder = make_run_folder("information_gathering", config.out)
     write_json(folder / "config.json", config)

@@ -21,9 +21,10 @@ from tqdm import tqdm
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.gathering.gather import gather
-from drift_drake.gathering.plan import GatheringConfig, as_in_paper, plan_drive
+from drift_drake.gathering.plan import plan_drive
+from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import REFUSED, distances, familiar_from, keep_familiar
-from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_text
@@ -34,14 +35,9 @@ JUDGED: tuple[Population, ...] = ("held_out", "wide", "extreme")
 
 
 @dataclasses.dataclass(frozen=True)
-class LaneTrust:
+class LaneTrust(Recipe):
     """Which model, how many vehicles."""
 
-    checkpoint: Path | None = None
-    """The shipped one without."""
-    as_in_paper: bool = False
-    """The paper's model and information gathering."""
-    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     vehicles: int = 60
     """Of each population; of the extreme ones, one each."""
     first: int = 0
@@ -55,8 +51,7 @@ class LaneTrust:
 
 def surprises(config: LaneTrust, learnt: BayesianModel) -> dict[Population, Array]:
     """Mean squared distances [vehicles] of first informative drives, by population."""
-    gathering = as_in_paper(config.gathering) if config.as_in_paper else config.gathering
-    parameters, prior = VehicleParameters(), learnt.prior()
+    parameters, prior, gathering = VehicleParameters(), learnt.prior(), config.gathering
     info = plan_drive(learnt, prior, gathering, gathering.alpha)
     found: dict[Population, Array] = {}
     for population in ("validation", *JUDGED):
@@ -103,10 +98,11 @@ def draw(found: dict[Population, Array], limit: float) -> Figure:
 
 def main(config: LaneTrust) -> None:
     """Drives all vehicles, then writes numbers, a table and a picture."""
+    config = config.resolved()
     folder = make_run_folder("lane_trust", config.out)
     write_json(folder / "config.json", config)
     write_versions(folder)
-    learnt = load_model(paper_checkpoint() if config.as_in_paper else config.checkpoint)
+    learnt = load_model(config.checkpoint)
     found = surprises(config, learnt)
     familiar = familiar_from(found["validation"])
     limit = familiar.limit()
@@ -115,9 +111,7 @@ def main(config: LaneTrust) -> None:
     write_text(folder / "report.md", report(found, limit) + "\n")
     write_figure(draw(found, limit), folder / "lane_trust.png")
     if config.keep is not None:
-        keep_familiar(
-            load_model(paper_checkpoint() if config.as_in_paper else config.checkpoint), familiar, config.keep
-        )
+        keep_familiar(learnt, familiar, config.keep)
     print(report(found, limit))
     print(f"results in {folder}")
 

@@ -42,6 +42,11 @@ def one_line(error: BaseException) -> str:
     return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."
 
 
+def unit_suffix(unit: str) -> str:
+    """A unit as it follows a number in a sentence; nothing for a number without one ("-")."""
+    return "" if unit == "-" else f" {unit}"
+
+
 def meant(name: str, known: Iterable[str]) -> str:
     """What a mistyped name was meant to be, or else all that are known, to end a message with."""
     known = list(known)

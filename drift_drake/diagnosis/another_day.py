@@ -18,6 +18,7 @@ from drift_drake.diagnosis.day_posterior import PRIORS, Ranked, at_bound, interv
 from drift_drake.diagnosis.detection_limits import detection_limits
 from drift_drake.diagnosis.gross_gap import judged
 from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
+from drift_drake.errors import unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.reduction import Reduction
 from drift_drake.estimation.scores import Day, Normal, make_day
@@ -173,7 +174,7 @@ def believed(
 
 def unseen_sentence(name: str, q: float) -> str:
     """That the day asks for more of the car's build than its calibration knows."""
-    unit = "" if CATALOGUE[name].unit == "-" else f" {CATALOGUE[name].unit}"
+    unit = unit_suffix(CATALOGUE[name].unit)
     return (
         f"beside it the day asks for {name} of {q:.2g}{unit}, which belongs to the car's build: the day of calibration "
         "did not show it; calibrate on such drives too"

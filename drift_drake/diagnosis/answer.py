@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from drift_drake.errors import DriftDrakeError, shown
+from drift_drake.errors import DriftDrakeError, shown, unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.plain_files import number, parse_json, read_text
 from drift_drake.safe_files import write_text
@@ -141,8 +141,7 @@ def _stated(name: str, m: Interval, at_least: bool = False) -> str:
 
 
 def _unit(name: str) -> str:
-    unit = CATALOGUE[name].unit
-    return "" if unit == "-" else f" {unit}"
+    return unit_suffix(CATALOGUE[name].unit)
 
 
 def significant_digits(m: Interval) -> int:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, unit_suffix
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_name
 from drift_drake.logs.table import read_case, stated_noise
@@ -172,5 +172,4 @@ def _wrapped(parts: list[str]) -> list[str]:
 
 
 def _unit(name: str) -> str:
-    unit = CATALOGUE[name].unit
-    return "" if unit == "-" else f" {unit}"
+    return unit_suffix(CATALOGUE[name].unit)

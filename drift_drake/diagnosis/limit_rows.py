@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from drift_drake.diagnosis.day_ranges import RATE_LIMIT, REACH
+from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -24,7 +25,7 @@ def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParam
     rows = []
     for name, limit in limits.items():
         info, least = CATALOGUE[name], limit["least"]
-        taken_for, unit = str(limit["taken_for"]), "" if info.unit == "-" else f" {info.unit}"
+        taken_for, unit = str(limit["taken_for"]), unit_suffix(info.unit)
         if not isinstance(least, float):
             rows.append(LimitRow(name, False, REACH, "", taken_for))
             continue

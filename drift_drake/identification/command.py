@@ -9,6 +9,7 @@ import tyro
 
 from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
+from drift_drake.errors import unit_suffix
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
@@ -118,6 +119,6 @@ def summary(found: "Identification", json: Path | None = None) -> str:
 
 def row(p: "Parameter") -> str:
     """Estimate, interval and first guess of one parameter."""
-    unit = "" if p.unit == "-" else f" {p.unit}"
+    unit = unit_suffix(p.unit)
     note = ", held by its tolerance" if p.kind == "known" else ""
     return f"{p.estimate:.4g}{unit} (95 %: {p.low:.4g} to {p.high:.4g}; first guess {p.start:.4g}{note})"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.posterior import UNKNOWN
+from drift_drake.errors import unit_suffix
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.renewal import NAMED, TRUSTED
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -70,7 +71,7 @@ def _cause(event: Mapping[str, Any]) -> str:
     if event["cause"] == UNKNOWN:
         return f"unknown cause, probability {event['probability']:.2f}"
     interval = f"95 %: {event['low']:.3g} to {event['high']:.3g}"
-    unit = "" if event["unit"] == "-" else f" {event['unit']}"
+    unit = unit_suffix(event["unit"])
     return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}), probability {event['probability']:.2f}"
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 
+from drift_drake.errors import unit_suffix
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_figure, write_text
 
@@ -41,7 +42,7 @@ def parameter_table(found: dict[str, Any]) -> str:
     """Estimates, intervals and first guesses as Markdown."""
     lines = ["| parameter | estimate | 95 % interval | first guess | widened by |", "| --- | --- | --- | --- | --- |"]
     for name, p in found["parameters"].items():
-        unit = "" if p["unit"] == "-" else f" {p['unit']}"
+        unit = unit_suffix(p["unit"])
         held = " (held)" if p["kind"] == "known" else ""
         lines.append(f"| {name}{held} | {p['estimate']:.4g}{unit} | {p['low']:.4g} to {p['high']:.4g} | "
                      f"{p['start']:.4g} | {p['widened']:.1f} |")  # fmt: skip

@@ -2,8 +2,6 @@
 
 import contextlib
 import os
-import secrets
-import shutil
 import stat
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.errors import OutputError
+from drift_drake.unfinished import unfinished_folder
 
-PARTIAL = ".part-"  # how names of folders for unfinished files begin; what follows is random
 STANDARD_OUTPUT = Path("-")
 
 
@@ -36,17 +34,13 @@ def replacing(path: str | Path) -> Iterator[Path]:
         if _special(path):
             yield path
             return
-        folder = target.with_name(f"{PARTIAL}{secrets.token_hex(4)}")
-        folder.mkdir()
-        part = folder / target.name
-        try:
+        with unfinished_folder(target.parent) as folder:
+            part = folder / target.name
             yield part
             _flush(part)
             if target.exists():
                 part.chmod(stat.S_IMODE(target.stat().st_mode))
             part.replace(target)
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
     except OutputError:
         raise
     except OSError as error:
@@ -60,17 +54,14 @@ def writing_together(folder: Path) -> Iterator[Path]:
     Raises:
         OutputError: a file cannot be written.
     """
-    part = folder / f"{PARTIAL}{secrets.token_hex(4)}"
     try:
-        part.mkdir(parents=True)
-        try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with unfinished_folder(folder) as part:
             yield part
             for path in sorted(part.iterdir()):
                 _flush(path)
             for path in sorted(part.iterdir()):
                 path.replace(folder / path.name)
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
     except OutputError:
         raise
     except OSError as error:
@@ -122,11 +113,10 @@ def try_folder(folder: Path, option: str) -> None:
     Raises:
         OutputError: it cannot be made or written to.
     """
-    part = folder / f"{PARTIAL}{secrets.token_hex(4)}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        part.touch()
-        part.unlink()
+        with unfinished_folder(folder):
+            pass
     except (OSError, ValueError) as error:
         raise OutputError(f"{option} {_sentence(folder, error)}") from None
 

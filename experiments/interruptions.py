@@ -28,7 +28,8 @@ from tqdm import tqdm
 
 from drift_drake.interruption import terminable
 from drift_drake.run_folder import is_done, make_run_folder, write_json
-from drift_drake.safe_files import PARTIAL, write_table
+from drift_drake.safe_files import write_table
+from drift_drake.unfinished import PARTIAL
 from drift_drake.vehicle.parameters import VehicleParameters
 
 PATIENCE = 120.0  # [s] beyond which a command that was interrupted hangs

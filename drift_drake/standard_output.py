@@ -1,18 +1,32 @@
-"""`--json FILE` of every command: a file, or `-` for standard output, where a person is then told nothing."""
+"""`--json FILE` of every command: what it found or made, to a file or (`-`) to standard output.
+
+Where the JSON goes to standard output, sentences for a person go to standard error.
+"""
 
 import sys
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from drift_drake import safe_files
+from drift_drake.run_folder import to_json
 from drift_drake.safe_files import STANDARD_OUTPUT
 
-__all__ = ["STANDARD_OUTPUT", "said_to", "write_text"]
+__all__ = ["STANDARD_OUTPUT", "said_to", "write_results", "write_text"]
 
 
 def said_to(json: Path | None) -> TextIO:
     """Where sentences for a person go: standard output, unless the JSON does."""
     return sys.stderr if json == STANDARD_OUTPUT else sys.stdout
+
+
+def write_results(json: Path | None, results: Any) -> None:
+    """A command's results where `--json` asks for them, if it does.
+
+    Args:
+        results: what `run_folder.plain` takes; paths become text, numbers that are not finite null.
+    """
+    if json is not None:
+        write_text(json, to_json(results))
 
 
 def write_text(path: Path, text: str) -> None:

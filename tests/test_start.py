@@ -33,7 +33,7 @@ def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[ClosedLoopConfig] = []
-    monkeypatch.setattr(drive_command, "main", asked.append)
+    monkeypatch.setattr(drive_command, "main", lambda config, _: asked.append(config))
     path = tmp_path / "car.yaml"
     assert main(["init", str(path)]) == 0
     words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(tmp_path)]

@@ -1,5 +1,6 @@
 """`drift-drake demo`: the commands that a user would give, one after the other, on the sample log."""
 
+import contextlib
 import dataclasses
 import shlex
 import shutil
@@ -9,9 +10,11 @@ from pathlib import Path
 import tyro
 
 from drift_drake.errors import DriftDrakeError, OutputError
-from drift_drake.safe_files import try_folder
+from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.standard_output import said_to, write_results
 
 SAMPLE_LOG = files("drift_drake") / "data" / "sample_log"
+PAGES = {"report": "report.html", "replay": "replay.html", "drive": "drive/replay.html"}
 
 
 class DemoError(DriftDrakeError, RuntimeError):
@@ -31,6 +34,8 @@ class Demo:
 
     out: tyro.conf.Positional[Path] = Path("drift-drake-demo")
     """Folder for all that is written; there may be none yet."""
+    json: Path | None = None
+    """Where to write which commands were run and which pages they made, as JSON (-: standard output)."""
 
 
 def run_demo(command: Demo) -> None:
@@ -44,15 +49,20 @@ def run_demo(command: Demo) -> None:
 
     if command.out.exists():
         raise OutputError(f"{command.out}: is there already; give the demo a new folder")
+    try_outputs({"--json": command.json})
     try_folder(command.out, "OUT")
     with as_file(SAMPLE_LOG) as log:
         shutil.copytree(log, command.out / "sample", ignore=shutil.ignore_patterns("truth.json"))
-    for words in commands(command.out):
-        print(f"\n$ drift-drake {shlex.join(words)}", flush=True)
-        if main(words) != 0:
-            raise DemoError(f"the demo ended at 'drift-drake {words[0]}'; what it has written is in {command.out}")
-    print(f"\nOpen {command.out / 'report.html'} (the diagnosis), {command.out / 'replay.html'} (the log beside both "
-          f"simulators) and {command.out / 'drive' / 'replay.html'} (the drift).")  # fmt: skip
+    given = commands(command.out)
+    with contextlib.redirect_stdout(said_to(command.json)):
+        for words in given:
+            print(f"\n$ drift-drake {shlex.join(words)}", flush=True)
+            if main(words) != 0:
+                raise DemoError(f"the demo ended at 'drift-drake {words[0]}'; what it has written is in {command.out}")
+        pages = {name: command.out / page for name, page in PAGES.items()}
+        print(f"\nOpen {pages['report']} (the diagnosis), {pages['replay']} (the log beside both simulators) and "
+              f"{pages['drive']} (the drift).")  # fmt: skip
+    write_results(command.json, {"out": command.out, "commands": given, "pages": pages})
 
 
 def commands(folder: Path) -> list[list[str]]:

@@ -7,6 +7,7 @@ import tyro
 
 from drift_drake.errors import OutputError
 from drift_drake.safe_files import try_outputs, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 HEAD = """\
@@ -52,6 +53,8 @@ class Init:
 
     out: tyro.conf.Positional[Path]
     """The vehicle file to write (YAML); there may be none yet."""
+    json: Path | None = None
+    """Where to write its name and parameters as JSON (-: standard output)."""
 
 
 def run_init(command: Init) -> None:
@@ -62,10 +65,11 @@ def run_init(command: Init) -> None:
     """
     if command.out.exists():
         raise OutputError(f"{command.out}: is there already; give another name")
-    try_outputs({"OUT": command.out})
+    try_outputs({"OUT": command.out, "--json": command.json})
     write_text(command.out, starter_vehicle())
     print(f"{command.out}: a coupe, one parameter a line; put in your car's, then drift-drake drive figure_8 "
-          f"--vehicle {command.out}")  # fmt: skip
+          f"--vehicle {command.out}", file=said_to(command.json))  # fmt: skip
+    write_results(command.json, {"out": command.out, "vehicle": VehicleParameters()})
 
 
 def starter_vehicle() -> str:

@@ -11,6 +11,8 @@ from drift_drake.diagnosis.answer import read_answer
 from drift_drake.diagnosis.correction import corrected_vehicle
 from drift_drake.diagnosis.provenance import check_diagnosed
 from drift_drake.safe_files import try_outputs
+from drift_drake.standard_output import said_to, write_results
+from drift_drake.vehicle.effects import magnitudes_of
 from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
@@ -32,6 +34,8 @@ class Apply:
     """Apply the deviations within tolerance that were found beside the effects, too."""
     force: bool = False
     """Apply to a vehicle file that is not the one that was diagnosed."""
+    json: Path | None = None
+    """Where to write what was applied, as JSON (-: standard output)."""
 
 
 def run_apply(command: Apply) -> None:
@@ -43,6 +47,8 @@ def run_apply(command: Apply) -> None:
     vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
     check_plausible(vehicle, f"{command.vehicle} with {command.answer}")
     check_effects(effects, vehicle, f"{command.vehicle} with {command.answer}")
-    try_outputs({"--out": command.out}, [command.answer])
+    try_outputs({"--out": command.out, "--json": command.json}, [command.answer])
     write_vehicle(command.out, vehicle, effects)
-    print(f"{command.out}: {answer.sentence()}")
+    print(f"{command.out}: {answer.sentence()}", file=said_to(command.json))
+    applied = {"out": command.out, "verdict": answer.verdict, "effects": magnitudes_of(effects), "vehicle": vehicle}
+    write_results(command.json, applied)

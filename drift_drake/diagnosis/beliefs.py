@@ -99,9 +99,9 @@ def unseen(
     problem: Problem, fit: Fit, leading: Belief, catalogue: Sequence[str], calibration: Calibration
 ) -> list[Belief]:
     """Effects beside the leading hypothesis that the logs leave open, the most probable first."""
-    if len(fit.names) > 1:
-        return []
     others = [name for name in catalogue if name not in fit.names]
+    if len(fit.names) > 1 or not others:
+        return []
     prior = log_prior(len(fit.names) + 1, len(catalogue), calibration)
     odds = float(np.exp(prior - log_prior(len(fit.names), len(catalogue), calibration)))
     out = []

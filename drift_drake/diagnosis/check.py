@@ -1,7 +1,6 @@
 """`drift-drake check`: what logs are worth before anything is fitted to them."""
 
 import dataclasses
-import json as json_text
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +15,7 @@ from drift_drake.logs.cases import case_name
 from drift_drake.logs.table import read_case, stated_noise
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -84,8 +83,7 @@ def run_check(command: Check) -> None:
     if given is not None:
         checked = with_vehicle(checked, runs, *given, command)
     print("\n".join(sentences(checked)), file=said_to(command.json))
-    if command.json is not None:
-        write_text(command.json, json_text.dumps(dataclasses.asdict(checked), indent=2))
+    write_results(command.json, checked)
 
 
 def with_vehicle(

@@ -1,6 +1,7 @@
 """`drift-drake diagnose`: logs and the vehicle file of their simulator to where it is wrong, and why."""
 
 import dataclasses
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.progress import progress_bar
 from drift_drake.safe_files import try_folder, try_outputs
-from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
@@ -45,7 +46,8 @@ class Diagnose:
     vehicle: Path
     """What the simulator believes of the car (YAML)."""
     json: Path | None = None
-    """Where to write the answer (-: standard output); for a folder of cases, a folder that gets NAME.json each."""
+    """Where to write the answer as JSON (-: standard output); for a folder of cases, a folder that gets NAME.json each
+    (-: a list of all)."""
     report: Path | None = None
     """Where to write an HTML report of one case."""
     process_scale: float = 1.0
@@ -202,16 +204,15 @@ def _diagnose_many(
     count, before = len(folders), dict[Path, Answer]()
     if command.report is not None:
         raise InvalidOptionError(f"--report is for one case; give one of the {count} folders in {command.case}")
-    if command.json is not None:
-        if command.json == STANDARD_OUTPUT:
-            raise InvalidLogError(f"{command.case} holds {count} cases; give --json a folder for their answers")
-        try_folder(command.json, "--json")
-        names = {folder: command.json / f"{case_name(folder)}.json" for folder in folders}
+    into = None if command.json == STANDARD_OUTPUT else command.json
+    if into is not None:
+        try_folder(into, "--json")
+        names = {folder: into / f"{case_name(folder)}.json" for folder in folders}
         before = all_answered(names, vehicle, options)
     if command.again:
         before = {}
     if before:
-        print(f"{len(before)} of {count} cases are answered in {command.json}; --again redoes them", file=sys.stderr)
+        print(f"{len(before)} of {count} cases are answered in {into}; --again redoes them", file=sys.stderr)
     with ended_at_once():
         from drift_drake.diagnosis.diagnose import diagnose_all
     only = [folder for folder in folders if folder not in before]
@@ -219,14 +220,16 @@ def _diagnose_many(
 
         def done(answer: Answer) -> None:
             bar.update()
-            if command.json is not None:
-                answer.write(command.json / f"{answer.case}.json")
+            if into is not None:
+                answer.write(into / f"{answer.case}.json")
 
         refused: list[InvalidLogError] = []
         answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, only=only, **options)
     answers = [*before.values(), *answers]
     for answer in answers:
-        _say(answer)
+        _say(answer, to=said_to(command.json))
+    if command.json == STANDARD_OUTPUT:
+        write_results(command.json, [json.loads(answer.to_json()) for answer in answers])
     if refused:
         raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
     return answers

@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.diagnosis.manoeuvres import shown_by
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import STANDARD_OUTPUT, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.installed import installed_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -30,17 +29,15 @@ class ListEffects:
     vehicle: Path | None = None
     """Car whose size the ranges are for (YAML); a coupe without."""
     json: Path | None = None
-    """Where to write the catalogue (-: standard output)."""
+    """Where to write the catalogue as JSON (-: standard output)."""
 
 
 def run_effects(command: ListEffects) -> None:
     """`drift-drake effects`."""
     try_outputs({"--json": command.json})
     vehicle = VehicleParameters() if command.vehicle is None else read_vehicle(command.vehicle)[0]
-    if command.json is not None:
-        write_text(command.json, to_json(catalogue_data(vehicle)))
-    if command.json != STANDARD_OUTPUT:
-        print(listing(vehicle))
+    print(listing(vehicle), file=said_to(command.json))
+    write_results(command.json, catalogue_data(vehicle))
 
 
 def catalogue_data(vehicle: VehicleParameters) -> dict[str, dict[str, Any]]:

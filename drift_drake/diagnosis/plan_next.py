@@ -10,9 +10,8 @@ import tyro
 from drift_drake.diagnosis.answer import read_answer
 from drift_drake.diagnosis.provenance import check_diagnosed
 from drift_drake.interruption import ended_at_once
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
@@ -53,5 +52,4 @@ def run_plan_next(command: PlanNext) -> None:
     drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))
-    if command.json is not None:
-        write_text(command.json, to_json(drive.expectations()))
+    write_results(command.json, drive.expectations())

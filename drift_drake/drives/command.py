@@ -13,9 +13,8 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import InvalidLogError, write_run
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.effects import magnitudes_of
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
@@ -57,7 +56,7 @@ class Simulate:
     steering: float = 0.12
     """[rad] of step_steer and slalom."""
     json: Path | None = None
-    """Where to write what was driven (-: standard output)."""
+    """Where to write what was driven, as JSON (-: standard output)."""
 
 
 def run_simulate(command: Simulate) -> None:
@@ -83,9 +82,8 @@ def run_simulate(command: Simulate) -> None:
     beta = np.zeros(1) if run.beta is None else run.beta
     print(f"{command.out}: {command.drive}, {run.t[-1]:.2f} s, ended {end}; {np.min(run.v):.1f} to {np.max(run.v):.1f} "
           f"m/s, sideslip up to {np.max(np.abs(beta)):.2f} rad", file=said_to(command.json))  # fmt: skip
-    if command.json is not None:
-        driven = {"command": command, "effects": magnitudes_of(effects), "ending": ending, "rows": len(run)}
-        write_text(command.json, to_json(driven))
+    driven = {"command": command, "effects": magnitudes_of(effects), "ending": ending, "rows": len(run)}
+    write_results(command.json, driven)
 
 
 def check_options(command: Simulate, parameters: VehicleParameters) -> None:

@@ -10,6 +10,7 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths, read_run
 from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 Format = Literal["parquet", "mcap", "commonroad", "mujoco"]
@@ -36,6 +37,8 @@ class Export:
     """What to write."""
     out: Path
     """File to write; for a folder of runs, a folder."""
+    json: Path | None = None
+    """Where to write which files were written, and what was left out, as JSON (-: standard output)."""
 
 
 def run_export(command: Export) -> None:
@@ -55,7 +58,7 @@ def _export_logs(command: Export) -> None:
         outs = [command.out / f"{path.name.split('.')[0]}{ENDINGS[command.format]}" for path in paths]
     else:
         outs = [command.out]
-        try_outputs({"--out": command.out}, paths)
+    try_outputs({"--json": command.json} | ({} if command.source.is_dir() else {"--out": command.out}), paths)
     with ended_at_once():
         from drift_drake.exporting.logs import write_mcap, write_parquet
 
@@ -68,14 +71,16 @@ def _export_logs(command: Export) -> None:
                 f"--format {command.format} needs a package ({error}): pip install "
                 f'"drift_drake[{NEEDS[command.format]}]"'
             ) from None
-        print(f"{out}: {path}")
+        print(f"{out}: {path}", file=said_to(command.json))
+    files = [{"source": path, "out": out} for path, out in zip(paths, outs, strict=True)]
+    write_results(command.json, {"files": files, "left_out": []})
 
 
 def _export_vehicle(command: Export) -> None:
     if command.source.is_dir():
         raise InvalidOptionError(f"--format {command.format} is for a vehicle file, and {command.source} is a folder")
     vehicle, effects = read_vehicle(command.source)
-    try_outputs({"--out": command.out}, [command.source])
+    try_outputs({"--out": command.out, "--json": command.json}, [command.source])
     with ended_at_once():
         from drift_drake.exporting.commonroad import write_commonroad
         from drift_drake.exporting.mujoco import write_mujoco
@@ -90,4 +95,5 @@ def _export_vehicle(command: Export) -> None:
         if changed_constants(nominal, make_effects({name: q})) == nominal
     ]
     left = f"; {command.format} has no place for {', '.join(lost)}, left out" if lost else ""
-    print(f"{command.out}: {command.source}{left}")
+    print(f"{command.out}: {command.source}{left}", file=said_to(command.json))
+    write_results(command.json, {"files": [{"source": command.source, "out": command.out}], "left_out": lost})

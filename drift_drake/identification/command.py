@@ -14,9 +14,8 @@ from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
 from drift_drake.progress import progress_bar
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ class Identify:
     out: Path | None = None
     """Where to write the calibrated vehicle file."""
     json: Path | None = None
-    """Where to write estimates, intervals and correlations (-: standard output)."""
+    """Where to write estimates, intervals and correlations as JSON (-: standard output)."""
     report: Path | None = None
     """Where to write an HTML report."""
     known: tuple[str, ...] = KNOWN
@@ -82,8 +81,7 @@ def run_identify(command: Identify) -> None:
         return
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
-    if command.json is not None:
-        write_text(command.json, to_json(found.calibration))
+    write_results(command.json, found.calibration)
     if command.report is not None:
         from drift_drake.identification.report import write_report  # plotly is slow to import
         from drift_drake.pages.page import Source

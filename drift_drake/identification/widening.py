@@ -43,5 +43,5 @@ def widening(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray, covar
         length = max(round(block / runs[0].period), 1)
         sums = [np.add.reduceat(part, np.arange(0, len(part), length)) for part in influence if len(part)]
         found = np.sum(np.concatenate(sums) ** 2, axis=0)
-        widest = np.maximum(widest, np.sqrt((variance - expected + found) / variance))
+        widest = np.maximum(widest, np.sqrt((np.maximum(variance - expected, 0.0) + found) / variance))
     return widest

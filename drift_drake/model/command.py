@@ -1,12 +1,14 @@
 """`drift-drake train`: the Bayesian vehicle model, meta-trained."""
 
 import dataclasses
+from pathlib import Path
 
 import tyro
 
 from drift_drake.errors import MissingExtraError
 from drift_drake.model.training_config import Recipe, TrainingConfig, check_training, with_recipe
 from drift_drake.safe_files import try_outputs
+from drift_drake.standard_output import said_to, write_results
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,6 +21,8 @@ class Train:
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
     recipe: Recipe = "transfer"
     """The paper's objective over windows, its plain recipe, or a network that never adapts, in place of tasks."""
+    json: Path | None = None
+    """Where to write the checkpoint's name and its training's record as JSON (-: standard output)."""
 
 
 def run_train(command: Train) -> None:
@@ -32,6 +36,9 @@ def run_train(command: Train) -> None:
     config = with_recipe(command.config, command.recipe)
     check_training(config)
     tables = (config.data, config.validation, config.lane, config.validation_lane, config.start, config.vehicle)
-    try_outputs({"--output": config.output}, [table for table in tables if table is not None])
+    outputs = {"--output": config.output, "--json": command.json}
+    try_outputs(outputs, [table for table in tables if table is not None])
     model = train(config)
-    print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s")
+    print(f"{config.output}: {model.record['epochs']} epochs in {model.record['seconds']:.0f} s",
+          file=said_to(command.json))  # fmt: skip
+    write_results(command.json, {"out": config.output, "record": model.record})

@@ -9,9 +9,8 @@ import tyro
 
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, run_paths
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ class Fleet:
     vehicle: Path
     """What the simulator believes of every car (YAML)."""
     json: Path | None = None
-    """Where to write what was found (-: standard output)."""
+    """Where to write what was found, as JSON (-: standard output)."""
     picture: Path | None = None
     """Where to draw it: cars by effects (PNG)."""
     workers: int = 2
@@ -55,8 +54,7 @@ def run_fleet(command: Fleet) -> None:
     days = days_of(folders, vehicle, own, command.workers)
     found = compared(problem_of(folders, vehicle, own), days)
     print("\n".join(lines(found)), file=said_to(command.json))
-    if command.json is not None:
-        write_text(command.json, to_json(found))
+    write_results(command.json, found)
     if command.picture is not None:
         from drift_drake.monitoring.fleet_picture import draw_fleet  # matplotlib is slow to import
         from drift_drake.safe_files import write_figure

@@ -9,9 +9,8 @@ import tyro
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
-from drift_drake.run_folder import to_json
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
@@ -33,7 +32,7 @@ class Replay:
     html: Path | None = None
     """Where to write the 3D replay: one HTML file that any browser plays."""
     json: Path | None = None
-    """Where to write the errors (-: standard output)."""
+    """Where to write the errors as JSON (-: standard output)."""
 
 
 def run_replay(command: Replay) -> None:
@@ -54,9 +53,7 @@ def run_replay(command: Replay) -> None:
     played = play(prepare(command.log, cars), command.restart)
     comparison = compare(played)
     print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))
-    if command.json is not None:
-        errors = {"log": command.log, "restart": command.restart} | comparison.to_dict()
-        write_text(command.json, to_json(errors))
+    write_results(command.json, {"log": command.log, "restart": command.restart} | comparison.to_dict())
     if command.html is not None:
         write_replay(played, command.html, command.log.name, command.restart, cars["nominal"].parameters)
         print(f"{command.html}: open it in a browser", file=said_to(command.json))

@@ -7,7 +7,8 @@ from typing import Literal
 import tyro
 
 from drift_drake.interruption import ended_at_once
-from drift_drake.safe_files import try_folder
+from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
@@ -42,6 +43,8 @@ class ClosedLoopDrive:
     """Folder for the results; runs/closed_loop-DATE-TIME without."""
     graph: bool = False
     """Only draw the block diagram; needs the extra `graph`."""
+    json: Path | None = None
+    """Where to write the folder's name and the run's numbers as JSON (-: standard output)."""
 
 
 def run_drive(command: ClosedLoopDrive) -> None:
@@ -53,10 +56,12 @@ def run_drive(command: ClosedLoopDrive) -> None:
     """
     if command.vehicle is not None:
         read_vehicle(command.vehicle)
+    try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
     if command.out is not None:
         try_folder(command.out, "--out")
     with ended_at_once():
         from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 
     options = {field.name: getattr(command, field.name) for field in dataclasses.fields(command)}
-    main(ClosedLoopConfig(**options))
+    del options["json"]
+    write_results(command.json, main(ClosedLoopConfig(**options), said_to(command.json)))

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TextIO
 
 import numpy as np
 
@@ -103,20 +103,27 @@ def simulate(config: ClosedLoopConfig) -> ClosedLoopRun:
     return loop.run(loop.initial_context(config.seed, error))
 
 
-def main(config: ClosedLoopConfig) -> None:
-    """Runs a config, or draws its diagram, and says where the results are."""
+def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
+    """Runs a config, or draws its diagram, and says where the results are.
+
+    Args:
+        to: where sentences go; standard output without.
+
+    Returns:
+        The folder of the results (`out`), and the pictures of the diagram, or the run's metrics and events.
+    """
     folder = make_run_folder("closed_loop", config.out)
     if config.graph:
-        for path in draw_graph(build(config).diagram, folder / "closed_loop"):
-            print(path)
-        return
+        pictures = draw_graph(build(config).diagram, folder / "closed_loop")
+        print(*pictures, sep="\n", file=to)
+        return {"out": folder, "pictures": pictures}
     run = simulate(config)
     m = run.metrics()
     events = [] if run.monitor is None else events_of(run.monitor, run.table)
     if run.monitor is not None:
         write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
     for event in events:
-        print(sentence(event))
+        print(sentence(event), file=to)
     write_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
     print(
         f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
@@ -124,5 +131,7 @@ def main(config: ClosedLoopConfig) -> None:
         f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations "
         f"each, {m.qp_fallbacks} QPs by interior point, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the "
         f"median, {m.solve_ms_99:.1f} ms in 99 of 100\n"
-        f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}"
+        f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}",
+        file=to,
     )
+    return {"out": folder, "metrics": m, "events": events}

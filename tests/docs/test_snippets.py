@@ -25,10 +25,10 @@ def blocks(page):
 
 
 def commands(text):
-    """Words of each command line, continued lines joined, redirections left out."""
+    """Words of each command line, continued lines joined, redirections and pipes left out."""
     lines = text.replace("\\\n", " ").splitlines()
     given = [line.removeprefix("$ ") for line in lines if line.startswith(("$ drift-drake", "drift-drake "))]
-    return [shlex.split(line.split(" > ")[0], comments=True)[1:] for line in given]
+    return [shlex.split(re.split(r" [>|] ", line)[0], comments=True)[1:] for line in given]
 
 
 def names(page):

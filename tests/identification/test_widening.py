@@ -30,6 +30,13 @@ def test_what_a_prior_alone_holds_is_not_widened():
     assert held == pytest.approx(1.0, abs=0.01)
 
 
+def test_rounding_of_what_no_prior_holds_narrows_nothing():
+    """Without a prior all of the variance is expected, to rounding: no root of a negative number."""
+    jacobian = np.random.default_rng(3).standard_normal((2 * ROWS, 6)) * 10.0 ** np.arange(6)
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * (1.0 + 1e-12)
+    np.testing.assert_array_equal(widening([run_of(ROWS)], jacobian, np.zeros(2 * ROWS), covariance), np.ones(6))
+
+
 @pytest.mark.parametrize("hanging", [0.0, 0.95])
 def test_the_widening_is_the_ratio_of_the_true_scatter_to_the_white_one(hanging):
     rng = np.random.default_rng(1)

@@ -12,7 +12,7 @@ from drift_drake.logs.importing.formats.arrays import topics_of_arrays
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import topic_of_messages, with_yaw
 from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.look import guessed_mapping, look
+from drift_drake.logs.importing.look import guessed_mapping, look, mapping_text
 from drift_drake.logs.importing.mapping import mapping_from_dict
 from drift_drake.logs.table import read_case
 
@@ -258,6 +258,6 @@ def test_a_yaw_rate_beyond_belief_is_refused_unless_trusted(tmp_path, capsys):
 
 def test_a_look_names_what_the_file_lacks(tmp_path):
     pd.DataFrame({"t": np.arange(100) * 0.01, "speed": 1.0}).to_csv(tmp_path / "one.csv", index=False)
-    text = look(tmp_path / "one.csv")
+    text = mapping_text(look(tmp_path / "one.csv"))
     assert "Nothing here looks like delta_cmd" in text
     assert yaml.safe_load(text)["signals"]["v"] == {"column": "speed", "unit": "m/s"}

@@ -13,7 +13,7 @@ from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
 from drift_drake.safe_files import try_folder, try_outputs, writing_together
-from drift_drake.standard_output import said_to, write_text
+from drift_drake.standard_output import said_to, write_results, write_text
 
 if TYPE_CHECKING:
     from drift_drake.logs.importing.importer import ImportReport
@@ -54,7 +54,8 @@ class Import:
     trust: tuple[str, ...] = ()
     """Columns of the log to take as they are, however large: r of a car that does turn that fast."""
     json: Path | None = None
-    """Where to write the report as JSON, beside OUT/import.json (-: standard output)."""
+    """Where to write the report, with --look what the file holds, as JSON (-: standard output); the report is in
+    OUT/import.json too."""
 
 
 def run_import(command: Import) -> None:
@@ -68,9 +69,12 @@ def run_import(command: Import) -> None:
             raise InvalidOptionError(f"{path}: no such file; 'drift-drake import --help' says which formats are read")
     if command.look:
         with ended_at_once():
-            from drift_drake.logs.importing.look import look
+            from drift_drake.logs.importing.look import look, mapping_text
 
-        print(look(command.recordings[0]), end="")
+        try_outputs({"--json": command.json}, command.recordings)
+        found = look(command.recordings[0])
+        print(mapping_text(found), end="", file=said_to(command.json))
+        write_results(command.json, found)
         return
     if not command.mapping or command.out is None:
         raise InvalidOptionError(

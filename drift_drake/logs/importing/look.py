@@ -1,5 +1,6 @@
 """A first look at a recorder's file: its topics, rates and units, and a mapping to begin with, as one YAML text."""
 
+import dataclasses
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -50,15 +51,52 @@ NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
 MOST_LISTED = 60
 
 
-def look(path: str | Path) -> str:
-    """A YAML text: what the file holds in its comments, and below them a mapping, guessed from names and numbers.
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """A column of a topic: its unit as the file states it, and the least and largest number (None: it has none)."""
+
+    name: str
+    unit: str
+    low: float | None
+    high: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class TopicSummary:
+    """What a topic holds; clock: the column of its times (None: none looks like it), rate [Hz], span [s]."""
+
+    name: str
+    rows: int
+    clock: str | None
+    rate: float | None
+    span: float | None
+    columns: list[Column]
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """What a file holds, the mapping guessed from names and numbers, and what a log needs that nothing looks like."""
+
+    file: str
+    topics: list[TopicSummary]
+    mapping: dict[str, Any]
+    missing: list[str]
+
+
+def look(path: str | Path) -> Look:
+    """A first look at a recorder's file.
 
     Raises:
         InvalidRecordingError: the file cannot be read.
     """
     topics = read_topics(path)
-    mapping, missing = guessed_mapping(topics)
-    lines = [f"# {Path(path).name}: {len(topics)} topic{'s' if len(topics) > 1 else ''}"]
+    return Look(Path(path).name, [_summary(topic) for topic in topics], *guessed_mapping(topics))
+
+
+def mapping_text(found: Look) -> str:
+    """A YAML text: what the file holds in its comments, and below them the guessed mapping."""
+    topics, mapping = found.topics, found.mapping
+    lines = [f"# {found.file}: {len(topics)} topic{'s' if len(topics) > 1 else ''}"]
     for topic in topics:
         lines += _described(topic)
     lines.append("# A first mapping, guessed from names and numbers: see that columns, units and frame are right.")
@@ -67,7 +105,7 @@ def look(path: str | Path) -> str:
     if re.search(WHEEL, column.lower()):
         lines.append("# delta_cmd is the road wheel's angle, and its column looks like the steering wheel's: add")
         lines.append("#   scale: ?  (one over the steering ratio) to its line.")
-    for name in missing:
+    for name in found.missing:
         lines.append(f"# Nothing here looks like {name}, which a log needs: add the line below under 'signals'.")
         lines.append(f"#   {name}: {{column: ?, unit: {NEEDED[name]}, clock: {next(iter(mapping['clocks']), '?')}}}")
     return "\n".join(lines) + "\n"
@@ -107,22 +145,29 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
     return mapping, [name for name in NEEDED if name not in known]
 
 
-def _described(topic: Topic) -> list[str]:
+def _summary(topic: Topic) -> TopicSummary:
     clock = _clock(topic)
-    rate, span = "no clock found", ""
+    rate = span = None
     if clock is not None:
         t = _seconds(topic, clock)
-        rate, span = f"{_hertz(t):.4g} Hz", f", {t[-1] - t[0]:.1f} s by {clock}"
-    lines = [f"# {topic.name or 'table'}: {len(topic.table)} rows, {rate}{span}"]
-    columns = list(topic.table.columns)
-    for column in columns[:MOST_LISTED]:
-        values = pd.to_numeric(topic.table[column], errors="coerce").to_numpy(dtype=float)
+        rate, span = _hertz(t), float(t[-1] - t[0])
+    columns = []
+    for name in topic.table.columns:
+        values = pd.to_numeric(topic.table[name], errors="coerce").to_numpy(dtype=float)
         seen = values[np.isfinite(values)]
-        extent = f"{np.min(seen):.6g} to {np.max(seen):.6g}" if len(seen) else "no numbers"
-        unit = topic.units.get(column, "")
-        lines.append(f"#   {column}{f' [{unit}]' if unit else ''}: {extent}")
-    if len(columns) > MOST_LISTED:
-        lines.append(f"#   and {len(columns) - MOST_LISTED} more")
+        low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
+        columns.append(Column(name, topic.units.get(name, ""), low, high))
+    return TopicSummary(topic.name, len(topic.table), clock, rate, span, columns)
+
+
+def _described(topic: TopicSummary) -> list[str]:
+    clock = f"{topic.rate:.4g} Hz, {topic.span:.1f} s by {topic.clock}" if topic.clock else "no clock found"
+    lines = [f"# {topic.name or 'table'}: {topic.rows} rows, {clock}"]
+    for column in topic.columns[:MOST_LISTED]:
+        extent = f"{column.low:.6g} to {column.high:.6g}" if column.low is not None else "no numbers"
+        lines.append(f"#   {column.name}{f' [{column.unit}]' if column.unit else ''}: {extent}")
+    if len(topic.columns) > MOST_LISTED:
+        lines.append(f"#   and {len(topic.columns) - MOST_LISTED} more")
     return lines
 
 

@@ -4,10 +4,13 @@ from .control.controller import MpcController as MpcController
 from .control.effects_step import EffectsStepModel as EffectsStepModel
 from .control.mpc import Mpc as Mpc
 from .control.mpc import MpcSolution as MpcSolution
+from .control.mpc import NoPlanError as NoPlanError
 from .control.ocp import OcpData as OcpData
 from .control.ocp import OcpWeights as OcpWeights
 from .control.ocp import OptimalControlProblem as OptimalControlProblem
 from .control.ocp import ocp as ocp
+from .control.own_controller import Controller as Controller
+from .control.own_controller import ControllerSystem as ControllerSystem
 from .control.plan import Plan as Plan
 from .control.step_model import NominalStepModel as NominalStepModel
 from .control.step_model import StepModel as StepModel

@@ -42,6 +42,10 @@ def test_an_own_effect_pushes() -> None:
     assert example("own_effect").main() == (0.0, 800.0, 240.0)
 
 
+def test_an_own_controller_drives() -> None:
+    assert example("own_controller").main(time_factor=0.01) == "time is up"
+
+
 def test_an_own_model_plans() -> None:
     u = example("own_model").main(horizon=5)
     assert u.shape == (6, 2)

@@ -1,7 +1,7 @@
 """The monitor in a closed loop's diagram: its wires, what is logged of it, and the events of a run."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,9 +20,9 @@ FURTHER = ("magnitude", "low", "high")
 
 def watching(
     builder: DiagramBuilder, monitor: Monitor | None, measured_state: OutputPort, command: OutputPort,
-    log_row: OutputPort, corrected: StepModel | Literal[False],
+    log_row: OutputPort, correct: bool, model: StepModel | None,
 ) -> tuple[GapMonitor | None, OutputPort, OutputPort | None]:  # fmt: skip
-    """Adds the monitor, if there is one, and the correction of a controller's model, if one is given, to a diagram.
+    """Adds the monitor, if there is one, and where it is asked for the correction of a controller's model.
 
     Returns:
         (the monitor, the measured state for the controller, the effects for its model).
@@ -30,14 +30,14 @@ def watching(
     Raises:
         ValueError: a correction without a monitor, or of a model that takes none.
     """
-    if corrected is not False and (monitor is None or not isinstance(corrected, EffectsStepModel)):
+    if correct and (monitor is None or not isinstance(model, EffectsStepModel)):
         raise ValueError("a correction needs a monitor, and an EffectsStepModel that takes it")
     if monitor is None:
         return None, measured_state, None
     system = builder.AddNamedSystem("monitor", GapMonitor(monitor))
     for name, port in (("measured_state", measured_state), ("command", command), ("log_row", log_row)):
         builder.Connect(port, system.GetInputPort(name))
-    if corrected is False:
+    if not correct:
         return system, measured_state, None
     correction = builder.AddNamedSystem("correction", GapCorrection(monitor))
     for name in ("posterior", "magnitude"):

@@ -13,13 +13,13 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
-from drift_drake.control.plan import DT, plan_size
+from drift_drake.control.own_controller import Controller, ControllerSystem
+from drift_drake.control.plan import DT
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.monitoring.in_loop import logged_ports, watching
 from drift_drake.monitoring.monitor import Monitor
@@ -27,10 +27,10 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.change import Change, check_change, make_change, with_patches
-from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults, behind
-from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault, patches
+from drift_drake.simulation.fault_systems import FaultPoints
+from drift_drake.simulation.faults import Fault, patches
 from drift_drake.simulation.innovation import Innovation
-from drift_drake.simulation.learners import connect_learners, connect_observer, lane_tightening
+from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.safe_stop import SafeStop
@@ -87,13 +87,30 @@ class ClosedLoop:
 
     Systems: car (plant, sensors), screen, controller, safe_stop, actuator, and loggers of measured_state, log_row,
     state, path_position, pose, command, statistics and what the others tell.
+
+    Args:
+        parameters: what the controller and the reference's limits take the car for.
+        model: what the predictive controller believes.
+        effects: of the true car, beside `parameters`.
+        initial_command: (delta [rad], tau [N m]) in force before the first plan; the reference's without.
+        adapter: if given, `model` (a `BayesianStepModel`) follows it.
+        detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
+        plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
+        faults: what goes wrong in the loop.
+        monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`).
+        correct: the controller takes what it names (`monitoring.correction`), with an `EffectsStepModel`.
+        controller: one of your own in place of the predictive one and its model.
+
+    Raises:
+        ValueError: both a model and a controller, or neither; a detector, or a tightened lane, without an adapter; a
+            correction without a monitor or model.
     """
 
     def __init__(
         self,
         parameters: VehicleParameters,
         reference: Reference,
-        model: StepModel,
+        model: StepModel | None = None,
         effects: Effects = Effects(),  # noqa: B008 (immutable)
         noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
         control: ControlConfig = ControlConfig(),
@@ -104,23 +121,10 @@ class ClosedLoop:
         faults: Sequence[Fault] = (),
         monitor: Monitor | None = None,
         correct: bool = False,
+        controller: Controller | None = None,
     ) -> None:
-        """Builds the diagram.
-
-        Args:
-            parameters: what the controller and the reference's limits take the car for.
-            model: what the controller believes.
-            adapter: if given, `model` (a `BayesianStepModel`) follows it.
-            detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
-            plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
-            faults: what goes wrong in the loop.
-            monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`);
-            correct: the controller takes what it names (`monitoring.correction`), with an `EffectsStepModel`.
-
-        Raises:
-            ValueError: a detector, or a tightened lane, without an adapter; a correction without a monitor or model.
-        """
-        tightening = lane_tightening(control.tightening, adapter, detector)
+        learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
+        check_planner(learners, controller)
         if plant is None and patches(faults) and not acts_on_motion(effects):
             effects = effects._replace(aero_drag=NEGLIGIBLE)
         self.parameters, self.reference, self.adapter, self.effects = parameters, reference, adapter, effects
@@ -128,75 +132,71 @@ class ClosedLoop:
         at_start = tuple(reference.input(0.0)) if initial_command is None else initial_command
         self.initial_command = (float(at_start[0]), float(at_start[1]))
         builder = DiagramBuilder()
+        points = FaultPoints(builder, faults, control.period)
         self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
-        self.controller = builder.AddNamedSystem("controller", MpcController(
-            model, parameters, reference, control.horizon, control.weights, SqpOptions.real_time(control.iterations),
-            control.period, control.delay, self.initial_command,
-            theta_size=MEAN_COUNT if adapter else COUNT if correct else 0, tightening=tightening,
-        ))  # fmt: skip
+        self.controller = builder.AddNamedSystem(
+            "controller", self._planner(learners, controller, control, COUNT if correct else 0)
+        )
         self.actuator = builder.AddNamedSystem("actuator", LinearInterpolationActuator(
             parameters, control.horizon, DT, control.period, initial_command=self.initial_command
         ))  # fmt: skip
-        received = behind(builder, self.car.GetOutputPort("measured_state"), "sensor_faults", SENSOR_KINDS,
-                          lambda: SensorFaults(faults, control.period), faults)  # fmt: skip
-        plan = behind(builder, self.controller.GetOutputPort("plan"), "plan_faults", PLAN_KINDS,
-                      lambda: PlanFaults(plan_size(control.horizon), faults, control.period), faults)  # fmt: skip
-        command_in_force = self.actuator.GetOutputPort("command")
-        self.screen = self._add_screen(builder, control, noise, received)
-        measured_state = received if self.screen is None else self.screen.GetOutputPort("screened_state")
-        state = received if self.screen is None else self.screen.GetOutputPort("estimate")
-        self.safe_stop = self._add_safe_stop(builder, control, plan, state)
-        if self.safe_stop is not None:
-            plan = self.safe_stop.GetOutputPort("supervised_plan")
-        self.monitor, measured_state, theta = watching(
-            builder, monitor, measured_state, command_in_force, self.car.GetOutputPort("log_row"), correct and model
-        )
-        if theta is not None:
-            builder.Connect(theta, self.controller.GetInputPort("theta"))
-        for_solver = behind(
-            builder, measured_state, "solver_faults", SOLVER_KINDS, lambda: SolverFaults(faults), faults
-        )
-        builder.Connect(for_solver, self.controller.GetInputPort("measured_state"))
-        connect_learners(builder, self.controller, adapter, detector, measured_state, command_in_force,
-                         tightening is not None)  # fmt: skip
-        ports = {"measured_state": measured_state, "command": command_in_force, "theta": theta}
-        connect_observer(builder, model, control.period, self.controller, [adapter, detector], ports)
+        command = self.actuator.GetOutputPort("command")
+        received = points.sensors(self.car.GetOutputPort("measured_state"))
+        self.screen, measured_state, state = self._screened(builder, control, noise, received)
+        plan = points.plans(self.controller.GetOutputPort("plan"))
+        self.safe_stop, plan = self._supervised(builder, control, plan, state)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
-        command = behind(builder, command_in_force, "actuator_faults", ACTUATOR_KINDS,
-                         lambda: ActuatorFaults(faults, parameters), faults)  # fmt: skip
-        builder.Connect(command, self.car.GetInputPort("command"))
+        self.monitor, measured_state, theta = watching(
+            builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), correct, model
+        )
+        builder.Connect(points.solver(measured_state), self.controller.GetInputPort("measured_state"))
+        if isinstance(self.controller, MpcController):
+            learners.connect(builder, self.controller, measured_state, command, theta)
+        builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
         self._logs = Logs(builder, control.period)
         for name, (port, columns) in self._logged(received, detector).items():
             self._logs.add(port, columns, name)
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")
 
-    def _add_screen(
+    def _planner(
+        self, learners: Learners, controller: Controller | None, control: ControlConfig, effects_size: int
+    ) -> MpcController | ControllerSystem:
+        """The system that plans; `effects_size`: of the effects that a correction gives the model."""
+        if controller is not None:
+            return ControllerSystem(controller, control.horizon, control.period, control.delay)
+        assert learners.model is not None
+        return MpcController(
+            learners.model, self.parameters, self.reference, control.horizon, control.weights,
+            SqpOptions.real_time(control.iterations), control.period, control.delay, self.initial_command,
+            theta_size=learners.theta_size or effects_size, tightening=learners.tightening,
+        )  # fmt: skip
+
+    def _screened(
         self, builder: DiagramBuilder, control: ControlConfig, noise: NoiseLevels, received: OutputPort
-    ) -> Screen | None:
+    ) -> tuple[Screen | None, OutputPort, OutputPort]:
+        """(the screen, the measured state that it lets through, the state that it makes of it)."""
         if not control.screening:
-            return None
+            return None, received, received
         innovation = Innovation(self.parameters, self.reference.path, noise, control.period)
         screen = builder.AddNamedSystem("screen", Screen(control.period, innovation))
         builder.Connect(received, screen.GetInputPort("measured_state"))
         builder.Connect(self.actuator.GetOutputPort("command"), screen.GetInputPort("command"))
-        return screen
+        return screen, screen.GetOutputPort("screened_state"), screen.GetOutputPort("estimate")
 
-    def _add_safe_stop(
+    def _supervised(
         self, builder: DiagramBuilder, control: ControlConfig, plan: OutputPort, state: OutputPort
-    ) -> SafeStop | None:
+    ) -> tuple[SafeStop | None, OutputPort]:
+        """(the supervisor, the plan that it hands on)."""
         if control.patience == 0.0:
-            return None
+            return None, plan
         stop = SafeStop(self.parameters, self.reference.path, control.horizon, control.patience, control.period)
         builder.AddNamedSystem("safe_stop", stop)
         builder.Connect(plan, stop.GetInputPort("plan"))
         builder.Connect(state, stop.GetInputPort("state"))
         for name in ("plan_age", "command"):
             builder.Connect(self.actuator.GetOutputPort(name), stop.GetInputPort(name))
-        return stop
-
-    def _stopping(self, root: Context) -> bool:
-        return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
+        return stop, stop.GetOutputPort("supervised_plan")
 
     def initial_context(self, seed: int, error: Array | None = None, s: float = 0.0) -> Context:
         """A Context with the car on the reference at s [m], off by `error` [6], and its noise seeded."""
@@ -206,6 +206,9 @@ class ClosedLoop:
         plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self.initial_command)
         self.car.sensors.set_seed(context, seed)
         return context
+
+    def _stopping(self, root: Context) -> bool:
+        return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
 
     def run(
         self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None

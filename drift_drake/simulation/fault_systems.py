@@ -142,13 +142,39 @@ class ActuatorFaults(LeafSystem):
         output.SetFromVector(np.clip(self._port.Eval(context), left * self._low, left * self._high))
 
 
-def behind(
-    builder: DiagramBuilder, port: OutputPort, name: str, kinds: Mapping[str, float], system: Callable[[], LeafSystem],
-    faults: Sequence[Fault],
-) -> OutputPort:  # fmt: skip
-    """The port, or that of a system of faults put behind it where there are any of its kinds."""
-    if not any(fault.kind in kinds for fault in faults):
-        return port
-    added = builder.AddNamedSystem(name, system())
-    builder.Connect(port, added.get_input_port())
-    return added.get_output_port()
+class FaultPoints:
+    """Where faults enter a diagram: each method gives the port, or that of a system of faults put behind it.
+
+    Args:
+        period: of the systems that remember what passed [s].
+    """
+
+    def __init__(self, builder: DiagramBuilder, faults: Sequence[Fault], period: float) -> None:
+        self._builder, self._faults, self._period = builder, faults, period
+
+    def sensors(self, port: OutputPort) -> OutputPort:
+        """Behind the measured state."""
+        return self._behind(port, "sensor_faults", SENSOR_KINDS, lambda: SensorFaults(self._faults, self._period))
+
+    def plans(self, port: OutputPort) -> OutputPort:
+        """Behind the controller's plans."""
+        return self._behind(
+            port, "plan_faults", PLAN_KINDS, lambda: PlanFaults(port.size(), self._faults, self._period)
+        )
+
+    def solver(self, port: OutputPort) -> OutputPort:
+        """Behind the measured state that the controller alone gets."""
+        return self._behind(port, "solver_faults", SOLVER_KINDS, lambda: SolverFaults(self._faults))
+
+    def actuators(self, port: OutputPort, parameters: VehicleParameters) -> OutputPort:
+        """Behind the command."""
+        return self._behind(port, "actuator_faults", ACTUATOR_KINDS, lambda: ActuatorFaults(self._faults, parameters))
+
+    def _behind(
+        self, port: OutputPort, name: str, kinds: Mapping[str, float], system: Callable[[], LeafSystem]
+    ) -> OutputPort:
+        if not any(fault.kind in kinds for fault in self._faults):
+            return port
+        added = self._builder.AddNamedSystem(name, system())
+        self._builder.Connect(port, added.get_input_port())
+        return added.get_output_port()

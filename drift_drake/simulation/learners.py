@@ -1,11 +1,15 @@
 """What follows the car beside the controller: the learnt model's adapter and detector, and a model's own states."""
 
+from typing import NamedTuple
+
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drift_drake.control.controller import MpcController
+from drift_drake.control.own_controller import Controller
 from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 
 
@@ -25,53 +29,77 @@ def lane_tightening(
     return LaneTightening(adapter.model.network, adapter.model.sigma, kappa) if kappa > 0.0 else None
 
 
-def connect_learners(
-    builder: DiagramBuilder,
-    controller: MpcController,
-    adapter: BayesianAdapter | None,
-    detector: OutOfDistributionDetector | None,
-    measured_state: OutputPort,
-    command: OutputPort,
-    tightened: bool,
-) -> None:
-    """Adds the adapter, whose belief the controller plans with, and the detector, which watches that belief."""
-    for name, system in (("adapter", adapter), ("detector", detector)):
-        if system is not None:
-            builder.AddNamedSystem(name, system)
-            builder.Connect(measured_state, system.GetInputPort("measured_state"))
-            builder.Connect(command, system.GetInputPort("command"))
-    if adapter is None:
-        return
-    builder.Connect(adapter.GetOutputPort("posterior_mean"), controller.GetInputPort("theta"))
-    if tightened:
-        covariance = adapter.GetOutputPort("posterior_covariance")
-        builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
-    if detector is not None:
-        for name in ("posterior_mean", "posterior_covariance"):
-            builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
+class Learners(NamedTuple):
+    """A controller's model and what learns it while it drives."""
+
+    model: StepModel | None
+    adapter: BayesianAdapter | None
+    detector: OutOfDistributionDetector | None
+    tightening: LaneTightening | None
+
+    @property
+    def theta_size(self) -> int:
+        """Length of what the adapter gives the model; 0 without one."""
+        return MEAN_COUNT if self.adapter else 0
+
+    def connect(
+        self,
+        builder: DiagramBuilder,
+        controller: MpcController,
+        measured_state: OutputPort,
+        command: OutputPort,
+        theta: OutputPort | None,
+    ) -> None:
+        """Adds the adapter, whose belief the controller plans with, the detector, which watches it, and the observer.
+
+        Args:
+            theta: what a correction gives the model, if there is one.
+        """
+        for name, system in (("adapter", self.adapter), ("detector", self.detector)):
+            if system is not None:
+                builder.AddNamedSystem(name, system)
+                builder.Connect(measured_state, system.GetInputPort("measured_state"))
+                builder.Connect(command, system.GetInputPort("command"))
+        if theta is not None:
+            builder.Connect(theta, controller.GetInputPort("theta"))
+        if self.adapter is not None:
+            self._connect_belief(builder, controller, self.adapter)
+        ports = {"measured_state": measured_state, "command": command, "theta": theta}
+        self._connect_observer(builder, controller, ports)
+
+    def _connect_belief(self, builder: DiagramBuilder, controller: MpcController, adapter: BayesianAdapter) -> None:
+        builder.Connect(adapter.GetOutputPort("posterior_mean"), controller.GetInputPort("theta"))
+        if self.tightening is not None:
+            covariance = adapter.GetOutputPort("posterior_covariance")
+            builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
+        if self.detector is not None:
+            for name in ("posterior_mean", "posterior_covariance"):
+                builder.Connect(adapter.GetOutputPort(name), self.detector.GetInputPort(name))
+
+    def _connect_observer(
+        self, builder: DiagramBuilder, controller: MpcController, ports: dict[str, OutputPort | None]
+    ) -> None:
+        """Adds the observer of the model's own states, for a model that has any; `ports`: that it may ask for."""
+        observer = None if self.model is None else self.model.observer(controller.period)
+        if observer is None:
+            return
+        builder.AddNamedSystem("observer", observer)
+        for name, port in ports.items():
+            if port is not None and observer.HasInputPort(name):
+                builder.Connect(port, observer.GetInputPort(name))
+        builder.Connect(observer.get_output_port(), controller.GetInputPort("memory"))
+        for learner in (self.adapter, self.detector):
+            if learner is not None:
+                builder.Connect(observer.get_output_port(), learner.GetInputPort("lagged_command"))
 
 
-def connect_observer(
-    builder: DiagramBuilder,
-    model: StepModel,
-    period: float,
-    controller: MpcController,
-    learners: list[BayesianAdapter | OutOfDistributionDetector | None],
-    ports: dict[str, OutputPort | None],
-) -> None:
-    """Adds the observer of the model's own states, for a model that has any, and connects it.
+def check_planner(learners: Learners, controller: Controller | None) -> None:
+    """Sees that something plans, and one thing alone.
 
-    Args:
-        learners: that take these states too; ports: that the observer may ask for, by name.
+    Raises:
+        ValueError: both a model and a controller, or neither; an adapter beside a controller.
     """
-    observer = model.observer(period)
-    if observer is None:
-        return
-    builder.AddNamedSystem("observer", observer)
-    for name, port in ports.items():
-        if port is not None and observer.HasInputPort(name):
-            builder.Connect(port, observer.GetInputPort(name))
-    builder.Connect(observer.get_output_port(), controller.GetInputPort("memory"))
-    for learner in learners:
-        if learner is not None:
-            builder.Connect(observer.get_output_port(), learner.GetInputPort("lagged_command"))
+    if (learners.model is None) == (controller is None):
+        raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")
+    if controller is not None and learners.adapter is not None:
+        raise ValueError("an adapter learns the predictive controller's model; a controller of your own has none")

@@ -46,6 +46,7 @@ def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.Mo
     [
         (["drive", "figure_8", "--vehicle", "nothing.yaml"], "nothing.yaml: cannot be read"),
         (["drive", "figure_8", "--out", "FILE/x"], "cannot be written"),
+        (["drive", "figure_8", "--seed", "-1"], "--seed -1: give 0 or more"),
         (["demo", "."], ".: is there already"),
         (["effects", "--vehicle", "nothing.yaml"], "nothing.yaml: cannot be read"),
     ],

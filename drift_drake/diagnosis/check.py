@@ -12,7 +12,7 @@ import tyro
 from drift_drake.errors import InvalidOptionError, unit_suffix
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_name
-from drift_drake.logs.table import read_case, stated_noise
+from drift_drake.logs.table import read_case, run_paths, stated_noise
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
@@ -73,7 +73,8 @@ def run_check(command: Check) -> None:
         if command.vehicle is None:
             raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
     given = None if command.vehicle is None else read_vehicle(command.vehicle)
-    try_outputs({"--json": command.json}, [path for path in (command.vehicle, command.calibration) if path is not None])
+    inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
+    try_outputs({"--json": command.json}, inputs)
     runs = read_case(command.logs)
     with ended_at_once():
         from drift_drake.logs.quality import quality

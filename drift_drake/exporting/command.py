@@ -56,6 +56,7 @@ def _export_logs(command: Export) -> None:
     if command.source.is_dir():
         try_folder(command.out, "--out")
         outs = [command.out / f"{path.name.split('.')[0]}{ENDINGS[command.format]}" for path in paths]
+        try_outputs({f"--out {out.name}": out for out in outs}, paths)
     else:
         outs = [command.out]
     try_outputs({"--json": command.json} | ({} if command.source.is_dir() else {"--out": command.out}), paths)

@@ -19,10 +19,10 @@ def case_folders(folder: str | Path) -> list[Path]:
         InvalidLogError: there is no run in either.
     """
     folder = Path(folder)
-    if not folder.exists():
-        raise InvalidLogError(f"{folder}: no such folder; give a case (run_0.csv, run_1.csv, ...) or a folder of cases")
     if run_paths(folder):
         return [folder]
+    if not folder.is_dir():
+        raise InvalidLogError(f"{folder}: no such folder; give a case (run_0.csv, run_1.csv, ...) or a folder of cases")
     cases = sorted(path for path in folder.iterdir() if path.is_dir() and run_paths(path))
     if not cases:
         raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")

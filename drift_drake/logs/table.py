@@ -6,6 +6,7 @@ import json
 import lzma
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.plausible import implausible
+from drift_drake.plain_files import check_file
 from drift_drake.safe_files import write_table
 
 if TYPE_CHECKING:
@@ -132,8 +134,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Raises:
         InvalidLogError: unreadable or empty file, NaN.
     """
-    if not path.exists():
-        raise InvalidLogError(f"{path}: no such file; give the path of a run (CSV or Parquet)")
+    check_file(path, InvalidLogError, "give the path of a run (CSV or Parquet)")
     import pandas as pd  # slow to import
 
     try:
@@ -145,13 +146,17 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     except UNREADABLE as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InvalidLogError(f"{path}: cannot be read as a table ({reason}); write a CSV with a header") from None
-    _check_names(path, [str(name) for name in table.columns])
+    check_names(path, [str(name) for name in table.columns])
     table.columns = [str(name).strip() for name in table.columns]
     return {name: _numbers(path, name, table[name]) for name in COLUMNS if name in table.columns}
 
 
-def _check_names(path: Path, names: list[str]) -> None:
-    """Refuses a column that is there twice; pandas calls the second `v` of a file `v.1`."""
+def check_names(path: Path, names: Sequence[str]) -> None:
+    """Sees that no column of the log format is there twice; pandas calls the second `v` of a file `v.1`.
+
+    Raises:
+        InvalidLogError: names the column.
+    """
     bare = [name.strip() for name in names]
     for name in COLUMNS:
         if bare.count(name) > 1 or (name in bare and f"{name}.1" in bare):
@@ -283,10 +288,11 @@ def import_report_path(folder: str | Path) -> Path:
 def _import_report(folder: str | Path) -> dict[str, Any]:
     """What an import wrote beside its runs (or beside a run, given its file); empty where there is none."""
     path = import_report_path(folder)
+    if not path.exists():
+        return {}
+    check_file(path, InvalidLogError, "take it away or import again")
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
     except (OSError, ValueError):
         report = None
     if not isinstance(report, dict):

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import tyro
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
@@ -42,21 +44,25 @@ def run_watch(command: Watch) -> None:
 
     Raises:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidOptionError: a time that is none.
     """
     vehicle, own = read_vehicle(command.vehicle)
+    if not 0.0 <= command.idle < math.inf:
+        raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
     try_outputs({"--json": command.json}, [command.log, command.vehicle])
     with ended_at_once():
         from drift_drake.logs.table import read_run
         from drift_drake.monitoring.events import sentence
-        from drift_drake.monitoring.follow import as_row, growing_lines, growing_rows, head_of
+        from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
         from drift_drake.monitoring.watch import Row, monitor_of, rows_of, watched
 
     rows: Iterator[Row]
     if command.follow:
         coming = growing_rows(command.log, growing_lines(command.log, command.idle))
         head, first = head_of(command.log, coming)
-        monitor, rows = monitor_of(head, vehicle, own), map(as_row, itertools.chain(first, coming))
+        monitor = monitor_of(head, vehicle, own)
+        rows = as_rows(itertools.chain(first, on_the_clock(command.log, coming, head)))
     else:
         run = read_run(command.log)
         monitor, rows = monitor_of(run, vehicle, own), rows_of(run)

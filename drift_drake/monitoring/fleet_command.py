@@ -1,12 +1,14 @@
 """`drift-drake fleet`: many cars and days at once; what all lack, what one car lacks, what a day brings."""
 
 import dataclasses
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tyro
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, run_paths
 from drift_drake.safe_files import try_outputs
@@ -43,16 +45,24 @@ def run_fleet(command: Fleet) -> None:
 
     Raises:
         InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidOptionError: no workers.
     """
     vehicle, own = read_vehicle(command.vehicle)
+    if command.workers < 1:
+        raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
     folders = day_folders(command.folder)
-    try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle])
+    logs = [path for folder in folders.values() for path in run_paths(folder)]
+    try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.monitoring.fleet import compared
-        from drift_drake.monitoring.fleet_days import days_of, problem_of
+        from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
+        from drift_drake.monitoring.watch import WATCHED
 
-    days = days_of(folders, vehicle, own, command.workers)
-    found = compared(problem_of(folders, vehicle, own), days)
+    used = shared_columns(folders)
+    if left := [name for name in WATCHED if name not in used]:
+        print(f"left out, since not every run has it: {', '.join(left)}", file=sys.stderr)
+    days = days_of(folders, vehicle, own, used, command.workers)
+    found = compared(problem_of(vehicle, own, used), days)
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)
     if command.picture is not None:

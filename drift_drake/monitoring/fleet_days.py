@@ -1,15 +1,16 @@
 """The days of a fleet as sums of scores, a day a job."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from drift_drake.logs.table import read_case
+from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
 from drift_drake.monitoring.evidence import Problem
 from drift_drake.monitoring.fleet import Day
 from drift_drake.monitoring.history import Sums, no_sums
+from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.normal import block_sums
-from drift_drake.monitoring.watch import monitor_of
+from drift_drake.monitoring.watch import WATCHED, monitor_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import worker_processes
@@ -17,20 +18,34 @@ from drift_drake.workers import worker_processes
 Folders = Mapping[tuple[str, str], Path]
 
 
-def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects) -> Sums:
-    """Sums over all runs of a day."""
-    runs = read_case(folder)
-    monitor = monitor_of(runs[0], vehicle, own)
-    total = no_sums(len(monitor.problem.nodes))
-    for run in runs:
-        for block in block_sums(monitor, run):
+def shared_columns(folders: Folders) -> tuple[str, ...]:
+    """The measured columns that all runs of a fleet have: days are compared by what the same columns show.
+
+    Raises:
+        InvalidLogError: a run cannot be used, or has no torque commands.
+    """
+    shared = list(WATCHED)
+    for folder in folders.values():
+        for path in case_paths(folder):
+            run = read_run(path)
+            if run.tau_cmd is None:
+                raise InvalidLogError(f"{path}: has no column tau_cmd, without which no run can be judged; add it")
+            shared = [name for name in shared if run.column(name) is not None]
+    return tuple(shared)
+
+
+def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> Sums:
+    """Sums over all runs of a day, each at its own rate and with its own noise."""
+    total = no_sums(len(problem_of(vehicle, own, used).nodes))
+    for run in read_case(folder):
+        for block in block_sums(monitor_of(run, vehicle, own, used), run):
             total = Sums(*(a + b for a, b in zip(total, block, strict=True)))
     return total
 
 
-def days_of(folders: Folders, vehicle: VehicleParameters, own: Effects, workers: int) -> list[Day]:
+def days_of(folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], workers: int) -> list[Day]:
     """All days, on so many processes."""
-    job = functools.partial(day_sums, vehicle=vehicle, own=own)
+    job = functools.partial(day_sums, vehicle=vehicle, own=own, used=used)
     if workers == 1:
         sums = [job(path) for path in folders.values()]
     else:
@@ -39,6 +54,6 @@ def days_of(folders: Folders, vehicle: VehicleParameters, own: Effects, workers:
     return [Day(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
 
 
-def problem_of(folders: Folders, vehicle: VehicleParameters, own: Effects) -> Problem:
-    """What is judged, from the columns of the first day."""
-    return monitor_of(read_case(next(iter(folders.values())))[0], vehicle, own).problem
+def problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> Problem:
+    """What is judged of days with these measured columns."""
+    return make_monitor(vehicle, own, used).problem

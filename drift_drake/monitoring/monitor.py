@@ -8,9 +8,11 @@ import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import PROCESS_NOISE
+from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
 from drift_drake.monitoring.evidence import Beliefs, Problem, judge, labels, make_problem
+from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
 from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.monitoring.renewal import TRUSTED, renewed
@@ -34,7 +36,8 @@ SPIN = 1.2  # [rad]
 class State(NamedTuple):
     """What is carried from row to row."""
 
-    clock: np.ndarray  # [3] rows since the start (0: not started), rows in the block, blocks since a change (0: none)
+    clock: np.ndarray  # [4] rows since the start (0: not started), rows in the block, blocks since a change (0: none),
+    # and rows that may be left out
     bank: BankState
     block: Sums
     history: np.ndarray  # `history.packed`
@@ -64,7 +67,7 @@ class Monitor:
         n = len(self.problem.nodes)
         p = np.zeros(len(self.labels) + 4)
         p[0], p[-4:] = 1.0, np.nan
-        return State(np.zeros(3), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
+        return State(np.zeros(4), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
 
 
 def seen(used: Sequence[str]) -> list[str]:
@@ -106,23 +109,24 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, 
     Args:
         y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]); t: [s].
     """
-    used = monitor.used & np.isfinite(y)
+    used = monitor.used & (np.abs(y) < ABSURD)
+    commanded = bool((np.abs(command) < ABSURD).all())
     y = np.where(used, y, 0.0)
-    bank = BankState(*(a.copy() for a in state.bank))
-    rows, filled, edge = state.clock
+    rows, filled, edge, left = state.clock
     if rows == 0.0:
-        if not used[:2].all() or not np.isfinite(command).all():
+        if not used[:2].all() or not commanded:
             return state
+        bank = filters.make_state(monitor.bank)
         filters.start(y, used, command, monitor.bank, bank)
-        return state._replace(clock=np.array([1.0, 0.0, 0.0]), bank=bank)
-    if not np.isfinite(command).all():
-        command = bank.commands[-1].copy()
-    innovations = filters.row(y, used, command, monitor.bank, bank)
+        return state._replace(clock=np.array([1.0, 0.0, 0.0, allowance(monitor.bank)]), bank=bank)
+    if not commanded:
+        command = state.bank.commands[-1].copy()
+    bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
     if not np.isfinite(bank.z).all():
         return monitor.start()
     judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > SLOWEST and abs(bank.z[0, 2]) < SPIN
-    block = summed(state.block, innovations, used) if judged else state.block
-    state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge]), bank=bank, block=block)
+    block = state.block if innovations is None or not judged else summed(state.block, innovations, used)
+    state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
     return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
 
 
@@ -140,9 +144,9 @@ def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
 
 def _closed(monitor: Monitor, state: State, t: float) -> State:
     """A block is full: it joins the history, which is judged anew."""
-    rows, _, edge = state.clock
+    rows, _, edge, left = state.clock
     if state.block.rows == 0.0:
-        return state._replace(clock=np.array([rows, 0.0, edge]))
+        return state._replace(clock=np.array([rows, 0.0, edge, left]))
     n = len(monitor.problem.nodes)
     history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
     verdict = judge(monitor.problem, monitor.beliefs, history, BLOCK)
@@ -150,4 +154,4 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
         history, verdict = renewed(monitor.problem, monitor.beliefs, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
-    return State(np.array([rows, 0.0, edge]), state.bank, no_sums(n), packed(history), values)
+    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), packed(history), values)

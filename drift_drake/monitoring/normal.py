@@ -10,8 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.logs.plausible import ABSURD
 from drift_drake.logs.table import Run
 from drift_drake.monitoring import bank as filters
+from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_sums
 from drift_drake.monitoring.monitor import SETTLING, Monitor, summed
 from drift_drake.monitoring.watch import rows_of
@@ -25,15 +27,15 @@ LEAST = 4  # blocks
 def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
     """Sums of the full blocks of a run."""
     n, state, out = len(monitor.problem.nodes), filters.make_state(monitor.bank), list[Sums]()
-    block, rows = no_sums(n), list(rows_of(run))
+    block, rows, left = no_sums(n), list(rows_of(run)), allowance(monitor.bank)
     for k, row in enumerate(rows):
-        used = monitor.used & np.isfinite(row.y)
+        used = monitor.used & (np.abs(row.y) < ABSURD)
         y = np.where(used, row.y, 0.0)
         if k == 0:
             filters.start(y, used, row.command, monitor.bank, state)
             continue
-        e = filters.row(y, used, row.command, monitor.bank, state)
-        if row.t - run.t[0] < SETTLING:
+        state, e, left = gated_row(monitor.bank, state, left, y, used, row.command)
+        if e is None or row.t - run.t[0] < SETTLING:
             continue
         block = summed(block, e, used)
         if block.rows * monitor.bank.period >= BLOCK:

@@ -1,6 +1,6 @@
 """A log watched row by row, as the monitor would have seen it in the car."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,15 +37,15 @@ def rows_of(run: Run) -> Iterator[Row]:
         yield Row(float(run.t[i]), y[i], commands[i])
 
 
-def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
-    """A monitor for a log's columns; the sensors' noise is what its first seconds show.
+def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects, watched: Sequence[str] = WATCHED) -> Monitor:
+    """A monitor for those of the columns `watched` that a log has; the sensors' noise is what its first seconds show.
 
     Raises:
         InvalidLogError: the log has no torque commands.
     """
     if run.tau_cmd is None:
         raise InvalidLogError(f"{run.name}: has no column tau_cmd, without which the monitor cannot predict; add it")
-    used = [name for name in WATCHED if run.column(name) is not None]
+    used = [name for name in watched if run.column(name) is not None]
     head = run.rows(0, max(round(HEAD / run.period), 1))
     good, levels = NoiseLevels(), {}
     for name in used:

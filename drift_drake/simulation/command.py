@@ -6,6 +6,7 @@ from typing import Literal
 
 import tyro
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import said_to, write_results
@@ -52,8 +53,10 @@ def run_drive(command: ClosedLoopDrive) -> None:
 
     Raises:
         InvalidVehicleError: names the file, the key and the mend.
-        InvalidOptionError: a fault that cannot be read.
+        InvalidOptionError: a fault that cannot be read, or a negative seed.
     """
+    if command.seed < 0:
+        raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
         read_vehicle(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])

@@ -132,6 +132,20 @@ def test_bad_files(tmp_path, case, message):
     assert "\n" not in str(caught.value)
 
 
+def test_of_two_columns_with_one_name_none_is_taken_for_the_other(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,v, v,r\n" + "".join(f"{0.01 * k:.2f},10,20,0.1\n" for k in range(100)))
+    signals = {"r": {"column": "r", "unit": "rad/s"}, "delta_cmd": {"column": "r", "unit": "rad"}}
+
+    def speed(column: str) -> float:
+        content = {"clocks": {"main": {"column": "t"}}, "signals": signals | {"v": {"column": column, "unit": "m/s"}}}
+        return float(read_recording(path, mapping_from_dict(content, "mapping")).clocks["main"].signals["v"][0])
+
+    with pytest.raises(InvalidRecordingError, match=r"missing column 'v'; .*v \(column 2\)"):
+        speed("v")
+    assert (speed("v (column 2)"), speed("v (column 3)")) == (10.0, 20.0)
+
+
 def test_no_tables(tmp_path):
     with pytest.raises(InvalidRecordingError, match="no such file"):
         read_recording(tmp_path / "absent.csv", mapping())

@@ -1,9 +1,13 @@
 """Runs as tables: round trip, and one clear sentence for each kind of bad input."""
 
+import os
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.logs.cases import case_folders
+from drift_drake.logs.importing.formats.files import read_topics
 from drift_drake.logs.table import InvalidLogError, Run, read_case, read_run, write_run
 
 ROWS = 80
@@ -108,12 +112,21 @@ def test_unreadable_files_get_one_sentence(tmp_path, text, says):
 
 
 def test_missing_files_and_folders_get_one_sentence(tmp_path):
-    with pytest.raises(InvalidLogError, match="no such file"):
+    with pytest.raises(InvalidLogError, match="No such file"):
         read_run(tmp_path / "run_9.csv")
     with pytest.raises(InvalidLogError, match="no such folder"):
         read_case(tmp_path / "nothing")
     with pytest.raises(InvalidLogError, match="holds no runs"):
         read_case(tmp_path)
+
+
+def test_a_pipe_in_place_of_a_log_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "run_0.csv")
+    for read in (read_case, lambda folder: read_topics(folder / "run_0.csv")):
+        with pytest.raises(InvalidLogError, match="it is a pipe or device, no file"):
+            read(tmp_path)
+    with pytest.raises(InvalidLogError, match="no such folder"):
+        case_folders(tmp_path / "run_0.csv")
 
 
 def test_a_coarse_clock_is_refused():

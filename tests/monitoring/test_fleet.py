@@ -3,14 +3,19 @@
 import numpy as np
 import pytest
 
+from drift_drake.cli import main
 from drift_drake.errors import DriftDrakeError
+from drift_drake.logs.table import write_run
 from drift_drake.monitoring.evidence import make_problem
 from drift_drake.monitoring.fleet import Day, compared
 from drift_drake.monitoring.fleet_command import day_folders, lines
+from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
 from drift_drake.monitoring.fleet_picture import draw_fleet
 from drift_drake.monitoring.history import Sums
 from drift_drake.monitoring.nodes import make_nodes
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.monitoring.drives import changed_drive
 
 NODES = make_nodes(["aero_drag", "mass_error", "steering_delay", "gyro_bias", "torque_gain_error"], VehicleParameters())
 PROBLEM = make_problem(NODES, np.zeros(len(NODES)))
@@ -67,3 +72,28 @@ def test_folders_of_cars_and_days(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(DriftDrakeError, match="holds no cars"):
         day_folders(tmp_path / "empty")
+
+
+def test_days_are_compared_by_what_all_runs_have_each_at_its_own_rate(tmp_path):
+    run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=6.0)
+    folders = {("a", "runs"): tmp_path / "a", ("b", "runs"): tmp_path / "b"}
+    write_run(run, tmp_path / "a" / "run_0.csv")
+    write_run(run.thinned(2).without("beta", "psi"), tmp_path / "b" / "run_0.csv")
+    write_run(run, tmp_path / "b" / "run_1.csv")
+    used = shared_columns(folders)
+    assert used == ("r", "v", "omega_r", "ax", "ay")
+    vehicle, own = VehicleParameters(), Effects()
+    found = compared(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, 1))
+    assert not found.terms
+    assert not found.outliers
+
+
+def test_mistakes_are_one_sentence(tmp_path, capsys):
+    run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=1.0)
+    write_run(run.without("tau_cmd"), tmp_path / "fleet" / "a" / "run_0.csv")
+    VehicleParameters().to_yaml(tmp_path / "car.yaml")
+    command = ["fleet", str(tmp_path / "fleet"), "--vehicle", str(tmp_path / "car.yaml")]
+    assert main(command) == 2
+    assert "a/run_0.csv: has no column tau_cmd" in capsys.readouterr().err
+    assert main([*command, "--workers", "0"]) == 2
+    assert "--workers 0: give 1 or more" in capsys.readouterr().err

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from drift_drake.errors import DriftDrakeError
-from drift_drake.monitoring.follow import as_row, growing_lines, growing_rows, head_of
+from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
 
 HEADER = "t,r,v,beta,omega_r,delta_cmd,tau_cmd\n"
 
@@ -30,7 +31,7 @@ def test_rows_come_as_they_are_written(tmp_path):
     rows = list(growing_rows(path, growing_lines(path, 0.5)))
     writer.join()
     assert [row["t"] for row in rows] == [0.0, 0.01, 0.02]
-    row = as_row(rows[-1])
+    row = next(as_rows(iter(rows[-1:])))
     np.testing.assert_array_equal(row.command, [0.02, 30.0])
     assert np.isnan(row.y[4:]).all()
 
@@ -46,10 +47,34 @@ def test_the_head_is_a_run(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("t,r,v\n", "missing column delta_cmd, tau_cmd"), (HEADER + "0.0,x,1\n", "line 2"), (HEADER, "no rows")],
+    [
+        ("t,r,v\n", "missing column delta_cmd, tau_cmd"),
+        ("t,r,v, v\n", "column v is there twice"),
+        (HEADER + "0.0,x,1\n", "line 2"),
+        (HEADER + line(0)[:-2] + "\xff\n", "line 2"),
+        (HEADER, "no rows"),
+    ],
 )
 def test_what_cannot_be_followed_is_said(tmp_path, text, said):
     path = tmp_path / "run.csv"
-    path.write_text(text)
+    path.write_bytes(text.encode("latin-1"))
     with pytest.raises(DriftDrakeError, match=said):
         head_of(path, growing_rows(path, growing_lines(path, 0.1)))
+
+
+@pytest.mark.parametrize("t", ["3.05", "3.0", "nan", "-1"])
+def test_a_row_off_the_clock_ends_the_watch(tmp_path, t):
+    path = tmp_path / "run.csv"
+    path.write_text(HEADER + "".join(line(i) for i in range(302)) + line(302).replace("3.02", t))
+    rows = growing_rows(path, growing_lines(path, 0.1))
+    head, _ = head_of(path, rows)
+    after = on_the_clock(path, rows, head)
+    assert next(after)["t"] == 3.01
+    with pytest.raises(DriftDrakeError, match=f"t goes from 3.01 to {float(t):g} s"):
+        next(after)
+
+
+def test_a_heading_does_not_jump_by_a_turn():
+    turned = [{"t": 0.0, "psi": psi, "delta_cmd": 0.0, "tau_cmd": 0.0} for psi in (3.0, 3.1, -3.1, np.nan, -3.0)]
+    psi = [row.y[CHANNELS.index("psi")] for row in as_rows(iter(turned))]
+    np.testing.assert_allclose(psi, [3.0, 3.1, 2 * np.pi - 3.1, np.nan, 2 * np.pi - 3.0])

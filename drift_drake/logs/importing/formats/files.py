@@ -8,6 +8,7 @@ import pandas as pd
 
 from drift_drake.logs.importing.formats.topics import Topic, with_yaw
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.plain_files import check_file
 
 READERS = {  # of an ending: module, function, what the format is called, the extra that it needs
     ".csv": ("tables", "read_csv", "CSV", ""),
@@ -42,6 +43,8 @@ def read_topics(path: str | Path) -> list[Topic]:
         raise InvalidRecordingError(f"{path}: no such file; give recordings as {KNOWN}")
     if path.is_dir() and not bag:
         raise InvalidRecordingError(f"{path}: is a folder and no ROS 2 bag (no metadata.yaml); give {KNOWN}")
+    if not bag:
+        check_file(path, InvalidRecordingError, f"give recordings as {KNOWN}")
     module, function, title, extra = READERS[".bag" if bag else _ending(path)]
     reader: Callable[[Path], list[Topic]] = getattr(
         importlib.import_module(f"drift_drake.logs.importing.formats.{module}"), function

@@ -21,7 +21,7 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table, write_text
 from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
-from experiments.drifting.report import LABELS, completion_table, draw, refusal_sentence, summarise
+from experiments.drifting.report import LABELS, completion_table, draw, heading, refusal_sentence, summarise
 from experiments.drifting.runs import (
     REFUSALS,
     Model,
@@ -121,7 +121,7 @@ def main(config: LoopsConfig) -> None:
     write_json(folder / "numbers.json", summary)
     begin, end = initiation(course)
     report = (
-        f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
+        f"{heading(config, runs)}\n\n{completion_table(summary)}\n\n{refusal_sentence(summary)}"
         f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n"
     )
     write_text(folder / "report.md", report)

@@ -1,17 +1,22 @@
 """What is reported of closed-loop runs: numbers by model, tables beside the paper's, and pictures."""
 
 from collections.abc import Sequence
+from datetime import date
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from drift_drake.pictures.overhead_panels import Panel, overhead_panels
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
+from drift_drake.run_folder import machine
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drifting.runs import run_name
+from experiments.drifting.intervals import by_vehicle, share_interval
+from experiments.drifting.runs import DriftConfig, run_name
 
 LABELS = {
     "nominal": "nominal car",
@@ -39,14 +44,16 @@ PICTURED = (
 )  # of those run: the paper's, and the oracle
 
 
-DRIFTED = 0.9  # share of the steady drifts from which on a run that arrived counts as drifted throughout
+DRIFTED = 0.9  # share of the steady drifts from which on a completed run held the drift throughout
 
 
 def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sideslip_error")) -> dict[str, Any]:
-    """By model: how many runs arrived, how many of them drifting, and errors over all runs and over each vehicle's.
+    """By model: how many runs completed the course, how many of them drifting, and errors over all runs.
 
-    Errors of all runs, failures included. `NAME_of_attempts`: the best, median and worst of a vehicle's attempts, each
-    in the median over the vehicles, which is what compares with the paper's three attempts of one car.
+    Intervals are 95 %, by vehicle. `NAME`: quantiles over all runs, one that was not completed ranking behind all
+    others (infinite). `NAME_until_the_end`: of the runs as far as they came. `NAME_of_attempts`: the best, median and
+    worst of a vehicle's attempts as far as they came, each in the median over the vehicles, which is what compares with
+    the paper's three attempts of one car.
     """
     runs = runs.assign(drifted=runs["completed"] & (runs["drifting"] >= DRIFTED))
     summary = {}
@@ -56,7 +63,9 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
             "vehicles": group["vehicle"].nunique(),
             "attempts": int(group.groupby("vehicle").size().max()),
             "completed": float(group["completed"].mean()),
+            "completed_interval": share_interval(group, "completed"),
             "drifted": float(group["drifted"].mean()),
+            "drifted_interval": share_interval(group, "drifted"),
             "vehicles_always_drifted": int(group.groupby("vehicle")["drifted"].all().sum()),
             **{name: _spread(group[name]) for name in ("completion", "drifting")},
             "outcomes": {str(k): int(v) for k, v in group["outcome"].value_counts().items()},
@@ -70,45 +79,77 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
             entry["refused"] = int(refused.sum())
             entry["not_completed_and_not_refused"] = int((~refused & ~group["completed"]).sum())
         for name in errors:
-            entry[name] = _spread(group[name])
-            by_vehicle = group.groupby("vehicle")[name]
-            entry[f"{name}_of_attempts"] = {
-                "best": float(by_vehicle.min().median()),
-                "median": float(by_vehicle.median().median()),
-                "worst": float(by_vehicle.max().median()),
-            }
+            entry |= _errors(group, name)
         summary[str(model)] = entry
     return summary
 
 
+def _errors(group: pd.DataFrame, name: str) -> dict[str, Any]:
+    failing = group.assign(ranked=group[name].where(group["completed"], np.inf))
+    attempts = group.groupby("vehicle")[name]
+    return {
+        name: _spread(failing["ranked"]),
+        f"{name}_interval": by_vehicle(failing, "ranked", _median),
+        f"{name}_until_the_end": _spread(group[name]),
+        f"{name}_of_attempts": {
+            "best": float(attempts.min().median()),
+            "median": float(attempts.median().median()),
+            "worst": float(attempts.max().median()),
+        },
+    }
+
+
 def _spread(values: pd.Series) -> dict[str, float]:
-    return {label: float(values.quantile(q)) for label, q in QUANTILES.items()}
+    # Where some are infinite none is interpolated: the worse of two neighbours, then.
+    whole = np.isfinite(values).all()
+    return {label: float(np.quantile(values, q, method="linear" if whole else "higher"))
+            for label, q in QUANTILES.items()}  # fmt: skip
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if np.isfinite(values).all() else float(np.quantile(values, 0.5, method="higher"))
 
 
 def completion_table(summary: dict[str, Any]) -> str:
-    """How far the runs came, and their errors, over all runs, as Markdown."""
+    """How many runs completed the course, and their errors, over all runs with 95 % intervals, as Markdown."""
     lines = [
-        "| the controller believes | drifted it all | on all attempts | arrived | share driven, median (least) "
-        "| RMS e, least / median / most [m] | RMS sideslip error [rad] | spins |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| the controller believes | completed (95 %) | drift held throughout (95 %) | on all attempts | spins "
+        "| RMS e, least / median (95 %) / most [m] | RMS sideslip error, median (95 %) [rad] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for model, s in summary.items():
-        e, b = (" / ".join(f"{s[name][q]:.{digits}f}" for q in ("least", "median", "most"))
+        e, b = ({q: _said(s[name][q], digits) for q in ("least", "median", "most")}
                 for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
+        between_e, between_b = (" to ".join(_said(value, digits) for value in s[f"{name}_interval"])
+                                for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
+        completed, drifted = (f"{s[name]:.0%} ({' to '.join(f'{value:.0%}' for value in s[f'{name}_interval'])})"
+                              for name in ("completed", "drifted"))  # fmt: skip
         lines.append(
-            f"| {LABELS.get(model, model)} | {s['drifted']:.0%} of {s['runs']} "
-            f"| {s['vehicles_always_drifted']} of {s['vehicles']} vehicles | {s['completed']:.0%} "
-            f"| {s['completion']['median']:.0%} ({s['completion']['least']:.0%}) | {e} | {b} "
-            f"| {s['outcomes'].get('spin', 0)} |"
+            f"| {LABELS.get(model, model)} | {completed} | {drifted} "
+            f"| {s['vehicles_always_drifted']} of {s['vehicles']} vehicles | {s['outcomes'].get('spin', 0)} "
+            f"| {e['least']} / {e['median']} ({between_e}) / {e['most']} | {b['median']} ({between_b}) |"
         )
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n\nA run that was not completed (-) ranks behind all others in its errors."
+
+
+def _said(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if np.isfinite(value) else "-"
+
+
+def heading(config: DriftConfig, runs: pd.DataFrame) -> str:
+    """Which vehicles and runs, when they were made, by which version and where, as Markdown."""
+    return (
+        f"{runs['vehicle'].nunique()} vehicles of the population '{config.population}', draw {config.vehicle_seed}, "
+        f"from number {config.first}; {len(runs)} runs of {runs['model'].nunique()} models. "
+        f"Reported on {date.today().isoformat()} by drift_drake {version('drift_drake')} on {machine()}."
+    )
 
 
 def refusal_sentence(summary: dict[str, Any]) -> str:
     """What the lane's logs foretold (`drift_drake.gathering.trust`); empty where it was not asked."""
     parts = [
         f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
-        f"{s['not_completed_and_not_refused']} of the others did not arrive"
+        f"{s['not_completed_and_not_refused']} of the others did not complete it"
         for model, s in summary.items()
         if "refused" in s
     ]
@@ -157,7 +198,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
         group = runs[runs["model"] == model]
         median = next(iter(median_runs(folder, runs, [model]).values()))
         drifted = int((group["completed"] & (group["drifting"] >= DRIFTED)).sum())
-        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} drifted it all"
+        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} held the drift throughout"
         tables = [_read(folder, run) for _, run in group.iterrows()]
         panels.append(Panel(title, tables, list(group["outcome"]), median))
     write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")

@@ -35,23 +35,28 @@ def test_gripping_round_the_course_is_not_drifting_it(runs: pd.DataFrame) -> Non
     assert summarise(runs)["oracle"]["without_second_plan"] == 0
 
 
-def test_errors_of_all_runs_and_of_a_vehicles_attempts(runs: pd.DataFrame) -> None:
+def test_a_run_that_is_not_completed_ranks_behind_all_others(runs: pd.DataFrame) -> None:
     twice = summarise(runs)["twice_info"]
-    assert (twice["rms_e"]["least"], twice["rms_e"]["median"], twice["rms_e"]["most"]) == (
-        0.1,
-        pytest.approx(0.35),
-        2.0,
-    )
+    assert (twice["rms_e"]["least"], twice["rms_e"]["median"], twice["rms_e"]["most"]) == (0.1, 0.4, float("inf"))
+    assert twice["rms_e_until_the_end"]["most"] == 2.0
     # Best of each vehicle 0.1 and 0.3, median 0.2 and 0.4, worst 2.0 and 0.5; in the median of the two.
     assert twice["rms_e_of_attempts"] == pytest.approx({"best": 0.2, "median": 0.3, "worst": 1.25})
+
+
+def test_intervals_are_of_vehicles(runs: pd.DataFrame) -> None:
+    summary = summarise(runs)
+    # Resampled, both are the one vehicle, or the other: two of three attempts, or all.
+    assert summary["twice_info"]["completed_interval"] == pytest.approx((2.0 / 3.0, 1.0))
+    low, high = summary["oracle"]["completed_interval"]
+    assert (low, high) == (pytest.approx(0.025 ** (1.0 / 2.0)), 1.0)  # two of two vehicles, exactly
 
 
 def test_tables_are_markdown(runs: pd.DataFrame) -> None:
     summary = summarise(runs)
     lines = completion_table(summary).splitlines()
     assert lines[2] == (
-        "| Twice-Info | 67% of 6 | 0 of 2 vehicles | 83% | 100% (40%) "
-        "| 0.10 / 0.35 / 2.00 | 0.010 / 0.035 / 0.300 | 1 |"
+        "| Twice-Info | 83% (67% to 100%) | 67% (67% to 67%) | 0 of 2 vehicles | 1 "
+        "| 0.10 / 0.40 (0.20 to 0.40) / - | 0.040 (0.020 to 0.040) |"
     )
     assert paper_table(summary, "rms_e").splitlines() == [
         "| of a vehicle's attempts | Twice-Info, paper | here | oracle |",

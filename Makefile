@@ -18,7 +18,7 @@ help:
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-python PYTHON=python3.13  the tests under another Python (3.11 to 3.13)"
 	@echo "make test-slow  the long checks too"
-	@echo "make fuzz       spoilt inputs of every kind (FUZZ_CASES=10000)"
+	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make lint       linters and type checker alone"
 	@echo "make format     rewrite the sources in the house's format"

@@ -101,7 +101,7 @@ def read_log(path: Path) -> Run:
     """One run in the log format with all that the adapter needs.
 
     Raises:
-        InvalidLogError: names the file, the place and the mend.
+        InvalidLogError: names the file, the place and the remedy.
     """
     run = read_run(path)
     missing = [name for name in (*STATES, *COMMANDS) if run.column(name) is None]

@@ -28,19 +28,21 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "demo": Command("drift_drake.demo.command", "all of it on a sample log: diagnosis, corrected car, drift"),
-    "init": Command("drift_drake.demo.start", "a vehicle file to begin with, commented"),
+    "demo": Command("drift_drake.demo.command", "a tour on a sample log: diagnosis, corrected car, drift"),
+    "init": Command("drift_drake.demo.start", "a commented vehicle file to begin with"),
     "import": Command("drift_drake.logs.importing.command", "recordings of any format to logs, with what looks wrong"),
-    "check": Command("drift_drake.diagnosis.check", "what logs are worth: quality, coverage, what they could show"),
-    "diagnose": Command("drift_drake.diagnosis.command", "where a simulator is wrong, and which effect it lacks"),
+    "check": Command("drift_drake.diagnosis.check", "quality and coverage of logs, and which effects they could show"),
+    "diagnose": Command("drift_drake.diagnosis.command", "where a simulator is wrong, and the effect that it misses"),
     "identify": Command("drift_drake.identification.command", "a vehicle file calibrated on logs"),
-    "plan-next": Command("drift_drake.diagnosis.plan_next", "the drive that tells rival hypotheses apart best"),
+    "plan-next": Command("drift_drake.diagnosis.plan_next", "the drive that distinguishes rival hypotheses best"),
     "apply": Command("drift_drake.diagnosis.apply", "the vehicle file corrected by an answer"),
     "drive": Command("drift_drake.simulation.command", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
-    "replay": Command("drift_drake.playback.command", "a log beside what the simulators make of its commands"),
+    "replay": Command("drift_drake.playback.command", "a log beside the simulators' response to its commands"),
     "watch": Command("drift_drake.monitoring.command", "a drive watched row by row: what has changed, and since when"),
-    "fleet": Command("drift_drake.monitoring.fleet_command", "many cars and days: what all lack, what one has"),
+    "fleet": Command(
+        "drift_drake.monitoring.fleet_command", "many cars and days: what all, one car, one day deviates by"
+    ),
     "effects": Command(
         "drift_drake.diagnosis.effects_command", "the effects that can be named, and what shows them", "ListEffects"
     ),
@@ -90,8 +92,8 @@ def load(name: str) -> tuple[type, Callable[[Any], int | None]]:
     """
     if name not in COMMANDS:
         near = difflib.get_close_matches(name, COMMANDS, 1)
-        mend = f"is it {near[0]}?" if near else f"there are {', '.join(COMMANDS)}"
-        raise InvalidOptionError(f"{shown(name)} is no command; {mend}")
+        remedy = f"is it {near[0]}?" if near else f"there are {', '.join(COMMANDS)}"
+        raise InvalidOptionError(f"{shown(name)} is not a command; {remedy}")
     module = import_module(COMMANDS[name].module)
     parts = name.split("-")
     options = COMMANDS[name].options or "".join(map(str.capitalize, parts))
@@ -100,7 +102,7 @@ def load(name: str) -> tuple[type, Callable[[Any], int | None]]:
 
 def usage() -> str:
     """What `drift-drake --help` says."""
-    about = "A car's logs in, what its simulator lacks out, and the corrected car driven again."
+    about = "From a car's logs to what is missing from its simulator, and to the corrected car."
     more = "drift-drake COMMAND --help says what a command does and shows an example. Bad input ends with one sentence "
     more += "and exit code 2; 'diagnose --exit-code' ends with 3 where there is a gap."
     lines = [f"  {name:<11}{command.summary}" for name, command in COMMANDS.items()]

@@ -13,7 +13,7 @@ LONGEST_LINE = 2000  # characters of a message on one line
 
 
 class DriftDrakeError(Exception):
-    """Something given that cannot be used; the message names it, the place and the mend in one sentence."""
+    """Something given that cannot be used; the message names it, the place and the remedy in one sentence."""
 
 
 class InvalidOptionError(DriftDrakeError, ValueError):
@@ -21,7 +21,7 @@ class InvalidOptionError(DriftDrakeError, ValueError):
 
 
 class OutputError(DriftDrakeError, OSError):
-    """An output that cannot be written; the message names the file and the mend."""
+    """An output that cannot be written; the message names the file and the remedy."""
 
 
 class MissingExtraError(DriftDrakeError, ImportError):

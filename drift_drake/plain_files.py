@@ -16,7 +16,7 @@ LARGEST_JSON = 64 * 1024 * 1024  # bytes
 MOST_NODES = 20_000  # of a YAML file with its aliases written out
 
 
-def check_file(path: str | Path, error: type[DriftDrakeError], mend: str, largest: float = math.inf) -> None:
+def check_file(path: str | Path, error: type[DriftDrakeError], remedy: str, largest: float = math.inf) -> None:
     """Sees that a path is a file's: a pipe would be waited for without end.
 
     Raises:
@@ -25,39 +25,39 @@ def check_file(path: str | Path, error: type[DriftDrakeError], mend: str, larges
     try:
         status = Path(path).stat()
     except (OSError, ValueError) as reason:
-        raise error(f"{path}: cannot be read ({_reason(reason)}); {mend}") from None
+        raise error(f"{path}: cannot be read ({_reason(reason)}); {remedy}") from None
     if not stat.S_ISREG(status.st_mode):
         kind = "a folder" if stat.S_ISDIR(status.st_mode) else "a pipe or device"
-        raise error(f"{path}: cannot be read (it is {kind}, no file); {mend}")
+        raise error(f"{path}: cannot be read (it is {kind}, no file); {remedy}")
     if status.st_size > largest:
-        raise error(f"{path}: has {status.st_size} bytes, more than such a file can need; {mend}")
+        raise error(f"{path}: has {status.st_size} bytes, more than such a file can need; {remedy}")
 
 
-def read_text(path: str | Path, error: type[DriftDrakeError], mend: str, largest: float = LARGEST_JSON) -> str:
+def read_text(path: str | Path, error: type[DriftDrakeError], remedy: str, largest: float = LARGEST_JSON) -> str:
     """The text of a file in UTF-8.
 
     Raises:
         error: it cannot be read, or is no text.
     """
-    check_file(path, error, mend, largest)
+    check_file(path, error, remedy, largest)
     try:
         return Path(path).read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise error(f"{path}: not a text file; {mend}") from None
+        raise error(f"{path}: not a text file; {remedy}") from None
     except OSError as reason:
-        raise error(f"{path}: cannot be read ({_reason(reason)}); {mend}") from None
+        raise error(f"{path}: cannot be read ({_reason(reason)}); {remedy}") from None
 
 
-def read_json(path: str | Path, error: type[DriftDrakeError], mend: str) -> Any:
+def read_json(path: str | Path, error: type[DriftDrakeError], remedy: str) -> Any:
     """The content of a JSON file; numbers that are not finite are refused.
 
     Raises:
         error: it cannot be read, is no JSON, or has a key twice.
     """
-    return parse_json(read_text(path, error, mend), error, str(path), mend)
+    return parse_json(read_text(path, error, remedy), error, str(path), remedy)
 
 
-def parse_json(text: str, error: type[DriftDrakeError], source: str, mend: str, strict: bool = True) -> Any:
+def parse_json(text: str, error: type[DriftDrakeError], source: str, remedy: str, strict: bool = True) -> Any:
     """The content of a JSON text; see `read_json`. Not `strict`, NaN and infinite numbers are let through."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -65,23 +65,23 @@ def parse_json(text: str, error: type[DriftDrakeError], source: str, mend: str, 
         if len(out) < len(pairs):
             keys = [key for key, _ in pairs]
             twice = next(key for key in keys if keys.count(key) > 1)
-            raise error(f"{source}: holds the key {shown(twice)} twice; {mend}")
+            raise error(f"{source}: holds the key {shown(twice)} twice; {remedy}")
         return out
 
     def finite(number: str) -> float:
         value = float(number)
         if strict and not math.isfinite(value):
-            raise error(f"{source}: holds {shown(number)}, which is no finite number; {mend}")
+            raise error(f"{source}: holds {shown(number)}, which is no finite number; {remedy}")
         return value
 
     try:
         return json.loads(text, object_pairs_hook=unique, parse_constant=finite, parse_float=finite)
     except json.JSONDecodeError as reason:
-        raise error(f"{source}: not JSON (line {reason.lineno}); {mend}") from None
+        raise error(f"{source}: not JSON (line {reason.lineno}); {remedy}") from None
     except (RecursionError, ValueError) as reason:
         if isinstance(reason, error):
             raise
-        raise error(f"{source}: not JSON that can be read ({shown(str(reason))}); {mend}") from None
+        raise error(f"{source}: not JSON that can be read ({shown(str(reason))}); {remedy}") from None
 
 
 class _Loader(yaml.SafeLoader):
@@ -98,14 +98,14 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def parse_yaml(text: str, error: type[DriftDrakeError], source: str, mend: str) -> Any:
+def parse_yaml(text: str, error: type[DriftDrakeError], source: str, remedy: str) -> Any:
     """The content of a YAML text.
 
     Raises:
         error: no YAML, a key twice, or aliases that write out to more than `MOST_NODES` entries.
     """
     if len(text) > LARGEST_YAML:
-        raise error(f"{source}: has {len(text)} characters, more than such a file can need; {mend}")
+        raise error(f"{source}: has {len(text)} characters, more than such a file can need; {remedy}")
     try:
         loader = _Loader(text)
         try:
@@ -113,7 +113,7 @@ def parse_yaml(text: str, error: type[DriftDrakeError], source: str, mend: str) 
             if node is None:
                 return None
             if _written_out(node, {}) > MOST_NODES:
-                raise error(f"{source}: holds more entries than such a file can need, or aliases of aliases; {mend}")
+                raise error(f"{source}: holds more entries than such a file can need, or aliases of aliases; {remedy}")
             return loader.construct_document(node)
         finally:
             loader.dispose()
@@ -122,11 +122,11 @@ def parse_yaml(text: str, error: type[DriftDrakeError], source: str, mend: str) 
         line = f" at line {mark.line + 1}" if mark else ""
         problem = getattr(reason, "problem", None)
         twice = f": {problem}" if problem and problem.endswith("twice") else ""
-        raise error(f"{source}: not valid YAML{line}{twice}; {mend}") from None
+        raise error(f"{source}: not valid YAML{line}{twice}; {remedy}") from None
     except (RecursionError, ValueError, OverflowError, TypeError, AttributeError) as reason:
         if isinstance(reason, error):
             raise
-        raise error(f"{source}: not YAML that can be read ({shown(str(reason))}); {mend}") from None
+        raise error(f"{source}: not YAML that can be read ({shown(str(reason))}); {remedy}") from None
 
 
 def _written_out(node: yaml.Node, known: dict[int, float]) -> float:
@@ -142,13 +142,13 @@ def _written_out(node: yaml.Node, known: dict[int, float]) -> float:
     return known[id(node)]
 
 
-def read_yaml(path: str | Path, error: type[DriftDrakeError], mend: str) -> Any:
+def read_yaml(path: str | Path, error: type[DriftDrakeError], remedy: str) -> Any:
     """The content of a YAML file; see `parse_yaml`.
 
     Raises:
         error: it cannot be read or used.
     """
-    return parse_yaml(read_text(path, error, mend, LARGEST_YAML), error, str(path), mend)
+    return parse_yaml(read_text(path, error, remedy, LARGEST_YAML), error, str(path), remedy)
 
 
 def number(value: Any, check: Callable[[float], bool] = math.isfinite) -> float:

@@ -37,7 +37,7 @@ class ExecutorConfig:
 
 
 class NoClusterError(DriftDrakeError, RuntimeError):
-    """A cluster that cannot be used; the message names the mend."""
+    """A cluster that cannot be used; the message names the remedy."""
 
 
 class JobsFailedError(DriftDrakeError, RuntimeError):

@@ -4,7 +4,7 @@
 
 Each loop drifts on the figure-8 for some seconds with one fault in it, once guarded (readings are screened, and a car
 without valid plans is stopped) and once not. What comes out is named, and the share of loops in which the car stays on
-its lane is told by fault. Broken off, it goes on where it was (give --out).
+its lane is reported by fault. Broken off, it goes on where it was (give --out).
 """
 
 import dataclasses

@@ -207,7 +207,7 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
 
 
 def main(config: InterruptionsConfig) -> None:
-    """Makes the interruptions that are missing and tells what came of them."""
+    """Makes the interruptions that are missing and reports the outcome."""
     # Commands inherit what is ignored: a shell's background jobs ignore Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = make_run_folder("interruptions", config.out)
@@ -232,7 +232,7 @@ def main(config: InterruptionsConfig) -> None:
     print(f"{len(ends)} interruptions of {len(found)} commands ({', '.join(config.commands)}): "
           f"{sum(not one['same'] for one in found)} with other results, {sum(one['code'] != 0 for one in found)} that "
           f"could not go on, {sum(end['hangs'] for end in ends)} hangs, "
-          f"{sum(not end['one_line'] for end in ends)} not told in one line\nresults in {folder}")  # fmt: skip
+          f"{sum(not end['one_line'] for end in ends)} not reported in one line\nresults in {folder}")  # fmt: skip
 
 
 def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:

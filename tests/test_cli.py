@@ -85,7 +85,7 @@ def test_every_command_has_help(name, capsys):
 @pytest.mark.parametrize(("word", "says"), [("diagnos", "is it diagnose?"), ("xyzzy", "there are demo, init,")])
 def test_an_unknown_command_is_one_sentence(word, says, capsys):
     assert main([word]) == BAD_INPUT
-    assert capsys.readouterr().err.startswith(f"drift-drake: '{word}' is no command; {says}")
+    assert capsys.readouterr().err.startswith(f"drift-drake: '{word}' is not a command; {says}")
 
 
 def test_the_version_is_that_of_the_package(capsys):

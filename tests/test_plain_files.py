@@ -33,7 +33,7 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 )
 def test_yaml_is_refused(text: str, says: str) -> None:
     with pytest.raises(RefusedError, match=says) as caught:
-        parse_yaml(text, RefusedError, "f", "mend it")
+        parse_yaml(text, RefusedError, "f", "correct it")
     assert len(str(caught.value)) < 300
 
 
@@ -57,7 +57,7 @@ def test_yaml_with_anchors_is_read() -> None:
 )
 def test_json_is_refused(text: str, says: str) -> None:
     with pytest.raises(RefusedError, match=says):
-        parse_json(text, RefusedError, "f", "mend it")
+        parse_json(text, RefusedError, "f", "correct it")
 
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
@@ -73,4 +73,4 @@ def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
         ("nul\0", "cannot be read"),
     ):
         with pytest.raises(RefusedError, match=says):
-            read_text(tmp_path / name, RefusedError, "mend it", 50)
+            read_text(tmp_path / name, RefusedError, "correct it", 50)

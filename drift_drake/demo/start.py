@@ -12,8 +12,8 @@ from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 HEAD = """\
 # What a simulator believes of a car: a single track with brush tyres, SI units, ISO 8855.
-# The numbers are those of a plausible coupe: put in your car's. `drift-drake identify` finds what no scale or tape
-# measure tells from logs of a day of driving.
+# The numbers are those of a plausible coupe: put in your car's. `drift-drake identify` estimates from logs of a day
+# of driving what cannot be measured with scales or a tape measure.
 """
 COMMENTS = {
     "mass": "with driver and fuel, as on the scales",

@@ -12,14 +12,15 @@ from drift_drake.plain_files import number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-MOSTLY = 0.5  # share of unfamiliar driving that a sentence tells
+MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
+LEAST_SAID = 0.005  # share of errors that rounds to a percent
 VERDICTS = ("effect", "none", "unknown")
 
 
 class InvalidAnswerError(DriftDrakeError, ValueError):
-    """An answer file that cannot be used; the message names the file and the mend."""
+    """An answer file that cannot be used; the message names the file and the remedy."""
 
 
 class UnplannableError(DriftDrakeError, ValueError):
@@ -55,15 +56,15 @@ class Answer:
         """The verdict in one sentence."""
         if self.verdict == "none" and "detection" in self.details:
             return (
-                f"{self.case}: nothing that is not normal for this car (probability {self.posterior['none']:.2f})."
+                f"{self.case}: no gap beyond what is normal for this car (probability {self.posterior['none']:.2f})."
                 + (self._could_show())
             )
         if self.verdict == "none":
             worth = self.details.get("row_weight", 1.0)
             if worth < 1.0:
                 return (
-                    f"{self.case}: no gap beyond the vehicle file's tolerances and the car's everyday misfit, with a "
-                    f"row worth {worth:.2g} (probability {self.posterior['none']:.2f})."
+                    f"{self.case}: no gap beyond the vehicle file's tolerances and the car's persistent model "
+                    f"mismatch, at a row weight of {worth:.2g} (probability {self.posterior['none']:.2f})."
                 )
             return f"{self.case}: no gap beyond the vehicle file's tolerances and the sensors' noise."
         if self.verdict == "unknown":
@@ -74,10 +75,10 @@ class Answer:
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
         probability = self.posterior["+".join(sorted(self.causes))]
-        remove = "it removes" if len(parts) == 1 else "they remove"
+        remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
         return (
-            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} "
-            f"{100 * self.reduction.estimate:.0f} % of the gap on parts of runs that were not fitted."
+            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} of the gap on parts of runs "
+            "that were not fitted."
         )
 
     def _unfamiliar(self) -> str:
@@ -96,9 +97,9 @@ class Answer:
         shown = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is not None]
         blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
         parts = [f"{name} {limits[name]['least']:.2g}{_unit(name)}" for name in shown]
-        told = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
-        ends = f"{', but no' if told else ' These logs cannot show'} {', '.join(blind)}." if blind else "."
-        return f"{self._unfamiliar()}{told}{ends}" if told or blind else self._unfamiliar()
+        would = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
+        ends = f"{', but no' if would else ' These logs cannot show'} {', '.join(blind)}." if blind else "."
+        return f"{self._unfamiliar()}{would}{ends}" if would or blind else self._unfamiliar()
 
     def _nearest(self) -> str:
         """What `unknown` leaves an engineer with (`diagnosis.nearest`); nothing in answers of before."""
@@ -108,26 +109,27 @@ class Answer:
         causes = [_stated(name, Interval(**m)) for name, m in found["magnitudes"].items()]
         if found["free_forces_remove"] is None:
             near = " and ".join(causes) or "the calibrated car as it is"
-            return f" The nearest known, {near}, removes {_removed(found['removes'])} of it on held-out blocks."
+            removes = _removed(found["removes"])
+            return f" The nearest known hypothesis, {near}, removes {removes} of it on held-out blocks."
         free = _removed(found["free_forces_remove"])
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
         if not causes:
-            return f" No known cause comes near; free forces remove {free} {where}."
-        removes = f"{'removes' if len(causes) == 1 else 'remove'} {_removed(found['removes'])}"
-        return f" The nearest known, {' and '.join(causes)}, {removes} {where}, free forces {free}."
+            return f" No known cause comes near; free-form forces remove {free} {where}."
+        near, removes = " and ".join(causes), _removed(found["removes"])
+        return f" The nearest known hypothesis, {near}, removes {removes} {where}; free-form forces remove {free}."
 
 
 def without_rivals(answer: Answer) -> str:
     """Why no drive can be planned from an answer that says nothing of rival hypotheses."""
     return (
-        f"{answer.case}: the answer says nothing of rival hypotheses (an older answer, or logs without torque "
+        f"{answer.case}: the answer holds no rival hypotheses (an older answer, or logs without torque "
         "commands); diagnose logs with the column tau_cmd anew"
     )
 
 
 def _removed(share: float) -> str:
     """A share of errors that is removed; what adds to them removes nothing."""
-    return f"{100 * share:.0f} %" if share > 0.0 else "nothing"
+    return f"{100 * share:.0f} %" if share >= LEAST_SAID else "nothing"
 
 
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:
@@ -168,9 +170,9 @@ def read_answer(path: str | Path) -> Answer:
     Raises:
         InvalidAnswerError: unreadable, not JSON, or a key of the contract is missing or holds something else.
     """
-    mend = "write it with 'drift-drake diagnose --json'"
+    remedy = "write it with 'drift-drake diagnose --json'"
     data = parse_json(
-        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), mend
+        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), remedy
     )
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
@@ -181,7 +183,7 @@ def read_answer(path: str | Path) -> Answer:
     try:
         return _answer(data)
     except ValueError as error:
-        raise InvalidAnswerError(f"{path}: {error}; {mend}") from None
+        raise InvalidAnswerError(f"{path}: {error}; {remedy}") from None
 
 
 def _answer(data: dict[str, Any]) -> Answer:

@@ -33,12 +33,13 @@ def beliefs_of(answer: Answer) -> tuple[Sensing, list[Belief]]:
         ) from None
     if not beliefs:
         raise UnplannableError(
-            f"{answer.case}: no catalogued hypothesis explains the gap, so that there is nothing for a drive to tell "
-            "apart; see 'nearest' in the answer, or look for a cause that the catalogue lacks"
+            f"{answer.case}: no catalogued hypothesis explains the gap, so that there are no rivals for a drive "
+            "to distinguish; see 'nearest' in the answer, or look for a cause that the catalogue lacks"
         )
     if len(beliefs) < 2:
         raise UnplannableError(
-            f"{answer.case}: {beliefs[0].name} has no rival left that a drive could tell it from; nothing to plan"
+            f"{answer.case}: {beliefs[0].name} has no rival left that a drive could distinguish it from; "
+            "there is nothing to plan"
         )
     return sensing, beliefs
 

@@ -1,4 +1,4 @@
-"""`drift-drake check`: what logs are worth before anything is fitted to them."""
+"""`drift-drake check`: an assessment of logs before anything is fitted to them."""
 
 import dataclasses
 import textwrap
@@ -32,7 +32,7 @@ LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
 
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """Say what logs are worth before anything is fitted to them: quality, coverage, what they could show.
+    """Assess logs before anything is fitted to them: quality, coverage, which effects they could show.
 
     drift-drake check logs/monday --vehicle car.yaml
 
@@ -122,7 +122,7 @@ def with_vehicle(
 
 
 def sentences(checked: Checked) -> list[str]:
-    """What a person is told."""
+    """What is said of it, a line each."""
     total = sum(run.seconds for run in checked.runs)
     lines = [f"{checked.case}: {len(checked.runs)} run{'s' if len(checked.runs) > 1 else ''}, {total:.1f} s"]
     for run in checked.runs:
@@ -139,10 +139,10 @@ def sentences(checked: Checked) -> list[str]:
     if checked.regions:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
-    return lines + told(checked.detection)
+    return lines + could_show(checked.detection)
 
 
-def told(detection: dict[str, dict[str, Any]]) -> list[str]:
+def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     """What the logs would show, what they could not, and what to drive for that."""
     from drift_drake.diagnosis.manoeuvres import shown_by
 
@@ -154,7 +154,7 @@ def told(detection: dict[str, dict[str, Any]]) -> list[str]:
     lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
     if blind:
         others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
-        lines += ["could not be named, however large within reason:", *_wrapped(others)]
+        lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
     return lines
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Diagnose:
-    """Say where a simulator is wrong, which effect it lacks and how far the gap shrinks once it is added.
+    """Find where a simulator is wrong, which effect is missing from it, and how far adding it reduces the gap.
 
     drift-drake diagnose logs/monday --vehicle car.yaml --json answer.json --report answer.html
 
@@ -55,11 +55,11 @@ class Diagnose:
     noise_scale: float = 1.0
     """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
     row_weight: float = 1.0
-    """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. The misfit that
-    the calibrated car had on the day it was calibrated is then no gap; only what goes beyond it is."""
+    """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. Model
+    mismatch that the calibrated car had on the day of calibration is then no gap; only what goes beyond it is."""
     calibration: Path | None = None
-    """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its everyday misfit
-    are taken out too, so that a row is worth more."""
+    """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its
+    persistent model mismatch are taken out too, so that a row is worth more."""
     effects: tuple[str, ...] = tuple(CATALOGUE)
     """Effects to consider."""
     exclude: tuple[str, ...] = ()
@@ -146,7 +146,7 @@ def chosen_effects(command: Diagnose) -> tuple[str, ...]:
             raise InvalidVehicleError(f"unknown effect {name}; {meant(name, CATALOGUE)}")
     chosen = tuple(name for name in command.effects if name not in command.exclude)
     if not chosen:
-        raise InvalidVehicleError("--exclude leaves no effect to consider; name fewer")
+        raise InvalidVehicleError("--exclude leaves no effect to consider; exclude fewer")
     return chosen
 
 
@@ -154,7 +154,7 @@ def checked_columns(names: Sequence[str]) -> tuple[str, ...]:
     """Columns that may be left out; InvalidLogError where one may not."""
     for name in names:
         if name not in OPTIONAL:
-            raise InvalidLogError(f"--without {name}: no column that can be left out; {meant(name, OPTIONAL)}")
+            raise InvalidLogError(f"--without {name}: not a column that can be left out; {meant(name, OPTIONAL)}")
     return tuple(names)
 
 

@@ -63,7 +63,7 @@ def learned(
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")
     if not _alike(problem.nominal, model.vehicle.constants()):
-        return Learned("The learnt model was trained about another kind of car and has nothing to say of this one.")
+        return Learned("The learnt model was trained about another kind of car and does not apply to this one.")
     if any(abs(STEP / run.period - round(STEP / run.period)) > 0.01 for run in problem.runs):
         return Learned("The learnt model steps by 0.1 s, which is no whole number of these logs' rows.")
     runs = [_Sampled(run) for run in problem.runs]

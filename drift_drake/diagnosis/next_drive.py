@@ -113,7 +113,7 @@ class NextDrive:
         first, second, *others = self.names
         more = f" (and from {', '.join(others)})" if others else ""
         return (
-            f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to tell "
+            f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to distinguish "
             f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if "
             f"{first} is true, {first} by {self.nats[1, 0]:.3g} if {second} is ({self.sigmas:.1f} sigma at the "
             f"least), and the true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."

@@ -1,4 +1,4 @@
-"""`drift-drake plan-next`: the drive that tells rival hypotheses apart."""
+"""`drift-drake plan-next`: the drive that distinguishes rival hypotheses."""
 
 import dataclasses
 import sys
@@ -17,7 +17,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 
 @dataclasses.dataclass(frozen=True)
 class PlanNext:
-    """Plan the drive that tells best which of an answer's rival hypotheses is true, within a straight lane.
+    """Plan the drive that distinguishes an answer's rival hypotheses best, within a straight lane.
 
     drift-drake plan-next answer.json --vehicle car.yaml --out plan.csv
     """
@@ -35,7 +35,7 @@ class PlanNext:
     half_width: float = 3.0
     """Of the lane [m]."""
     json: Path | None = None
-    """Where to write what the drive is expected to tell, as JSON (-: standard output)."""
+    """Where to write the evidence that the drive is expected to bring, as JSON (-: standard output)."""
 
 
 def run_plan_next(command: PlanNext) -> None:

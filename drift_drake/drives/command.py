@@ -63,7 +63,7 @@ def run_simulate(command: Simulate) -> None:
     """`drift-drake simulate`.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
         InvalidOptionError: a number is out of range.
     """
     parameters, effects = read_vehicle(command.vehicle)

@@ -34,7 +34,7 @@ def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
     if after < before:
         return taken_out, []
     return problem, [
-        f"the everyday forces of the calibration do not carry over to these logs (mean square innovation {after:.3g} "
+        f"the calibration's model-mismatch forces do not carry over to these logs (mean square innovation {after:.3g} "
         f"with them, {before:.3g} without): they are left out, and a row is worth {problem.row_weight:.2g}"
     ]
 

@@ -2,7 +2,7 @@
 
 Windows overlap and what the model lacks goes on for seconds, so that errors tell less than their number says: the
 criterion is raised to a power, `evidence`, below one. Each window's error in each channel counts by a redescending
-loss (Geman and McClure 1987): what no parameter can mend, a wheel that spins alone say, then moves none. The loss
+loss (Geman and McClure 1987): what no parameter can correct, a wheel that spins alone say, then moves none. The loss
 starts wide and is narrowed, so that the first guess may be far off.
 """
 

@@ -13,7 +13,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 LEAST_PART = 1.5  # [s]
 LEAST_TOTAL = 5.0  # [s] of all parts
 LONGEST_FILLED = 0.1  # [s] of bad samples in a row that are filled; a longer stretch is cut out
-TOLD = 3  # stretches of one kind that are told one by one
+LISTED = 3  # stretches of one kind that are reported one by one
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
@@ -73,10 +73,10 @@ def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:
 
 def _times(run: Run, rows: np.ndarray) -> str:
     found = spans(rows)
-    told = " and ".join(f"from {run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in found[:TOLD])
-    if len(found) <= TOLD:
-        return told
-    return f"{told} and {len(found) - TOLD} times more, {np.count_nonzero(rows) * run.period:.3g} s in all"
+    reported = " and ".join(f"from {run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in found[:LISTED])
+    if len(found) <= LISTED:
+        return reported
+    return f"{reported} and {len(found) - LISTED} times more, {np.count_nonzero(rows) * run.period:.3g} s in all"
 
 
 def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehicleParameters) -> None:

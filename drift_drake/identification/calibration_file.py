@@ -15,7 +15,7 @@ from drift_drake.plain_files import number, read_json
 
 
 class InvalidCalibrationError(DriftDrakeError, ValueError):
-    """A calibration that cannot be used; the message names the file and the mend."""
+    """A calibration that cannot be used; the message names the file and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,14 +39,14 @@ def read_trust(path: str | Path) -> CarTrust:
     Raises:
         InvalidCalibrationError: unreadable, not JSON, or not what `identify` writes.
     """
-    mend = "write it with 'drift-drake identify --json'"
-    data = read_json(path, InvalidCalibrationError, mend)
+    remedy = "write it with 'drift-drake identify --json'"
+    data = read_json(path, InvalidCalibrationError, remedy)
     try:
         return trust_of(data)
     except (KeyError, TypeError, AttributeError):
-        raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {mend}") from None
+        raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {remedy}") from None
     except ValueError as error:
-        raise InvalidCalibrationError(f"{path}: {error}; {mend}") from None
+        raise InvalidCalibrationError(f"{path}: {error}; {remedy}") from None
 
 
 def trust_of(data: Any) -> CarTrust:

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Identify:
-    """Calibrate a vehicle file on logs: parameters, tolerances, lags, and what the logs cannot tell.
+    """Calibrate a vehicle file on logs: parameters, tolerances, lags, and what the logs cannot identify.
 
     drift-drake identify logs/monday logs/tuesday --vehicle start.yaml --out car.yaml --json car.json --report car.html
 
-    A simulator is made nominal with it before its gap is asked for (`drift-drake diagnose`). LOGS are folders of runs
+    Calibrate a simulator before its gap is diagnosed (`drift-drake diagnose`). LOGS are folders of runs
     (run_0.csv, run_1.csv, ...) of one car, one for each day. Tolerances that the vehicle file states are believed,
     times two; parameters without one get broad priors.
     """
@@ -60,7 +60,7 @@ def run_identify(command: Identify) -> None:
     """`drift-drake identify`.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
     """
     vehicle, effects = read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
@@ -77,7 +77,7 @@ def run_identify(command: Identify) -> None:
         )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
     if found.calibration.held_out.ratio > 1.0 and not command.force:
-        print("nothing is written; --force writes it all the same", file=sys.stderr)
+        print("nothing is written; --force writes the files nevertheless", file=sys.stderr)
         return
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
@@ -93,7 +93,7 @@ def run_identify(command: Identify) -> None:
 
 
 def summary(found: "Identification", json: Path | None = None) -> str:
-    """What a person is told; `json` is where the calibration goes."""
+    """The calibration in sentences; `json` is where it goes."""
     c = found.calibration
     lines = [c.sentence()]
     for name, p in c.parameters.items():
@@ -110,7 +110,7 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.everyday is not None:
         where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
-        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its everyday misfit: "
+        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its persistent model mismatch: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 

@@ -32,7 +32,7 @@ UNREADABLE = (OSError, ValueError, EOFError, zlib.error, lzma.LZMAError, zipfile
 
 
 class InvalidLogError(DriftDrakeError, ValueError):
-    """A log that cannot be used; the message names the file, the place and the mend."""
+    """A log that cannot be used; the message names the file, the place and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)

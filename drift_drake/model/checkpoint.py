@@ -37,7 +37,7 @@ ARRAYS = ("input_offset", "input_scale", *WEIGHTS, "prior_mean", "precision_fact
 
 
 class InvalidCheckpointError(DriftDrakeError, ValueError):
-    """A file that holds no model; the message names the file and the mend."""
+    """A file that holds no model; the message names the file and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +101,7 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
     """Reads a checkpoint; without a path, the one shipped with the package.
 
     Raises:
-        InvalidCheckpointError: names the file and the mend.
+        InvalidCheckpointError: names the file and the remedy.
     """
     source = Path(str(files("drift_drake") / "data" / "bayesian_model.npz")) if path is None else Path(path)
     arrays, about = _stored(source)
@@ -127,15 +127,15 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
 
 def _stored(source: Path) -> tuple[dict[str, Array], dict[str, Any]]:
     """The arrays of a file and what it says about itself, in today's form."""
-    mend = "train it anew"
+    remedy = "train it anew"
     try:
         if not source.exists():
             raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`")
-        check_file(source, InvalidCheckpointError, mend, LARGEST)
+        check_file(source, InvalidCheckpointError, remedy, LARGEST)
         with source.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             names = [name for name in (*ARRAYS, "drifts") if name in stored.files or name in ARRAYS]
             arrays = {name: np.asarray(stored[name], dtype=float) for name in names}
-            about = parse_json(str(stored["about"]), InvalidCheckpointError, str(source), mend, strict=False)
+            about = parse_json(str(stored["about"]), InvalidCheckpointError, str(source), remedy, strict=False)
         arrays["sample_weight"] = np.full(arrays["sigma"].shape, arrays["sample_weight"])  # one number for all, of old
         if arrays["precision_factor"].ndim == 3:  # of states that know nothing of each other
             arrays["precision_factor"] = block_diagonal(arrays["precision_factor"])
@@ -144,7 +144,7 @@ def _stored(source: Path) -> tuple[dict[str, Array], dict[str, Any]]:
     except InvalidCheckpointError:
         raise
     except Exception as error:  # zip, zlib, NumPy and its header's parser raise a dozen kinds on a damaged file
-        raise InvalidCheckpointError(f"{source}: not a model checkpoint ({one_line(error)}); {mend}") from None
+        raise InvalidCheckpointError(f"{source}: not a model checkpoint ({one_line(error)}); {remedy}") from None
     return arrays, about
 
 

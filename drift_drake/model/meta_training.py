@@ -143,7 +143,7 @@ def _started(
 
     Raises:
         InvalidCheckpointError: its network's inputs or its nominal car are others; the message names the file and the
-            mend.
+            remedy.
     """
     if model.vehicle != vehicle:
         raise InvalidCheckpointError(

@@ -22,7 +22,7 @@ WIDTHS = {"x": MIRROR_STATE.shape, "x_next": MIRROR_STATE.shape, "u": MIRROR_INP
 
 
 class InvalidSamplesError(DriftDrakeError, ValueError):
-    """A table that cannot be used; the message names the file, the place and the mend."""
+    """A table that cannot be used; the message names the file, the place and the remedy."""
 
 
 class Samples(NamedTuple):
@@ -96,7 +96,7 @@ def load_samples(path: str | Path) -> Samples:
     """Reads a table written by `save_samples`.
 
     Raises:
-        InvalidSamplesError: names the file, the column and the mend.
+        InvalidSamplesError: names the file, the column and the remedy.
     """
     try:
         if Path(path).exists():
@@ -129,5 +129,5 @@ def load_samples(path: str | Path) -> Samples:
     for name, column in zip(Samples._fields, samples, strict=True):
         bad = np.flatnonzero(~np.isfinite(column.reshape(len(column), -1)).all(axis=1))
         if len(bad):
-            raise InvalidSamplesError(f"{path}: {name} is not finite in row {bad[0]}; drop that row or mend it")
+            raise InvalidSamplesError(f"{path}: {name} is not finite in row {bad[0]}; drop that row or correct it")
     return samples

@@ -1,4 +1,4 @@
-"""`drift-drake watch`: what the simulator comes to lack during a drive, told as the log's rows come."""
+"""`drift-drake watch`: changes of the car against its simulator during a drive, reported as the log's rows come."""
 
 import dataclasses
 import itertools
@@ -22,7 +22,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 
 @dataclasses.dataclass(frozen=True)
 class Watch:
-    """Watch a drive row by row: when the car became another one than the simulator's, and which effect tells it.
+    """Watch a drive row by row: when the car began to differ from its simulator, and which effect explains it.
 
     drift-drake watch logs/monday/run_0.csv --vehicle car.yaml --json events.jsonl
     """
@@ -43,7 +43,7 @@ def run_watch(command: Watch) -> None:
     """`drift-drake watch`.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
         InvalidOptionError: a time that is none.
     """
     vehicle, own = read_vehicle(command.vehicle)
@@ -66,19 +66,19 @@ def run_watch(command: Watch) -> None:
     else:
         run = read_run(command.log)
         monitor, rows = monitor_of(run, vehicle, own), rows_of(run)
-    told, end = [], 0.0
+    reported, end = [], 0.0
     for t, _, events in watched(monitor, rows):
         end = t
         for event in events:
             print(sentence(event), file=said_to(command.json), flush=True)
-        told += events
+        reported += events
         if events and command.json is not None and command.follow:
-            write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else told))
+            write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
             sys.stdout.flush()
-    if not told:
+    if not reported:
         print(f"{command.log}: nothing has changed until {end:.0f} s", file=said_to(command.json))
-    if command.json is not None and not (command.follow and told):
-        write_text(command.json, _lines(told))
+    if command.json is not None and not (command.follow and reported):
+        write_text(command.json, _lines(reported))
 
 
 def _lines(events: Sequence[Mapping[str, Any]]) -> str:

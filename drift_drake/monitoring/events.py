@@ -1,4 +1,4 @@
-"""What is worth telling of a monitor's verdicts: a change, its cause once it is known, and its end."""
+"""What is reported of a monitor's verdicts: a change, its cause once it is known, and its end."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead w
 
 @dataclasses.dataclass(frozen=True)
 class Events:
-    """What has been told: whether there is a change, and which cause; and what is about to be."""
+    """What has been reported: whether there is a change, and which cause; and what is about to be."""
 
     changed: bool = False
     cause: str | None = None
@@ -26,23 +26,23 @@ class Events:
     count: int = 0  # verdicts in a row that name the candidate
 
     def after(self, monitor: Monitor, verdict: np.ndarray, t: float) -> tuple["Events", list[dict[str, Any]]]:
-        """What has been told after a verdict (`monitor.State`) at t [s], and what it adds, as plain data."""
+        """What has been reported after a verdict (`monitor.State`) at t [s], and what it adds, as plain data."""
         p, new = verdict[:-4], list[dict[str, Any]]()
-        told = self
-        if told.changed and p[0] >= TRUSTED:
-            told, new = Events(), [{"t": t, "event": "over"}]
-        if not told.changed and p[0] < ALARM:
-            told = Events(True)
+        now = self
+        if now.changed and p[0] >= TRUSTED:
+            now, new = Events(), [{"t": t, "event": "over"}]
+        if not now.changed and p[0] < ALARM:
+            now = Events(True)
             new.append({"t": t, "event": "change"} | details(monitor, verdict))
-        if told.changed:
+        if now.changed:
             leading = 1 + int(np.argmax(p[1:]))
             name = monitor.labels[leading]
             sure = p[leading] >= NAMED
-            told = Events(True, told.cause, name if sure else None, told.count * (name == told.candidate) + sure)
-            if told.count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS) and name != told.cause:
-                told = dataclasses.replace(told, cause=name)
+            now = Events(True, now.cause, name if sure else None, now.count * (name == now.candidate) + sure)
+            if now.count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS) and name != now.cause:
+                now = dataclasses.replace(now, cause=name)
                 new.append({"t": t, "event": "cause"} | details(monitor, verdict))
-        return told, [{key: _rounded(value) for key, value in event.items()} for event in new]
+        return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
 
 
 def details(monitor: Monitor, verdict: np.ndarray) -> dict[str, Any]:
@@ -60,10 +60,10 @@ def sentence(event: Mapping[str, Any]) -> str:
     """An event in words."""
     t = f"{event['t']:.1f} s:"
     if event["event"] == "over":
-        return f"{t} the car is again the one that the simulator knows"
+        return f"{t} the car agrees with the simulator again"
     since = f"since {event['onset']:.1f} s"
     if event["event"] == "change":
-        return f"{t} the car has changed {since}; the simulator may not be believed ({_cause(event)})"
+        return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
     return f"{t} {_cause(event)}, {since}"
 
 

@@ -71,7 +71,7 @@ class _Choice(NamedTuple):
 
 
 def compared(problem: Problem, days: Sequence[Day]) -> Fleet:
-    """What a fleet's days tell.
+    """What a fleet's days show.
 
     Raises:
         ValueError: no day.

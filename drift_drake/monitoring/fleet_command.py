@@ -1,4 +1,4 @@
-"""`drift-drake fleet`: many cars and days at once; what all lack, what one car lacks, what a day brings."""
+"""`drift-drake fleet`: many cars and days at once; what all cars have, what one has, what a day brought."""
 
 import dataclasses
 import sys
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Fleet:
-    """Tell what the simulator lacks of all cars of a fleet, of single cars, and of single days.
+    """Find what is missing from a fleet's simulator: for all cars, for single cars, on single days.
 
     drift-drake fleet logs --vehicle car.yaml --picture fleet.png
 
@@ -44,7 +44,7 @@ def run_fleet(command: Fleet) -> None:
     """`drift-drake fleet`.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
         InvalidOptionError: no workers.
     """
     vehicle, own = read_vehicle(command.vehicle)
@@ -104,6 +104,6 @@ def lines(found: "fleet.Fleet") -> Sequence[str]:
         owner = "all cars" if term.level == "fleet" else term.owner
         out.append(f"  {owner}: {term.effect} {size}, probability {term.probability:.2f}")
     if not found.terms:
-        out.append("  nothing that the simulator lacks")
-    out += [f"  outlier: {day}, {z:.1f} standard deviations beyond what is told" for day, z in found.outliers.items()]
+        out.append("  nothing is missing from the simulator")
+    out += [f"  outlier: {day}, {z:.1f} standard deviations beyond these effects" for day, z in found.outliers.items()]
     return out

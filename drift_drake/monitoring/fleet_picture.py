@@ -25,6 +25,6 @@ def draw_fleet(found: Fleet) -> Figure:
         axes.text(column, row, text, ha="center", va="center", color="white" if abs(values[row, column]) > 0.6 else "k")
     axes.set_xticks(range(len(effects)), effects, rotation=30, ha="right")
     axes.set_yticks(range(len(owners)), owners)
-    axes.set_title(f"{len(found.cars)} cars, {found.days} days: what the simulator lacks")
+    axes.set_title(f"{len(found.cars)} cars, {found.days} days: what is missing from the simulator")
     figure.colorbar(image, ax=axes, label="magnitude, of the practical range")
     return figure

@@ -53,7 +53,7 @@ def growing_rows(path: Path, lines: Iterator[str]) -> Iterator[dict[str, float]]
         try:
             yield {name: float(cells[i]) for i, name in kept}
         except (IndexError, ValueError):
-            raise InvalidLogError(f"{path}: line {number} holds no row of numbers; mend the writer") from None
+            raise InvalidLogError(f"{path}: line {number} holds no row of numbers; correct the writer") from None
 
 
 def head_of(path: Path, rows: Iterator[dict[str, float]]) -> tuple[Run, list[dict[str, float]]]:

@@ -56,12 +56,12 @@ def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str
 
 
 def events_of(monitor: Monitor, table: pd.DataFrame) -> list[dict[str, Any]]:
-    """What was worth telling during a run, from its table."""
+    """The events of a run, from its table."""
     columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
     rows = table[columns].to_numpy()
     new = np.flatnonzero(np.any(np.diff(rows[:, : len(monitor.labels)], axis=0) != 0.0, axis=1)) + 1
-    told, out = Events(), list[dict[str, Any]]()
+    reported, out = Events(), list[dict[str, Any]]()
     for i in new:
-        told, events = told.after(monitor, rows[i], float(table["t"].iloc[i]))
+        reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
         out += events
     return out

@@ -55,10 +55,10 @@ def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects, watched: Sequ
 
 
 def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
-    """At every verdict: the time [s], the verdict (`monitor.State`) and what is worth telling."""
-    state, told = monitor.start(), Events()
+    """At every verdict: the time [s], the verdict (`monitor.State`) and the events to report."""
+    state, reported = monitor.start(), Events()
     for row in rows:
         state = advance(monitor, state, row.y, row.command, row.t)
         if state.clock[0] > 1.0 and state.clock[1] == 0.0:
-            told, events = told.after(monitor, state.verdict, row.t)
+            reported, events = reported.after(monitor, state.verdict, row.t)
             yield row.t, state.verdict, events

@@ -39,7 +39,7 @@ def run_replay(command: Replay) -> None:
     """`drift-drake replay`.
 
     Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the mend.
+        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
     """
     vehicles = [command.vehicle, *([command.corrected] if command.corrected is not None else [])]
     for path in vehicles:

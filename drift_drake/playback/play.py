@@ -15,7 +15,7 @@ def read_cars(vehicle: Path, corrected: Path | None) -> dict[str, CarModel]:
     """The nominal car and, if there is one, the corrected car.
 
     Raises:
-        InvalidVehicleError: names the file, the key and the mend.
+        InvalidVehicleError: names the file, the key and the remedy.
     """
     cars = {"nominal": CarModel(*read_vehicle(vehicle))}
     if corrected is not None:
@@ -27,7 +27,7 @@ def prepare(log: Path, cars: dict[str, CarModel]) -> SideBySide:
     """The diagram for a log.
 
     Raises:
-        InvalidLogError: names the file, the place and the mend.
+        InvalidLogError: names the file, the place and the remedy.
     """
     run = read_run(log)
     try:

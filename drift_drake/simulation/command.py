@@ -52,7 +52,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     """`drift-drake drive`.
 
     Raises:
-        InvalidVehicleError: names the file, the key and the mend.
+        InvalidVehicleError: names the file, the key and the remedy.
         InvalidOptionError: a fault that cannot be read, or a negative seed.
     """
     if command.seed < 0:

@@ -57,8 +57,8 @@ class ClosedLoopConfig:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch."""
     monitor: Literal["off", "watch", "correct"] = "off"
-    """Watch what the simulator comes to lack (events.jsonl in the folder); correct: the controller takes what is
-    named, on the motion in its model, of a sensor in the readings. For the nominal model."""
+    """Watch for changes of the car against its simulator (events.jsonl in the folder); correct: the controller
+    takes a named effect on the motion into its model, one of a sensor off the readings. For the nominal model."""
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 

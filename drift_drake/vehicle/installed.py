@@ -24,7 +24,7 @@ PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # o
 
 
 class InvalidEffectError(DriftDrakeError, ValueError):
-    """An effect of another package that cannot be used; the message names it and the mend."""
+    """An effect of another package that cannot be used; the message names it and the remedy."""
 
 
 @cache
@@ -43,7 +43,9 @@ def _loaded(point: EntryPoint) -> Effect:
     try:
         effect = point.load()
     except Exception as error:
-        raise InvalidEffectError(f"{where}: cannot be imported ({one_line(error)}); mend it or uninstall it") from None
+        raise InvalidEffectError(
+            f"{where}: cannot be imported ({one_line(error)}); correct it or uninstall it"
+        ) from None
     if not point.name.isidentifier() or point.name.startswith("_"):
         raise InvalidEffectError(f"{where}: its name is no name of a variable; choose one such as side_wind")
     if not isinstance(effect, Effect):
@@ -68,7 +70,7 @@ def _check_physics(where: str, effect: Effect) -> None:
     try:
         found = tuple(float(value) for value in getattr(effect, wanted)(*arguments, 0.0))
     except Exception as error:
-        raise InvalidEffectError(f"{where}: its {wanted} fails ({one_line(error)}); mend it") from None
+        raise InvalidEffectError(f"{where}: its {wanted} fails ({one_line(error)}); correct it") from None
     if found != nothing:
         raise InvalidEffectError(f"{where}: its {wanted} gives {found} at a magnitude of zero; let it give {nothing}")
 

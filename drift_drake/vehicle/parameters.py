@@ -15,7 +15,7 @@ OPTIONAL = ("front_coupling", "tolerance")  # keys that a vehicle file may leave
 
 
 class InvalidVehicleError(DriftDrakeError, ValueError):
-    """A vehicle file that cannot be used; the message names the file, the key and the mend."""
+    """A vehicle file that cannot be used; the message names the file, the key and the remedy."""
 
 
 class Constants(NamedTuple):
@@ -125,7 +125,7 @@ class VehicleParameters:
         """Parameters from plain data; every parameter but those of `OPTIONAL` must be there, none may be unknown.
 
         Raises:
-            InvalidVehicleError: names `source`, the key and the mend.
+            InvalidVehicleError: names `source`, the key and the remedy.
         """
         if not isinstance(data, dict):
             raise InvalidVehicleError(f"{source}: expected 'name: value' lines, found {type(data).__name__}")
@@ -146,7 +146,7 @@ class VehicleParameters:
         """Parameters from a vehicle file.
 
         Raises:
-            InvalidVehicleError: names the file, the key and the mend.
+            InvalidVehicleError: names the file, the key and the remedy.
         """
         return cls.from_dict(vehicle_data(path), str(path))
 

@@ -18,7 +18,7 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
     """Parameters and effects of a vehicle file; a file without an `effects:` key has none.
 
     Raises:
-        InvalidVehicleError: names the file, the key and the mend.
+        InvalidVehicleError: names the file, the key and the remedy.
     """
     data: Any = vehicle_data(path)
     magnitudes = data.pop("effects", None) or {} if isinstance(data, dict) else {}

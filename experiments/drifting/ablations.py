@@ -180,7 +180,7 @@ def _own_drives(config: DriftConfig, folder: Path) -> dict[Attempt, Samples]:
 def table(rows: list[Variant], summary: dict[str, Any], errors: dict[str, dict[str, float]]) -> str:
     """All variants, as Markdown."""
     lines = [
-        "| part | variant | drifted it all | drifting, median | RMS e, median (most) [m] "
+        "| part | variant | drift held throughout | drifting, median | RMS e, median (most) [m] "
         "| RMS sideslip error [rad] | error in drifts: one step | 2 s |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]

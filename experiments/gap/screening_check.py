@@ -56,7 +56,7 @@ class Count:
     tried: int = 0
     found: int = 0
     right: int = 0
-    false: int = 0  # with something told that was not put in
+    false: int = 0  # with something reported that was not put in
 
     def add(self, found: bool, right: bool, false: bool) -> None:
         """One more outcome."""
@@ -101,7 +101,7 @@ def try_samples(runs: Sequence[Run], rng: np.random.Generator, counts: Counts, k
 
 
 def judged_sample(clean: Sequence[Screened], planted: Planted) -> tuple[bool, bool, int]:
-    """Whether the bad sample was found, and named right, and how many others were told."""
+    """Whether the bad sample was found, and named right, and how many others were reported."""
     all_bad = [(i, part) for i, one in enumerate(clean) for part in one.bad]
     floors = [(i, name) for i, one in enumerate(clean) for name in one.noise_floor]
     if planted.kind == "rounding":
@@ -151,7 +151,7 @@ def try_odd_runs(runs: Sequence[Run], heavy: Sequence[Run], vehicle: VehiclePara
 
 
 def untouched(runs: Sequence[Run], vehicle: VehicleParameters, counts: Counts) -> tuple[list[str], list[Suspicion]]:
-    """What is told of good logs."""
+    """What is reported of good logs."""
     _, sentences = screened(runs)
     told = suspicions(runs, vehicle)
     wrong = bool(sentences or told)
@@ -160,7 +160,7 @@ def untouched(runs: Sequence[Run], vehicle: VehicleParameters, counts: Counts) -
 
 
 def run(config: Config) -> dict[str, Any]:
-    """Counts by mistake, of simulated and of real logs, and what was told of those left as they are."""
+    """Counts by mistake, of simulated and of real logs, and what was reported of those left as they are."""
     counts: Counts = {}
     said: dict[str, list[str]] = {}
 
@@ -186,14 +186,14 @@ def run(config: Config) -> dict[str, Any]:
     return {
         "simulated": {name: dataclasses.asdict(count) for name, count in counts.items()},
         "real": {name: dataclasses.asdict(count) for name, count in real.items()},
-        "told of logs as they are": said,
+        "reported of logs as they are": said,
     }
 
 
 def table(counts: Mapping[str, Mapping[str, int]]) -> str:
     """A table in Markdown."""
     rate: Callable[[int, int], str] = lambda part, of: f"{100.0 * part / of:.0f} %"  # noqa: E731
-    lines = ["| mistake | tried | found | named right | something else told |", "| --- | --- | --- | --- | --- |"]
+    lines = ["| mistake | tried | found | named right | something else reported |", "| --- | --- | --- | --- | --- |"]
     for name, c in counts.items():
         rates = " | ".join(rate(c[key], c["tried"]) for key in ("found", "right", "false"))
         lines.append(f"| {name} | {c['tried']} | {rates} |")
@@ -210,7 +210,7 @@ def main(config: Config) -> None:
     for name in ("simulated", "real"):
         if found[name]:
             print(f"\n{name} logs\n\n{table(found[name])}")
-    for name, sentences in found["told of logs as they are"].items():
+    for name, sentences in found["reported of logs as they are"].items():
         print(f"{name}: {'; '.join(sentences)}")
 
 

@@ -80,7 +80,7 @@ def drives_file(config: InformationConfig) -> Path:
     """The population's table of samples.
 
     Raises:
-        MissingDrivesError: names the file and the mend.
+        MissingDrivesError: names the file and the remedy.
     """
     path = config.drives / f"{config.population}.npz"
     if not path.exists():

@@ -1,4 +1,4 @@
-"""The monitor beside what people use, on drives during which the car changes at a moment that is not told.
+"""The monitor beside what people use, on drives during which the car changes at a moment that is not stated.
 
     python -m experiments.monitoring.comparison make OUT --first 0 --count 32        # seeds to tune on
     python -m experiments.monitoring.comparison make OUT --first 5000 --count 32     # seeds that are opened once

@@ -29,7 +29,7 @@ PACKAGE = "vehiclemodels"
 
 
 class MissingWorldError(RuntimeError):
-    """A world that cannot be made here; the message names the mend."""
+    """A world that cannot be made here; the message names the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)

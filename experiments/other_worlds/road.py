@@ -40,7 +40,7 @@ class Road:
 
 
 class InvalidWorldError(ValueError):
-    """A folder that is no world; the message names it and the mend."""
+    """A folder that is no world; the message names it and the remedy."""
 
 
 def checked(world: Path) -> Path:

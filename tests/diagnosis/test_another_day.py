@@ -22,7 +22,7 @@ def test_a_part_of_the_day_of_calibration_is_normal(plain_day):
     assert answer.causes == []
     assert answer.magnitudes == {}
     assert answer.details["with"] == {}
-    assert "nothing that is not normal for this car" in answer.sentence()
+    assert "no gap beyond what is normal for this car" in answer.sentence()
     assert "These logs" in answer.sentence()  # and what they could show
 
 

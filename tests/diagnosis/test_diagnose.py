@@ -86,7 +86,7 @@ def test_the_report_is_one_file_that_says_the_verdict_and_what_comes_next(report
     text = report.read_text(encoding="utf-8")
     assert diagnosis.answer.causes[0] in text
     assert text.count("plotly.js v") == 1
-    for said in ("corrected car", "drift-drake apply", "How far it shrinks", "<dt>ambiguity set</dt>"):
+    for said in ("corrected car", "drift-drake apply", "How far the gap is reduced", "<dt>ambiguity set</dt>"):
         assert said in text
     for outside in ("<script src", 'src="http', "url(http", "@import"):
         assert outside not in text
@@ -114,7 +114,7 @@ def test_of_an_unknown_gap_no_corrected_car_is_drawn(diagnosis):
     html = as_verdict(diagnosis, "unknown")
     assert "Where the gap is, when, and in which force" in html
     assert '"name":"nominal"' in html
-    for absent in ("drift-drake apply", '"name":"corrected"', "How far it shrinks"):
+    for absent in ("drift-drake apply", '"name":"corrected"', "How far the gap is reduced"):
         assert absent not in html
 
 
@@ -162,7 +162,7 @@ def test_none_says_how_little_a_row_was_worth(diagnosis):
     assert answer.details["row_weight"] == 1.0
     assert answer.sentence().endswith("tolerances and the sensors' noise.")
     light = dataclasses.replace(answer, details={"row_weight": 0.0011})
-    assert "everyday misfit, with a row worth 0.0011 (probability 0.60)" in light.sentence()
+    assert "persistent model mismatch, at a row weight of 0.0011 (probability 0.60)" in light.sentence()
 
 
 def test_a_number_that_is_none_is_written_as_null_and_no_reduction_of_an_effect(diagnosis, tmp_path):

@@ -33,7 +33,7 @@ def test_what_adds_to_the_errors_removes_nothing(diagnosis):
     answer = diagnosis.answer
     nearest = answer.details["nearest"] | {"free_forces_remove": -68.6}
     spoilt = dataclasses.replace(answer, details=answer.details | {"nearest": nearest})
-    assert "free forces" in spoilt.sentence()
+    assert "free-form forces" in spoilt.sentence()
     assert "-68" not in spoilt.sentence()
 
 
@@ -41,7 +41,7 @@ def test_the_sentence_says_so_and_survives_the_file(diagnosis, tmp_path):
     diagnosis.answer.write(tmp_path / "answer.json")
     sentence = read_answer(tmp_path / "answer.json").sentence()
     assert sentence == diagnosis.answer.sentence()
-    assert "free forces" in sentence
+    assert "free-form forces" in sentence
     data = json.loads((tmp_path / "answer.json").read_text())
     del data["details"]["nearest"]
     (tmp_path / "old.json").write_text(json.dumps(data))

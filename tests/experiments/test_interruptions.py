@@ -49,7 +49,8 @@ def test_a_command_that_writes_files_whole_gives_the_same_results(
     main(config)
     said = capsys.readouterr().out
     assert (
-        "of 2 commands (steady): 0 with other results, 0 that could not go on, 0 hangs, 0 not told in one line" in said
+        "of 2 commands (steady): 0 with other results, 0 that could not go on, 0 hangs, 0 not reported in one line"
+        in said
     )
     made = {path: path.stat().st_mtime_ns for path in (small / "out").glob("attempt_*.json")}
     main(config)
@@ -106,4 +107,6 @@ def test_progress_bars_are_not_what_a_command_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_real_commands_give_the_same_results(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(InterruptionsConfig(count=1, commands=(name,), out=tmp_path))
-    assert "0 with other results, 0 that could not go on, 0 hangs, 0 not told in one line" in capsys.readouterr().out
+    assert (
+        "0 with other results, 0 that could not go on, 0 hangs, 0 not reported in one line" in capsys.readouterr().out
+    )

@@ -62,7 +62,7 @@ def run_import(command: Import) -> None:
     """`drift-drake import`.
 
     Raises:
-        InvalidMappingError, InvalidRecordingError, InvalidOptionError: names the file, the place and the mend.
+        InvalidMappingError, InvalidRecordingError, InvalidOptionError: names the file, the place and the remedy.
     """
     for path in command.recordings:
         if not path.exists():
@@ -87,7 +87,7 @@ def run_import(command: Import) -> None:
         raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
     for name in command.trust:
         if name not in COLUMNS:
-            raise InvalidOptionError(f"--trust {name}: is no column of the log; {meant(name, COLUMNS)}")
+            raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
     try_folder(command.out, "--out")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
@@ -124,7 +124,7 @@ def summary(report: "ImportReport") -> str:
                 continue
             lines.append(
                 f"clock {name} of {recording}: its readings arrive {clock.arrival:.3f} s late "
-                f"(+- {clock.std:.3f} s, correlation {clock.correlation:.3f}); put right"
+                f"(+- {clock.std:.3f} s, correlation {clock.correlation:.3f}); corrected"
             )
     where: dict[str, list[str]] = {}
     for remark in report.remarks:

@@ -73,7 +73,7 @@ def import_recordings(
         start, end: part of each recording to keep [s after its first reading]. Clocks are aligned on all of it.
 
     Raises:
-        InvalidRecordingError: a file cannot be used; the message names it, the place and the mend.
+        InvalidRecordingError: a file cannot be used; the message names it, the place and the remedy.
     """
     if not paths:
         raise InvalidRecordingError("no recordings; give some files")

@@ -19,7 +19,7 @@ EPOCHS = ("auto", "shared", "own")
 
 
 class InvalidMappingError(DriftDrakeError, ValueError):
-    """A mapping file that cannot be used; the message names the file, the key and the mend."""
+    """A mapping file that cannot be used; the message names the file, the key and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,14 +114,14 @@ def read_mapping(name: str | Path) -> RecorderMapping:
     """The preset of that name, or else the mapping file of that path.
 
     Raises:
-        InvalidMappingError: names the file, the key and the mend.
+        InvalidMappingError: names the file, the key and the remedy.
     """
     if str(name) in presets():
         file = resources.files("drift_drake.logs.importing") / "presets" / f"{name}.yaml"
         text, source = file.read_text(encoding="utf-8"), f"preset {name}"
     else:
-        source, mend = str(name), f"give a mapping file in YAML or a preset ({', '.join(presets())})"
-        text = read_text(name, InvalidMappingError, mend, LARGEST_YAML)
+        source, remedy = str(name), f"give a mapping file in YAML or a preset ({', '.join(presets())})"
+        text = read_text(name, InvalidMappingError, remedy, LARGEST_YAML)
     data = parse_yaml(text, InvalidMappingError, source, "write 'name: value' lines")
     return mapping_from_dict(data, source)
 
@@ -130,7 +130,7 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     """A mapping from plain data.
 
     Raises:
-        InvalidMappingError: names `source`, the key and the mend.
+        InvalidMappingError: names `source`, the key and the remedy.
     """
     entries = _entries(data, RecorderMapping, source, "")
     for key in ("clocks", "signals"):

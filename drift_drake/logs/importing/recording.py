@@ -52,7 +52,7 @@ class Recording:
 
 
 def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
-    """Reads a recorder's file; a reading that cannot be one is left out and told.
+    """Reads a recorder's file; a reading that cannot be one is left out and reported.
 
     Raises:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
@@ -112,10 +112,10 @@ def _signal(
     values, absurd = without_absurd(key, _si(key, signal, numbers[rows], frame))
     if not np.any(np.isfinite(values)):
         raise InvalidRecordingError(f"{path}: column '{signal.column}' holds no readings; take it out of the mapping")
-    told = {int(row): found for row, found in bad.items()} | {
+    reported = {int(row): found for row, found in bad.items()} | {
         int(rows[row]): f"{numbers[rows[row]]:g}" for row in absurd
     }
-    return values, left_out(signal.column, told, rows, t)
+    return values, left_out(signal.column, reported, rows, t)
 
 
 def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[str]]:

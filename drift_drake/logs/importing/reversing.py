@@ -1,4 +1,4 @@
-"""Where a car reverses: the single-track model knows forward driving and spins, so those rows are cut and told."""
+"""Where a car reverses: the single-track model knows forward driving and spins, so those rows are cut and reported."""
 
 from collections.abc import Mapping
 

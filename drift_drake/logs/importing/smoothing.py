@@ -19,11 +19,11 @@ from drift_drake.compilation import compiled
 
 Array = NDArray[np.float64]
 
-SHORTEST = 20  # readings; the ratio cannot be told from fewer
+SHORTEST = 20  # readings; the ratio cannot be estimated from fewer
 TIME_SCALES = (0.3, 300.0)  # of the smoother, 1 / (2 pi bandwidth), in sampling periods
 START = 10  # first readings, through which the parabola goes that the state's start is sought about
 START_VARIANCE = (1e4, 1e4, 1e4)  # of the start, in units of third differences and periods: more than it can be off
-UNINFORMED = 5  # first innovations, which tell the start and nothing of the noise
+UNINFORMED = 5  # first innovations, which show the start and nothing of the noise
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,7 +18,7 @@ APART = {
 def disagreements(names: Sequence[str], windows: Windows, vehicle: VehicleParameters) -> list[tuple[str, str]]:
     """Sentences on runs that disagree with the others, each with its evidence. names: of the runs."""
     by_run = [relations(windows.where(windows.run == index), vehicle) for index in range(len(names))]
-    told: dict[int, list[str]] = {}
+    reported: dict[int, list[str]] = {}
     for name, (factor, likeness) in APART.items():
         sizes = {i: _size(found, name, likeness) for i, found in enumerate(by_run)}
         known = {i: size for i, size in sizes.items() if size is not None}
@@ -26,14 +26,14 @@ def disagreements(names: Sequence[str], windows: Windows, vehicle: VehicleParame
             continue
         says = next(relation.says for relation in by_run[next(iter(known))] if relation.name == name)
         odd, usual = _odd_one(known)
-        told.setdefault(odd, []).append(f"{says} is {known[odd]:.3g} there and {usual:.3g} in the others")
+        reported.setdefault(odd, []).append(f"{says} is {known[odd]:.3g} there and {usual:.3g} in the others")
     return [
         (
             f"{names[index]} disagrees with the other runs ({'; '.join(texts)}): is it the same car, logged in the "
             "same units? Give the runs of one car",
             "; ".join(texts),
         )
-        for index, texts in sorted(told.items())
+        for index, texts in sorted(reported.items())
     ]
 
 

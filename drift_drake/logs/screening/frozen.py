@@ -47,10 +47,10 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
             least = MOVES if len(moved) == 2 else STOPS
             # A channel that is zero up to its first change, or from its last on, may have nothing to tell.
             idle = len(moved) < 2 and values[start] == 0.0
-            told = not idle and all(m >= least * usual for m in moved)
+            reported = not idle and all(m >= least * usual for m in moved)
         else:
-            told = jump >= JUMP
-        if told:
+            reported = jump >= JUMP
+        if reported:
             found.append((start, stop))
     return found
 

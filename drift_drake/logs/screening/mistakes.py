@@ -1,4 +1,4 @@
-"""Mistakes that people make with a log's columns, each a factor with a name, and the mend."""
+"""Mistakes that people make with a log's columns, each a factor with a name, and the remedy."""
 
 import dataclasses
 import math
@@ -8,21 +8,21 @@ from drift_drake.vehicle.parameters import VehicleParameters
 DEGREES = 180.0 / math.pi
 G = 9.80665
 STEERING_RATIOS = (8.0, 25.0)  # steering wheel's angle over road wheel's
-TOLD_APART = 2.0  # factor from one that a mistake must be to be told from physics
+DISTINCT = 2.0  # factor from one that a mistake must be off by to be distinguished from physics
 
 
 @dataclasses.dataclass(frozen=True)
 class Mistake:
     """Columns (`t`: the clock) too large by a factor between `low` and `high`.
 
-    looks_like: the sentence goes on "column r looks like ..."; mend: "...: divide it by ...".
+    looks_like: the sentence goes on "column r looks like ..."; remedy: "...: divide it by ...".
     """
 
     columns: tuple[str, ...]
     low: float
     high: float
     looks_like: str
-    mend: str
+    remedy: str
 
 
 def mistakes(vehicle: VehicleParameters) -> list[Mistake]:
@@ -54,8 +54,8 @@ def mistakes(vehicle: VehicleParameters) -> list[Mistake]:
     found.append(_exact(("tau_cmd",), 1e-3, "kN m", "multiply it by 1000 in the mapping"))
     found.append(_exact(("t",), 0.5, "half of the time that passed (a clock at half speed)", "multiply it by 2"))
     found.append(_exact(("t",), 2.0, "twice the time that passed (a clock at double speed)", "divide it by 2"))
-    return [m for m in found if m.low >= TOLD_APART or m.high <= 1.0 / TOLD_APART]
+    return [m for m in found if m.low >= DISTINCT or m.high <= 1.0 / DISTINCT]
 
 
-def _exact(columns: tuple[str, ...], factor: float, looks_like: str, mend: str) -> Mistake:
-    return Mistake(columns, factor, factor, looks_like, mend)
+def _exact(columns: tuple[str, ...], factor: float, looks_like: str, remedy: str) -> Mistake:
+    return Mistake(columns, factor, factor, looks_like, remedy)

@@ -15,7 +15,7 @@ MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # command
 ANGLES = ("psi", "beta")  # that may be wrapped
 UNITS = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
          "ay": "m/s^2"}  # fmt: skip
-TOLD = 3  # spikes of a column that are told one by one
+LISTED = 3  # spikes of a column that are reported one by one
 
 Span = tuple[int, int]
 
@@ -64,7 +64,7 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
     """One run without its bad samples, and sentences on them."""
     bad: list[BadRows] = []
     floor: dict[str, float] = {}
-    mended: dict[str, Any] = {}
+    corrected: dict[str, Any] = {}
     sentences: list[str] = []
     stretches: dict[tuple[int, int], list[str]] = {}
     for name in MEASURED:
@@ -78,9 +78,9 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
             stretches.setdefault(span, []).append(name)
         parts = [BadRows(name, "frozen", *span) for span in held] + [BadRows(name, "spike", *span) for span in found]
         if parts:
-            mended[name] = _mended(raw, values, [*held, *found], wrapped=name == "beta")
+            corrected[name] = _corrected(raw, values, [*held, *found], wrapped=name == "beta")
             bad += parts
-        sentences += _spike_sentences(run, name, raw, mended.get(name, raw), found)
+        sentences += _spike_sentences(run, name, raw, corrected.get(name, raw), found)
         if coarse(values, size):
             floor[name] = noise_of(size)
             sentences.append(
@@ -88,7 +88,7 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
                 f"at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
     sentences = _frozen_sentences(run, stretches) + sentences
-    clean = dataclasses.replace(run, **mended) if mended else run
+    clean = dataclasses.replace(run, **corrected) if corrected else run
     return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor), sentences
 
 
@@ -107,7 +107,7 @@ def _overlaps(span: Span, others: Sequence[Span]) -> bool:
     return any(span[0] < stop and start < span[1] for start, stop in others)
 
 
-def _mended(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped: bool) -> np.ndarray:
+def _corrected(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped: bool) -> np.ndarray:
     """The column with bad rows filled; `values` is it unwrapped."""
     between = filled(values, bad)
     if wrapped:
@@ -121,19 +121,19 @@ def _mended(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped: b
 def _spike_sentences(
     run: Run, name: str, raw: np.ndarray, filled: np.ndarray, found: Sequence[tuple[int, int]]
 ) -> list[str]:
-    told = []
-    for start, stop in found[:TOLD]:
+    reported = []
+    for start, stop in found[:LISTED]:
         rows = "" if stop - start == 1 else f" ({stop - start} rows)"
-        told.append(f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} beside {filled[start]:.4g})")
-    if not told:
+        reported.append(f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} beside {filled[start]:.4g})")
+    if not reported:
         return []
-    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
+    more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
     what = "a spike" if len(found) == 1 else f"{len(found)} spikes"
-    return [f"{run.name}: {name} has {what} {', '.join(told)}{more}: left out"]
+    return [f"{run.name}: {name} has {what} {', '.join(reported)}{more}: left out"]
 
 
 def _frozen_sentences(run: Run, stretches: Mapping[tuple[int, int], Sequence[str]]) -> list[str]:
-    """Columns that freeze together are told together."""
+    """Columns that freeze together are reported together."""
     return [
         f"{run.name}: {', '.join(names)} {'is' if len(names) == 1 else 'are'} frozen from {run.t[start]:.2f} to "
         f"{run.t[stop - 1]:.2f} s ({stop - start} rows of the same value while the car moves): left out"

@@ -1,4 +1,4 @@
-"""Units, signs and clocks that a log seems to have wrong, told before any physics is blamed."""
+"""Units, signs and clocks that a log seems to have wrong, reported before any physics is blamed."""
 
 import dataclasses
 import itertools
@@ -17,7 +17,7 @@ SUSPECT = 4.0  # tolerances from one at which no effect of the catalogue explain
 EXPLAINED = 3.0  # within which it is explained
 WORST = 12.0  # tolerances beyond which a relation counts no more
 LEAST_GAIN = 12.0  # in squared tolerances: what a mistake has to explain
-ALIKE = 4.0  # in squared tolerances: mistakes that explain as much are told as alternatives
+ALIKE = 4.0  # in squared tolerances: mistakes that explain as much are reported as alternatives
 EXTRA_COLUMN = 1.0  # in squared tolerances: what a mistake of one column more has to explain besides
 MOST = 6  # mistakes of one case
 MIRRORED = 0.75  # likeness from which a sign is believed
@@ -29,7 +29,7 @@ Corrections = list[tuple[str, float]]
 
 @dataclasses.dataclass(frozen=True)
 class Suspicion:
-    """What looks wrong, in a sentence with the mend.
+    """What looks wrong, in a sentence with the remedy.
 
     column: its name, `t` for the clock, None for whole runs; factor: that it is too large by, -1 where it is mirrored,
     None where there is none; evidence: the ratios that say so.
@@ -45,19 +45,20 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
     """Mistakes of units, signs and clocks that explain these runs of one car much better than physics could.
 
     Columns are held against each other (`relations`); where relations are off by more than the catalogue's effects can
-    do, the known mistake that explains most is told, taken out, and the rest is looked at again. Nothing is told where
-    no known mistake explains it. A case that is mirrored as a whole looks like a car. Bad samples are left out first.
+    do, the known mistake that explains most is reported, taken out, and the rest is looked at again. Nothing is
+    reported where no known mistake explains it. A case that is mirrored as a whole looks like a car. Bad samples are
+    left out first.
     """
     windows = windows_of([screen(run)[0].run for run in runs])
     found: list[Suspicion] = []
     for _ in range(MOST):
         at = relations(windows, vehicle)
-        told, corrections = _scaled(at, vehicle)
-        if not told:
-            told, corrections = _mirrored(at)
-        if not told:
+        reported, corrections = _scaled(at, vehicle)
+        if not reported:
+            reported, corrections = _mirrored(at)
+        if not reported:
             break
-        found += told
+        found += reported
         for column, factor in corrections:
             windows = windows.corrected(column, factor)
     apart = disagreements([run.name for run in runs], windows, vehicle)
@@ -65,7 +66,7 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
 
 
 def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list[Suspicion], Corrections]:
-    """The mistake of units or clock that explains most, told for each of its columns, and how to take it out."""
+    """The mistake of units or clock that explains most, reported for each of its columns, and how to take it out."""
     if all(abs(relation.off) < SUSPECT for relation in found):
         return [], []
     before = _cost(found, {})
@@ -77,8 +78,8 @@ def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list
             continue
         size = _best_size(mistake, touched)
         changes = dict.fromkeys(mistake.columns, size)
-        mended = [relation for relation in touched if abs(relation.off) > SUSPECT]
-        if not any(abs(_left(relation, changes)) < EXPLAINED for relation in mended):
+        corrected = [relation for relation in touched if abs(relation.off) > SUSPECT]
+        if not any(abs(_left(relation, changes)) < EXPLAINED for relation in corrected):
             continue
         gain = before - _cost(found, changes) - EXTRA_COLUMN * (len(mistake.columns) - 1)
         if gain > LEAST_GAIN:
@@ -88,8 +89,8 @@ def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list
     ranked.sort(key=lambda entry: -entry[0])
     best_gain, best, changes = ranked[0]
     rivals = [mistake for gain, mistake, _ in ranked[1:] if gain > best_gain - ALIKE]
-    told = [_suspicion(column, best, changes[column], found, rivals) for column in best.columns]
-    return told, list(changes.items())
+    reported = [_suspicion(column, best, changes[column], found, rivals) for column in best.columns]
+    return reported, list(changes.items())
 
 
 def _power(relation: Relation, mistake: Mistake) -> int:
@@ -130,7 +131,7 @@ def _suspicion(
     others = [f"{' and '.join(rival.columns)} as {rival.looks_like}" for rival in rivals if rival != mistake]
     either = f"; or {', or '.join(others)}" if others else ""
     return Suspicion(
-        f"{what} looks like {mistake.looks_like} ({times}): {mistake.mend}{either}", column, size, evidence
+        f"{what} looks like {mistake.looks_like} ({times}): {mistake.remedy}{either}", column, size, evidence
     )
 
 
@@ -158,7 +159,7 @@ def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
         return [], []
     first, *others = choices
     either = f"; or {', or '.join(' and '.join(choice) for choice in others)} instead" if others else ""
-    told = []
+    reported = []
     for column in first:
         evidence = "; ".join(f"{relation.says} is negative" for relation in wrong if column in relation.mirrors)
         axis = " (or x)" if column == "y" else ""
@@ -166,5 +167,5 @@ def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
             f"column {column}{axis} looks mirrored, against the other columns{either}: the log is ISO 8855 (x forward, "
             "y left, z up), give its frame or sign in the mapping"
         )
-        told.append(Suspicion(sentence, column, -1.0, evidence))
-    return told, [(column, -1.0) for column in first]
+        reported.append(Suspicion(sentence, column, -1.0, evidence))
+    return reported, [(column, -1.0) for column in first]

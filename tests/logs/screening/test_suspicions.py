@@ -1,4 +1,4 @@
-"""Wrong units, signs and clocks are named with the mend, and strong effects of the catalogue are not taken for them."""
+"""Wrong units, signs and clocks are named with the remedy, and strong catalogued effects are not taken for them."""
 
 import dataclasses
 

@@ -28,7 +28,7 @@ KNOWN = "CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz or HDF5"
 
 
 class InvalidRecordingError(InvalidLogError):
-    """A recording that cannot be used; the message names the file, the place and the mend."""
+    """A recording that cannot be used; the message names the file, the place and the remedy."""
 
 
 def read_topics(path: str | Path) -> list[Topic]:

@@ -128,7 +128,7 @@ def test_a_plan_keeps_lane_and_limits_and_beats_the_straight():
 
 def test_an_answer_without_rivals_is_refused():
     answer = Answer("a", "none", [], {"none": 1.0}, ["none"], {}, {}, Interval(0, 0, 0), 1.0, {}, {}, [])
-    with pytest.raises(UnplannableError, match="says nothing of rival"):
+    with pytest.raises(UnplannableError, match="holds no rival hypotheses"):
         plan_from_answer(answer, VEHICLE)
 
 

@@ -251,7 +251,7 @@ def test_a_yaw_rate_beyond_belief_is_refused_unless_trusted(tmp_path, capsys):
     assert main(command) == 2
     assert "it looks like degrees per second" in capsys.readouterr().err
     assert main([*command, "--trust", "yaw"]) == 2
-    assert "--trust yaw: is no column of the log" in capsys.readouterr().err
+    assert "--trust yaw: is not a column of the log" in capsys.readouterr().err
     assert main([*command, "--trust", "r"]) == 0
     assert np.max(read_case(tmp_path / "m")[0].r) == pytest.approx(9.0)
 

@@ -55,10 +55,10 @@ def test_shared_own_and_daily_effects_are_told_apart():
     draw_fleet(found)
 
 
-def test_a_fleet_that_the_simulator_knows_has_nothing_to_tell():
+def test_a_fleet_that_the_simulator_knows_lacks_nothing():
     found = fleet({}, {}, {})
     assert not found.terms
-    assert lines(found)[1].strip() == "nothing that the simulator lacks"
+    assert lines(found)[1].strip() == "nothing is missing from the simulator"
 
 
 def test_folders_of_cars_and_days(tmp_path):

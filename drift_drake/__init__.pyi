@@ -54,5 +54,6 @@ from .vehicle.effects import make_effects as make_effects
 from .vehicle.parameters import Tolerance as Tolerance
 from .vehicle.parameters import VehicleParameters as VehicleParameters
 from .vehicle.plant import VehiclePlant as VehiclePlant
+from .vehicle.tyre import Tyre as Tyre
 from .vehicle.vehicle_file import read_vehicle as read_vehicle
 from .vehicle.vehicle_file import write_vehicle as write_vehicle

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 
 import numba
 
-from drift_drake.vehicle.installed import fingerprint
+from drift_drake.vehicle.installed import effect_functions, fingerprint
+from drift_drake.vehicle.tyre import installed_tyres
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -29,8 +30,8 @@ def _drop_stale_caches() -> None:
 
 @cache
 def _cache_folder() -> str:
-    """Where compiled functions are kept: numba's own choice, but where other packages' effects are compiled in."""
-    installed = fingerprint()
+    """Where compiled functions are kept: numba's own choice, but where other packages' functions are compiled in."""
+    installed = fingerprint([*effect_functions(), *installed_tyres().items()])
     if not installed:
         return str(numba.config.CACHE_DIR)
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -46,6 +46,12 @@ def test_an_own_controller_drives() -> None:
     assert example("own_controller").main(time_factor=0.01) == "time is up"
 
 
+def test_an_own_tyre_has_a_curve_of_its_own() -> None:
+    smooth, brush = example("own_tyre").main()
+    assert (smooth[1:] != brush[1:]).all()
+    assert (np.diff(smooth) > 0.0).all()
+
+
 def test_an_own_model_plans() -> None:
     u = example("own_model").main(horizon=5)
     assert u.shape == (6, 2)

@@ -19,6 +19,8 @@ def test_the_starter_vehicle_is_the_default_one_commented(tmp_path: Path) -> Non
     assert read_vehicle(path) == (VehicleParameters(), Effects())
     lines = path.read_text().splitlines()
     for field in dataclasses.fields(VehicleParameters):
+        if field.name == "tyre":
+            continue
         (line,) = (line for line in lines if line.startswith(f"{field.name}:"))
         assert field.name == "tolerance" or (f"# [{field.metadata['unit']}] " in line and len(line) <= 120)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drift_drake.control.plan import Plan
 from drift_drake.vehicle.bicycle import MIN_SPEED, rear_slip, static_loads
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.tires import brush_force
+from drift_drake.vehicle.tyre import tyre_force
 
 Array = NDArray[np.float64]
 
@@ -35,9 +35,10 @@ def stopping_command(x: Array, curvature: float, parameters: VehicleParameters) 
         return np.array([0.0, p.torque_min])
     r, v, beta, omega_r, e, dphi = x
     v = max(v, MIN_SPEED)
-    load_front, load_rear = static_loads(p.constants())
+    constants = p.constants()
+    load_front, load_rear = static_loads(constants)
     sigma_x, sigma_y = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
-    _, rear_force = brush_force(sigma_x, sigma_y, p.rear_stiffness, p.friction, load_rear)
+    _, rear_force = tyre_force(sigma_x, sigma_y, p.rear_stiffness, p.friction * load_rear, constants.tyre)
     course = curvature * v - COURSE_GAIN * dphi - LATERAL_GAIN * np.clip(e, -FARTHEST, FARTHEST)
     most = p.friction * p.gravity / v
     wanted = np.clip(course, -most, most) + UNWINDING * beta

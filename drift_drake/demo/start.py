@@ -8,7 +8,7 @@ import tyro
 from drift_drake.errors import OutputError
 from drift_drake.safe_files import try_outputs, write_text
 from drift_drake.standard_output import said_to, write_results
-from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
+from drift_drake.vehicle.parameters import WORDS, Tolerance, VehicleParameters
 
 HEAD = """\
 # What a simulator believes of a car: a single track with brush tyres, SI units, ISO 8855.
@@ -76,7 +76,7 @@ def starter_vehicle() -> str:
     """The text of the file."""
     vehicle, lines = VehicleParameters(), []
     for field in dataclasses.fields(vehicle):
-        if field.name != "tolerance":
+        if field.name not in WORDS:
             note = f"[{field.metadata['unit']}] {COMMENTS.get(field.name, '')}".rstrip()
             lines.append(f"{f'{field.name}: {getattr(vehicle, field.name):g}':<28}# {note}")
     tolerances = [f"  {field.name}: {getattr(Tolerance(), field.name):g}" for field in dataclasses.fields(Tolerance)]

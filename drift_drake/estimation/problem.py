@@ -204,6 +204,7 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
         p.rear_stiffness * (1.0 + n["rear_stiffness"]),
         p.gravity,
         p.front_coupling,
+        p.tyre,
     )
     magnitudes = dict(zip(names, (float(q) for q in theta[problem.nuisances :]), strict=True))
     magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + n["steering_offset"]

@@ -49,7 +49,8 @@ def calibrated_vehicle(
 ) -> tuple[VehicleParameters, Effects]:
     """The vehicle and effects at theta, with posterior standard deviations (in units of `scales`) for tolerances."""
     constants, effects = car(problem, theta, names)
-    changes = {name: value for name, value in constants._asdict().items() if name not in ("gravity", "front_coupling")}
+    fixed = ("gravity", "front_coupling", "tyre")
+    changes = {name: value for name, value in constants._asdict().items() if name not in fixed}
     if problem.rim_fed:
         changes["rear_axle_inertia"] = vehicle.rear_axle_inertia
     tolerances = {}

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from drift_drake.compilation import compiled
 from drift_drake.model.command_lag import lag_factors
 from drift_drake.vehicle.bicycle import static_loads
-from drift_drake.vehicle.bicycle_jacobian import brush_gradient, slip_point
+from drift_drake.vehicle.bicycle_jacobian import slip_point
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
+from drift_drake.vehicle.tyre import tyre_gradient
 
 Array = NDArray[np.float64]
 
@@ -79,13 +80,13 @@ def _physical(z: Array, p: Constants, wheel: Array, values: Array, gradient: Arr
             front = 6 if turn else 0
             value, slope = _squashed(slip[1])
             _write(values, gradient, n, front, value, slope * dslip[1], angles)
-            _, f_y, _, _, by_x, by_y = brush_gradient(slip[0], slip[1], p.front_stiffness, peak_f)
+            _, f_y, _, _, by_x, by_y = tyre_gradient(slip[0], slip[1], p.front_stiffness, peak_f, p.tyre)
             _write(values, gradient, n, front + 1, f_y / peak_f, (by_x * dslip[0] + by_y * dslip[1]) / peak_f, angles)
             if turn:
                 continue
             for axis in range(2):
                 value, slope = _squashed(slip[2 + axis])
                 _write(values, gradient, n, 2 + axis, value, slope * dslip[2 + axis], angles)
-            f_x, f_y, xx, xy, yx, yy = brush_gradient(slip[2], slip[3], p.rear_stiffness, peak_r)
+            f_x, f_y, xx, xy, yx, yy = tyre_gradient(slip[2], slip[3], p.rear_stiffness, peak_r, p.tyre)
             _write(values, gradient, n, 4, f_x / peak_r, (xx * dslip[2] + xy * dslip[3]) / peak_r, angles)
             _write(values, gradient, n, 5, f_y / peak_r, (yx * dslip[2] + yy * dslip[3]) / peak_r, angles)

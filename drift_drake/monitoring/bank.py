@@ -44,7 +44,7 @@ class Bank(NamedTuple):
     """What does not change: the cars [m], the first of them the simulator's, and the filter's noise."""
 
     period: float  # [s] between rows
-    constants: np.ndarray  # [12]
+    constants: np.ndarray  # [len(Constants)]
     effects: np.ndarray  # [m, 28]
     dynamic: np.ndarray  # [m, 28] without those of actuators
     delays: np.ndarray  # [m, 2] of steering and torque [rows]

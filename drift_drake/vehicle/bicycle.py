@@ -11,7 +11,7 @@ import numpy as np
 
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import cos, jitable, maximum, sin
-from drift_drake.vehicle.tires import brush_force
+from drift_drake.vehicle.tyre import tyre_force
 
 STATES = ("r", "v", "beta", "omega_r", "e", "dphi")
 INPUTS = ("delta", "tau")
@@ -92,9 +92,9 @@ def motion(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Con
     f_zf, f_zr = static_loads(p)
     v_x, v_y = front_contact_velocity(r, v, beta, delta, p.front_axle_distance)
     sigma_xf, sigma_yf = front_slip(v_x, v_y, omega_r, p.front_coupling)
-    f_xf, f_yf = brush_force(sigma_xf, sigma_yf, p.front_stiffness, p.friction, f_zf)
+    f_xf, f_yf = tyre_force(sigma_xf, sigma_yf, p.front_stiffness, p.friction * f_zf, p.tyre)
     sigma_x, sigma_y = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
-    f_xr, f_yr = brush_force(sigma_x, sigma_y, p.rear_stiffness, p.friction, f_zr)
+    f_xr, f_yr = tyre_force(sigma_x, sigma_y, p.rear_stiffness, p.friction * f_zr, p.tyre)
     f_x, f_y, m_z = body_wrench(delta, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)

@@ -12,21 +12,10 @@ from numpy.typing import NDArray
 from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, MIN_SPEED, motion, path_rates, static_loads
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.scalar import cos, jitable, norm2, sin
-from drift_drake.vehicle.tires import brush_secant
+from drift_drake.vehicle.scalar import cos, jitable, sin
+from drift_drake.vehicle.tyre import tyre_gradient
 
 Array = NDArray[np.float64]
-
-
-@jitable
-def brush_gradient(sigma_x: Any, sigma_y: Any, stiffness: Any, peak: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """(F_x, F_y, dF_x/dsigma_x, dF_x/dsigma_y, dF_y/dsigma_x, dF_y/dsigma_y) of one axle."""
-    sigma = norm2(sigma_x, sigma_y)
-    secant, slope = brush_secant(sigma, stiffness, peak)
-    slope_over_sigma = slope / sigma
-    cross = slope_over_sigma * sigma_x * sigma_y
-    return (secant * sigma_x, -secant * sigma_y, secant + slope_over_sigma * sigma_x * sigma_x, cross, -cross,
-            -(secant + slope_over_sigma * sigma_y * sigma_y))  # fmt: skip
 
 
 @jitable
@@ -76,8 +65,10 @@ def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a:
     sb, cb, sd, cd = sin(beta), cos(beta), sin(delta), cos(delta)
     slip, dslip = np.empty(4), np.empty((4, 5))
     slip_point(r, v, beta, omega_r, delta, p, slip, dslip)
-    f_xf, f_yf, k_fxx, k_fxy, k_fyx, k_fyy = brush_gradient(slip[0], slip[1], p.front_stiffness, p.friction * f_zf)
-    _, _, k_xx, k_xy, k_yx, k_yy = brush_gradient(slip[2], slip[3], p.rear_stiffness, p.friction * f_zr)
+    f_xf, f_yf, k_fxx, k_fxy, k_fyx, k_fyy = tyre_gradient(
+        slip[0], slip[1], p.front_stiffness, p.friction * f_zf, p.tyre
+    )
+    _, _, k_xx, k_xy, k_yx, k_yy = tyre_gradient(slip[2], slip[3], p.rear_stiffness, p.friction * f_zr, p.tyre)
     slow = v <= MIN_SPEED
     v_floor = MIN_SPEED if slow else v
     course = rates.a_y * cb - rates.a_x * sb

@@ -4,7 +4,7 @@ The physics of the package's own is in `effects.motion_with_effects`; that of an
 """
 
 from drift_drake.vehicle.effect import REFERENCE, Command, Effect, wheelbase
-from drift_drake.vehicle.installed import InvalidEffectError, installed_effects
+from drift_drake.vehicle.installed import InvalidExtensionError, installed_effects
 
 __all__ = ["CATALOGUE", "OFF_THE_MOTION", "REFERENCE", "Effect", "wheelbase"]
 
@@ -99,7 +99,7 @@ OWN: dict[str, Effect] = {
 }
 
 if twice := sorted(set(OWN) & set(installed_effects())):
-    raise InvalidEffectError(f"effect {', '.join(twice)}: is in the catalogue already; give yours another name")
+    raise InvalidExtensionError(f"effect {', '.join(twice)}: is in the catalogue already; give yours another name")
 
 CATALOGUE: dict[str, Effect] = OWN | installed_effects()
 

@@ -23,7 +23,7 @@ from drift_drake.vehicle.bicycle import (
 from drift_drake.vehicle.installed import installed_effects, physics
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
-from drift_drake.vehicle.tires import brush_force
+from drift_drake.vehicle.tyre import tyre_force
 
 SLIDING_SPEED_SCALE = 3.0  # [m/s] over which sliding friction drops
 HEAT_UNIT = 1e5  # [J] of friction work that make one unit of heat
@@ -145,6 +145,7 @@ def changed_constants(p: Constants, q: Effects) -> Constants:
         p.rear_stiffness * (1.0 + q.rear_stiffness_error),
         p.gravity,
         p.front_coupling,
+        p.tyre,
     )
 
 
@@ -201,8 +202,8 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
     mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
     mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
-    f_xf, f_yf = brush_force(sigma_xf, sigma_front, p.front_stiffness, mu_front, f_zf)
-    f_xr, f_yr = brush_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear, f_zr)
+    f_xf, f_yf = tyre_force(sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)
+    f_xr, f_yr = tyre_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)

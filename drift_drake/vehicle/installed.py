@@ -10,7 +10,7 @@ where `SIDE_WIND` is a `vehicle.effect.Effect` with its physics.
 
 import hashlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -23,8 +23,8 @@ GROUP = "drift_drake.effects"
 PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
 
 
-class InvalidEffectError(DriftDrakeError, ValueError):
-    """An effect of another package that cannot be used; the message names it and the remedy."""
+class InvalidExtensionError(DriftDrakeError, ValueError):
+    """An effect or a tyre of another package that cannot be used; the message names it and the remedy."""
 
 
 @cache
@@ -32,24 +32,33 @@ def installed_effects() -> dict[str, Effect]:
     """Effects of other packages by name, in the order of their names.
 
     Raises:
-        InvalidEffectError: one cannot be imported, or is none.
+        InvalidExtensionError: one cannot be imported, or is none.
     """
     points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
     return {point.name: _loaded(point) for point in points}
 
 
-def _loaded(point: EntryPoint) -> Effect:
-    where = f"effect {point.name} ({point.value})"
+def loaded(where: str, point: EntryPoint) -> Any:
+    """What an entry point names; `where` begins the message.
+
+    Raises:
+        InvalidExtensionError: it cannot be imported.
+    """
     try:
-        effect = point.load()
+        return point.load()
     except Exception as error:
-        raise InvalidEffectError(
+        raise InvalidExtensionError(
             f"{where}: cannot be imported ({one_line(error)}); correct it or uninstall it"
         ) from None
+
+
+def _loaded(point: EntryPoint) -> Effect:
+    where = f"effect {point.name} ({point.value})"
+    effect = loaded(where, point)
     if not point.name.isidentifier() or point.name.startswith("_"):
-        raise InvalidEffectError(f"{where}: its name is no name of a variable; choose one such as side_wind")
+        raise InvalidExtensionError(f"{where}: its name is no name of a variable; choose one such as side_wind")
     if not isinstance(effect, Effect):
-        raise InvalidEffectError(f"{where}: is no drift_drake.Effect; name one in the entry point")
+        raise InvalidExtensionError(f"{where}: is no drift_drake.Effect; name one in the entry point")
     _check_physics(where, effect)
     return effect
 
@@ -60,7 +69,7 @@ def _check_physics(where: str, effect: Effect) -> None:
     wanted = PHYSICS.get(effect.stage, "")
     if given != [wanted]:
         stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in PHYSICS.items())
-        raise InvalidEffectError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
+        raise InvalidExtensionError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
     trials: dict[str, tuple[tuple[Any, ...], tuple[float, ...]]] = {
         "force": ((0.1, 12.0, 0.02, 12.1, 0.3, REFERENCE.constants()), (0.0, 0.0, 0.0)),
         "actuation": ((0.05, 100.0, 12.0), (0.05, 100.0)),
@@ -70,9 +79,11 @@ def _check_physics(where: str, effect: Effect) -> None:
     try:
         found = tuple(float(value) for value in getattr(effect, wanted)(*arguments, 0.0))
     except Exception as error:
-        raise InvalidEffectError(f"{where}: its {wanted} fails ({one_line(error)}); correct it") from None
+        raise InvalidExtensionError(f"{where}: its {wanted} fails ({one_line(error)}); correct it") from None
     if found != nothing:
-        raise InvalidEffectError(f"{where}: its {wanted} gives {found} at a magnitude of zero; let it give {nothing}")
+        raise InvalidExtensionError(
+            f"{where}: its {wanted} gives {found} at a magnitude of zero; let it give {nothing}"
+        )
 
 
 def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
@@ -81,13 +92,16 @@ def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
     return [(name, function) for name, function in pairs if function is not None]
 
 
-def fingerprint() -> str:
-    """What the installed effects' sources hash to; empty without any."""
-    functions = [pair for kind in PHYSICS.values() for pair in physics(kind)]
-    if not functions:
-        return ""
-    digest = hashlib.sha256()
+def effect_functions() -> list[tuple[str, Callable[..., Any]]]:
+    """(name, function) of all installed effects."""
+    return [pair for kind in PHYSICS.values() for pair in physics(kind)]
+
+
+def fingerprint(functions: Iterable[tuple[str, Callable[..., Any]]]) -> str:
+    """What the sources of other packages' functions hash to; empty without any."""
+    digest, empty = hashlib.sha256(), True
     for name, function in functions:
+        empty = False
         source = sys.modules[function.__module__].__file__
         digest.update(name.encode() + (Path(source).read_bytes() if source else b""))
-    return digest.hexdigest()[:16]
+    return "" if empty else digest.hexdigest()[:16]

@@ -11,7 +11,8 @@ from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 from drift_drake.safe_files import write_text
 
-OPTIONAL = ("front_coupling", "tolerance")  # keys that a vehicle file may leave out
+OPTIONAL = ("front_coupling", "tyre", "tolerance")
+WORDS = ("tyre", "tolerance")  # that are no numbers  # keys that a vehicle file may leave out
 
 
 class InvalidVehicleError(DriftDrakeError, ValueError):
@@ -33,6 +34,7 @@ class Constants(NamedTuple):
     rear_stiffness: Any
     gravity: Any
     front_coupling: Any
+    tyre: Any  # place in `tyre.TYRES`
 
 
 def entry(unit: str, symbol: str, default: float, positive: bool = True) -> Any:
@@ -66,7 +68,8 @@ class VehicleParameters:
 
     `front_coupling` ties the front rim to the rear's: 0 is rear-wheel drive (the front rolls freely), 1 one shaft for
     both axles; in between, the front rim takes over that share of the difference in speed. `rear_axle_inertia` and the
-    torque are then those of the whole driveline. A file may leave it out.
+    torque are then those of the whole driveline. A file may leave it out; and so `tyre`, which names one of another
+    package (`vehicle.tyre`).
     """
 
     mass: float = entry("kg", "m", 1650.0)
@@ -84,11 +87,12 @@ class VehicleParameters:
     steering_limit: float = entry("rad", "delta_max", 0.66)
     torque_min: float = entry("N m", "tau_min", -50.0, positive=False)
     torque_max: float = entry("N m", "tau_max", 450.0, positive=False)
+    tyre: str = "brush"
     tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
-            if field.name == "tolerance":
+            if field.name in WORDS:
                 continue
             check_number(field.name, getattr(self, field.name), field.metadata)
         if self.torque_min >= self.torque_max:
@@ -101,6 +105,7 @@ class VehicleParameters:
             )
         if self.steering_limit >= math.pi / 2:
             raise InvalidVehicleError(f"steering_limit is {self.steering_limit:g} rad; give it in radians, below pi/2")
+        self._tyre_place()
         for field in dataclasses.fields(self.tolerance):
             value = getattr(self.tolerance, field.name)
             if not is_number(value) or value < 0.0:
@@ -110,15 +115,28 @@ class VehicleParameters:
 
     def constants(self) -> Constants:
         """The part of the parameters that the equations of motion read."""
-        return Constants(*(float(getattr(self, name)) for name in Constants._fields))
+        numbers = {name: float(getattr(self, name)) for name in Constants._fields if name not in WORDS}
+        return Constants(**numbers, tyre=self._tyre_place())
+
+    def _tyre_place(self) -> float:
+        if self.tyre == "brush":
+            return 0.0
+        from drift_drake.vehicle.tyre import TYRES  # which needs Drake, as a vehicle file need not
+
+        if self.tyre not in TYRES:
+            raise InvalidVehicleError(
+                f"tyre is {shown(self.tyre)}; give one of {', '.join(TYRES)}, or install the package that has it"
+            )
+        return float(list(TYRES).index(self.tyre))
 
     def replace(self, **changes: Any) -> "VehicleParameters":
         """A copy with some parameters changed, validated again."""
         return dataclasses.replace(self, **changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, the inverse of `from_dict`."""
-        return dataclasses.asdict(self)
+        """Plain data, the inverse of `from_dict`; the brush tyre is left out."""
+        data = dataclasses.asdict(self)
+        return data if self.tyre != "brush" else {name: value for name, value in data.items() if name != "tyre"}
 
     @classmethod
     def from_dict(cls, data: dict[str, Any], source: str = "vehicle") -> "VehicleParameters":
@@ -135,7 +153,9 @@ class VehicleParameters:
         if not isinstance(tolerance, dict):
             raise InvalidVehicleError(f"{source}: 'tolerance' must hold 'name: standard deviation' lines")
         _check_keys(source, "tolerance.", tolerance, {field.name for field in dataclasses.fields(Tolerance)})
-        values = {key: as_number(value) for key, value in data.items() if key != "tolerance"}
+        values = {
+            key: value if key == "tyre" else as_number(value) for key, value in data.items() if key != "tolerance"
+        }
         try:
             return cls(**values, tolerance=Tolerance(**{key: as_number(value) for key, value in tolerance.items()}))
         except InvalidVehicleError as error:

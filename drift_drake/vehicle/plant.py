@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
 
+CONSTANTS = len(Constants._fields)
+
 StateView = namedview("StateView", STATES)
 PlantStateView = namedview("PlantStateView", PLANT_STATES)
 PlantStateWithMemoryView = namedview("PlantStateWithMemoryView", PLANT_STATES_WITH_MEMORY)
@@ -64,12 +66,12 @@ def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: 
 # tuples of numbers.
 @compiled
 def _nominal_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array) -> Array:
-    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*fixed_tuple(p, 12))))
+    return np.array(nominal_rates(x, u, wrench, curvature, Constants(*fixed_tuple(p, CONSTANTS))))
 
 
 @compiled
 def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    constants, effects = Constants(*fixed_tuple(p, 12)), Effects(*fixed_tuple(q, COUNT))
+    constants, effects = Constants(*fixed_tuple(p, CONSTANTS)), Effects(*fixed_tuple(q, COUNT))
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
 
 

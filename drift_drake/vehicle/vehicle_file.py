@@ -58,7 +58,10 @@ def _plain(parameters: VehicleParameters, effects: Effects) -> dict[str, Any]:
 
 def _numbers(data: dict[str, Any]) -> dict[str, Any]:
     """With all numbers as floats: 1500 and 1500.0 are the same."""
-    return {key: _numbers(value) if isinstance(value, dict) else float(value) for key, value in data.items()}
+    return {
+        key: _numbers(value) if isinstance(value, dict) else value if isinstance(value, str) else float(value)
+        for key, value in data.items()
+    }
 
 
 def stated_tolerances(path: str | Path) -> frozenset[str]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from drift_drake.vehicle.bicycle import body_wrench, front_contact_velocity, front_slip, rear_slip, static_loads
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import absolute, cos, exp, jitable, maximum, norm2, select, sin, tanh
-from drift_drake.vehicle.tires import brush_force
+from drift_drake.vehicle.tyre import tyre_force
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,15 +79,15 @@ def strange_wrench(
     f_zf, f_zr = static_loads(p)
     # Rear compliance steer: the rear slip moves by the steered angle, to first order in it.
     sigma_x, sigma_y = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
-    plain_x, plain_y = brush_force(sigma_x, sigma_y, p.rear_stiffness, p.friction, f_zr)
+    plain_x, plain_y = tyre_force(sigma_x, sigma_y, p.rear_stiffness, p.friction * f_zr, p.tyre)
     steered = q.rear_compliance_steer * plain_y / 1000.0
-    moved_x, moved_y = brush_force(sigma_x, sigma_y - steered, p.rear_stiffness, p.friction, f_zr)
+    moved_x, moved_y = tyre_force(sigma_x, sigma_y - steered, p.rear_stiffness, p.friction * f_zr, p.tyre)
     f_x, f_y = f_x + moved_x - plain_x, f_y + moved_y - plain_y
     m_z = m_z - p.rear_axle_distance * (moved_y - plain_y)
     # Aligning moment: a pneumatic trail that vanishes as the front slides.
     v_x, v_y = front_contact_velocity(r, v, beta, delta, p.front_axle_distance)
     _, sigma_f = front_slip(v_x, v_y, omega_r, p.front_coupling)
-    _, f_yf = brush_force(0.0 * v_x, sigma_f, p.front_stiffness, p.friction, f_zf)
+    _, f_yf = tyre_force(0.0 * v_x, sigma_f, p.front_stiffness, p.friction * f_zf, p.tyre)
     full = 3.0 * p.friction * f_zf / p.front_stiffness
     grip = maximum(1.0 - absolute(sigma_f) / full, 0.0)
     m_z = m_z - q.aligning_moment * f_yf * grip
@@ -97,8 +97,8 @@ def strange_wrench(
     m_z = m_z + select(0.0, q.grabbing_brake, 0.75, -0.75) * drag
     # Slippery ground: what the tyres lack there, but for the wheel's own motion.
     slippery = p.friction * ground_friction(x, y, q)
-    _, low_f = brush_force(0.0 * v_x, sigma_f, p.front_stiffness, slippery, f_zf)
-    low_x, low_y = brush_force(sigma_x, sigma_y, p.rear_stiffness, slippery, f_zr)
+    _, low_f = tyre_force(0.0 * v_x, sigma_f, p.front_stiffness, slippery * f_zf, p.tyre)
+    low_x, low_y = tyre_force(sigma_x, sigma_y, p.rear_stiffness, slippery * f_zr, p.tyre)
     lack_x, lack_y, lack_m = body_wrench(
         delta, 0.0, low_f - f_yf, low_x - plain_x, low_y - plain_y, p.front_axle_distance, p.rear_axle_distance
     )

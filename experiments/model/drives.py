@@ -214,7 +214,7 @@ def _reference(kind: str, believed: VehicleParameters, generator: np.random.Gene
 def _true_parameters(parameters: VehicleParameters, effects: Effects) -> VehicleParameters:
     """What of the true vehicle fits into the nominal car's parameters (not its lags, drag or load transfer)."""
     changed = changed_constants(parameters.constants(), effects)
-    return parameters.replace(**{name: float(getattr(changed, name)) for name in Constants._fields})
+    return parameters.replace(**{name: float(getattr(changed, name)) for name in Constants._fields if name != "tyre"})
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from drift_drake.vehicle.bicycle import (
 )
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.tires import brush_force
+from drift_drake.vehicle.tyre import tyre_force
 
 P = VehicleParameters().constants()
 COUPLED = VehicleParameters(front_coupling=0.7).constants()
@@ -100,8 +100,8 @@ def test_a_coupled_front_axle_pulls_and_turns_with_the_rear_one():
     v, omega_r, tau = 12.0, 12.5, 100.0
     load_front, load_rear = static_loads(p)
     slip = (omega_r - v) / omega_r
-    front, _ = brush_force(slip, 0.0, p.front_stiffness, p.friction, load_front)
-    rear, _ = brush_force(slip, 0.0, p.rear_stiffness, p.friction, load_rear)
+    front, _ = tyre_force(slip, 0.0, p.front_stiffness, p.friction * load_front, 0.0)
+    rear, _ = tyre_force(slip, 0.0, p.rear_stiffness, p.friction * load_rear, 0.0)
     rates = motion(0.0, v, 0.0, omega_r, 0.0, tau, p)
     assert rates.a_x == pytest.approx((front + rear) / p.mass)
     wheel = (p.gear_ratio * tau - (front + rear) * p.wheel_radius) / p.rear_axle_inertia * p.wheel_radius
@@ -140,9 +140,9 @@ def test_momentum_is_conserved_in_the_fixed_frame():
 
     front, rear = in_frame(psi + delta, contact_velocity(lever_front)), in_frame(psi, contact_velocity(lever_rear))
     load_front, load_rear = static_loads(P)
-    f_front = brush_force(0.0 * v, front[1] / np.maximum(front[0], 0.5), P.front_stiffness, P.friction, load_front)
+    f_front = tyre_force(0.0 * v, front[1] / np.maximum(front[0], 0.5), P.front_stiffness, P.friction * load_front, 0.0)
     rolling = np.maximum(omega_r, 0.5)
-    f_rear = brush_force((omega_r - rear[0]) / rolling, rear[1] / rolling, P.rear_stiffness, P.friction, load_rear)
+    f_rear = tyre_force((omega_r - rear[0]) / rolling, rear[1] / rolling, P.rear_stiffness, P.friction * load_rear, 0.0)
     force_front, force_rear = rotated(psi + delta, 0.0, f_front[1]), rotated(psi, *f_rear)
 
     acceleration = rotated(psi + beta, rates.v_dot, v * (rates.beta_dot + r))

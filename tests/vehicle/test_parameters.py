@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drift_drake.vehicle.parameters import Constants, InvalidVehicleError, Tolerance, VehicleParameters
+from drift_drake.vehicle.parameters import WORDS, Constants, InvalidVehicleError, Tolerance, VehicleParameters
 
 SPEC_VEHICLE = Path(__file__).resolve().parents[3] / "shared" / "spec" / "vehicle.yaml"
 
@@ -49,13 +49,13 @@ def test_numbers_in_scientific_notation_without_a_sign_are_numbers(tmp_path):
 def test_constants_are_the_fields_of_the_same_names():
     car = VehicleParameters(mass=1500, friction=0.9)
     constants = car.constants()
-    assert constants == Constants(*(getattr(car, name) for name in Constants._fields))
+    assert constants == Constants(*(getattr(car, name) for name in Constants._fields[:-1]), 0.0)
     assert all(type(value) is float for value in constants)
 
 
 def test_every_parameter_has_a_unit_and_a_symbol():
     for field in dataclasses.fields(VehicleParameters):
-        if field.name != "tolerance":
+        if field.name not in WORDS:
             assert field.metadata["unit"]
             assert field.metadata["symbol"]
 
@@ -63,6 +63,11 @@ def test_every_parameter_has_a_unit_and_a_symbol():
 def test_a_changed_copy_is_validated():
     assert VehicleParameters().replace(friction=0.7).friction == 0.7
     assert "friction (mu) is -1" in message_of(VehicleParameters().replace, friction=-1.0)
+
+
+def test_a_tyre_that_is_not_there():
+    text = message_of(VehicleParameters, tyre="square")
+    assert text == "tyre is 'square'; give one of brush, or install the package that has it"
 
 
 def test_a_parameter_that_must_be_positive():

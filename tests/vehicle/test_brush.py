@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd
 
-from drift_drake.vehicle.tires import brush_force, brush_secant
+from drift_drake.vehicle.brush import brush_secant
+from drift_drake.vehicle.tyre import tyre_force
 
 C, MU, F_Z = 2.2e5, 0.9, 8000.0
 FULL_SLIDE = 3.0 * MU * F_Z / C  # slip from which the whole patch slides
+
+
+def force_of(sigma_x, sigma_y):
+    return tyre_force(sigma_x, sigma_y, C, MU * F_Z, 0.0)
 
 
 def published_force(sigma):
@@ -23,20 +28,20 @@ def published_force(sigma):
 @pytest.mark.parametrize("sigma", [1e-4, 0.01, 0.05, 0.5 * FULL_SLIDE, 0.999 * FULL_SLIDE, FULL_SLIDE, 0.3, 2.0])
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.5, 2.9, -1.0])
 def test_force_is_the_published_one_and_opposes_the_slip(sigma, angle):
-    f_x, f_y = brush_force(sigma * math.cos(angle), sigma * math.sin(angle), C, MU, F_Z)
+    f_x, f_y = force_of(sigma * math.cos(angle), sigma * math.sin(angle))
     force = published_force(sigma)
     assert f_x == pytest.approx(force * math.cos(angle), rel=1e-9, abs=1e-9)
     assert f_y == pytest.approx(-force * math.sin(angle), rel=1e-9, abs=1e-9)
 
 
 def test_slope_at_zero_slip_is_the_stiffness():
-    derivative = brush_force(AutoDiffXd(0.0, np.array([1.0])), AutoDiffXd(0.0, np.array([0.0])), C, MU, F_Z)[0]
+    derivative = force_of(AutoDiffXd(0.0, np.array([1.0])), AutoDiffXd(0.0, np.array([0.0])))[0]
     assert derivative.derivatives()[0] == pytest.approx(C, rel=1e-6)
 
 
 def test_force_never_exceeds_friction_and_grows_until_full_slide():
     sigma = np.linspace(0.0, 2.0 * FULL_SLIDE, 2001)
-    force = -brush_force(0.0 * sigma, sigma, C, MU, F_Z)[1]
+    force = -force_of(0.0 * sigma, sigma)[1]
     assert force.max() <= MU * F_Z * (1.0 + 1e-12)
     gripping = sigma < FULL_SLIDE
     assert np.all(np.diff(force[gripping]) > 0.0)
@@ -56,9 +61,9 @@ def test_slope_of_the_secant_is_its_derivative(sigma):
 
 def test_batches_of_any_shape():
     sigma = np.linspace(-0.3, 0.3, 24)
-    flat = brush_force(sigma, 0.5 * sigma, C, MU, F_Z)
-    shaped = brush_force(sigma.reshape(2, 3, 4), 0.5 * sigma.reshape(2, 3, 4), C, MU, F_Z)
+    flat = force_of(sigma, 0.5 * sigma)
+    shaped = force_of(sigma.reshape(2, 3, 4), 0.5 * sigma.reshape(2, 3, 4))
     for one, other in zip(flat, shaped, strict=True):
         np.testing.assert_array_equal(one.reshape(2, 3, 4), other)
-    one_by_one = [brush_force(float(s), float(0.5 * s), C, MU, F_Z)[0] for s in sigma]
+    one_by_one = [force_of(float(s), float(0.5 * s))[0] for s in sigma]
     np.testing.assert_allclose(flat[0], one_by_one, rtol=1e-14)

@@ -2,12 +2,14 @@
 
 from typing import Any
 
-from drift_drake.vehicle.scalar import jitable, norm2, select
+from drift_drake.vehicle.scalar import jitable, select
 
 
 @jitable
 def brush_secant(sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:
     """Force over slip, F(sigma) / sigma, and its derivative with respect to sigma.
+
+    F = q - q^2/(3 mu F_z) + q^3/(27 mu^2 F_z^2), q = C sigma below 3 mu F_z, and mu F_z beyond.
 
     Args:
         sigma: combined slip [-], positive.
@@ -28,19 +30,3 @@ def brush_secant(sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:
     slide = peak / slide_sigma
     slide_slope = -peak / (slide_sigma * slide_sigma)
     return select(q, full_slide, grip, slide), select(q, full_slide, grip_slope, slide_slope)
-
-
-@jitable
-def brush_force(sigma_x: Any, sigma_y: Any, stiffness: Any, friction: Any, load: Any) -> tuple[Any, Any]:
-    """Force of one axle in the wheel frame.
-
-    Args:
-        sigma_x, sigma_y: longitudinal (positive driving) and lateral slip [-].
-        stiffness: C [N per unit slip]; friction: mu [-]; load: F_z [N].
-
-    Returns:
-        (F_x, F_y) [N] = F(sigma) / sigma * (sigma_x, -sigma_y), with
-        F = q - q^2/(3 mu F_z) + q^3/(27 mu^2 F_z^2), q = C sigma below 3 mu F_z, and mu F_z beyond.
-    """
-    secant, _ = brush_secant(norm2(sigma_x, sigma_y), stiffness, friction * load)
-    return secant * sigma_x, -secant * sigma_y

@@ -88,6 +88,5 @@ def magnitudes(names: Sequence[str], theta: np.ndarray) -> dict[str, float]:
 def folded(vehicle: VehicleParameters, effects: Effects) -> tuple[VehicleParameters, Effects]:
     """The same car with deviations of the file's own parameters put into the parameters; the other effects stay."""
     changed = changed_constants(vehicle.constants(), effects)
-    fields = {name: float(value) for name, value in changed._asdict().items()}
     rest = effects._replace(**{name: 0.0 for name in OWN if name != "steering_offset"})
-    return vehicle.replace(**fields), rest
+    return vehicle.with_constants(changed), rest

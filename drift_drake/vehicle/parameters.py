@@ -133,6 +133,10 @@ class VehicleParameters:
         """A copy with some parameters changed, validated again."""
         return dataclasses.replace(self, **changes)
 
+    def with_constants(self, constants: Constants) -> "VehicleParameters":
+        """A copy with these numbers, its tyre as it is; validated again."""
+        return self.replace(**{name: float(value) for name, value in constants._asdict().items() if name != "tyre"})
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data, the inverse of `from_dict`; the brush tyre is left out."""
         data = dataclasses.asdict(self)

@@ -58,9 +58,8 @@ class CorrectedLoopConfig:
 def real_car(truth: Truth, vehicle: VehicleParameters) -> tuple[VehicleParameters, Effects]:
     """The car that a truth describes."""
     constants, offset = true_constants(vehicle, truth.deviations)
-    changed = {name: value for name, value in constants._asdict().items() if name != "gravity"}
     effects = make_effects(truth.effects)
-    return vehicle.replace(**changed), effects._replace(steering_offset=effects.steering_offset + offset)
+    return vehicle.with_constants(constants), effects._replace(steering_offset=effects.steering_offset + offset)
 
 
 def drift(believed: VehicleParameters, car: VehicleParameters, effects: Effects, seed: int) -> dict[str, Any]:

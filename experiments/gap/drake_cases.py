@@ -139,7 +139,7 @@ def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> 
     strange = Strange(*(float(q) for q in Strange(**truth.strange)))
     first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
     builder = DiagramBuilder()
-    parameters = vehicle.replace(**{k: v for k, v in constants._asdict().items() if k != "gravity"})
+    parameters = vehicle.with_constants(constants)
     car = builder.AddNamedSystem("car", Car(parameters, effects))
     driving = builder.AddNamedSystem("driver", DriverSystem(driver, first))
     builder.Connect(car.GetOutputPort("state"), driving.GetInputPort("state"))

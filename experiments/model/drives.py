@@ -36,7 +36,7 @@ from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
-from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import end_with_parent
 
 Array = NDArray[np.float64]
@@ -213,8 +213,7 @@ def _reference(kind: str, believed: VehicleParameters, generator: np.random.Gene
 
 def _true_parameters(parameters: VehicleParameters, effects: Effects) -> VehicleParameters:
     """What of the true vehicle fits into the nominal car's parameters (not its lags, drag or load transfer)."""
-    changed = changed_constants(parameters.constants(), effects)
-    return parameters.replace(**{name: float(getattr(changed, name)) for name in Constants._fields if name != "tyre"})
+    return parameters.with_constants(changed_constants(parameters.constants(), effects))
 
 
 if __name__ == "__main__":

@@ -46,6 +46,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["import", LOG, "--mapping", "dart", "--out", "new", "--json", LOG], LOG),
         (["apply", ANSWER, *VEHICLE, "--out", ANSWER], ANSWER),
         (["plan-next", ANSWER, *VEHICLE, "--out", CAR], CAR),
+        (["effects", *VEHICLE, "--json", CAR], CAR),
         (["init", CAR], CAR),
     ],
 )

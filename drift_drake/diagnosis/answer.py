@@ -106,16 +106,16 @@ class Answer:
         found = self.details.get("nearest")
         if not found:
             return ""
-        causes = [_stated(name, Interval(**m)) for name, m in found["magnitudes"].items()]
-        if found["free_forces_remove"] is None:
+        causes = [_stated(name, _interval(name, m)) for name, m in found["magnitudes"].items()]
+        if found.get("free_forces_remove") is None:
             near = " and ".join(causes) or "the calibrated car as it is"
-            removes = _removed(found["removes"])
+            removes = _removed(found.get("removes"))
             return f" The nearest known hypothesis, {near}, removes {removes} of it on held-out blocks."
-        free = _removed(found["free_forces_remove"])
+        free = _removed(found.get("free_forces_remove"))
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
         if not causes:
             return f" No known cause comes near; free-form forces remove {free} {where}."
-        near, removes = " and ".join(causes), _removed(found["removes"])
+        near, removes = " and ".join(causes), _removed(found.get("removes"))
         return f" The nearest known hypothesis, {near}, removes {removes} {where}; free-form forces remove {free}."
 
 
@@ -127,8 +127,10 @@ def without_rivals(answer: Answer) -> str:
     )
 
 
-def _removed(share: float) -> str:
-    """A share of errors that is removed; what adds to them removes nothing."""
+def _removed(share: float | None) -> str:
+    """A share of errors that is removed; what adds to them removes nothing. None: it is not known."""
+    if share is None:
+        return "an unknown share"
     return f"{100 * share:.0f} %" if share >= LEAST_SAID else "nothing"
 
 
@@ -224,19 +226,33 @@ def _answer(data: dict[str, Any]) -> Answer:
 
 
 def _details(details: Any) -> dict[str, Any]:
-    """What the sentence reads of the details is checked here; beliefs are by whoever plans from them."""
+    """What the sentence and `apply` read of the details is checked here; beliefs are by whoever plans from them."""
     details = _entries("details", details)
-    _number("details.row_weight", details.get("row_weight", 1.0))
+    for key in ("row_weight", "familiar"):
+        _number(f"details.{key}", details.get(key, 1.0))
+    _names("details.at_least", details.get("at_least", []))
+    for name, value in _by_effect("details.with", details.get("with", {})).items():
+        _number(f"details.with.{name}", value)
+    for name, limit in _by_effect("details.detection", details.get("detection", {})).items():
+        least = _entries(f"details.detection.{name}", limit).get("least", "missing")
+        _number(f"details.detection.{name}.least", least, finite=False)
     nearest = details.get("nearest")
     if nearest:
         found = _entries("details.nearest", nearest)
         for key in ("removes", "free_forces_remove"):
             _number(f"details.nearest.{key}", found.get(key), finite=False)
-        for name, m in _entries("details.nearest.magnitudes", found.get("magnitudes")).items():
-            if name not in CATALOGUE:
-                raise ValueError(f"details.nearest names {shown(name)}, which the catalogue does not have")
+        for name, m in _by_effect("details.nearest.magnitudes", found.get("magnitudes")).items():
             _interval(f"details.nearest.magnitudes.{name}", m)
     return details
+
+
+def _by_effect(key: str, value: Any) -> dict[str, Any]:
+    """An object whose names are effects of the catalogue."""
+    entries = _entries(key, value)
+    for name in entries:
+        if name not in CATALOGUE:
+            raise ValueError(f"{key} names {shown(name)}, which the catalogue does not have")
+    return entries
 
 
 def _entries(key: str, value: Any) -> dict[str, Any]:

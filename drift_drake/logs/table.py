@@ -26,6 +26,7 @@ OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
 COLUMNS = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
 
 SHORTEST_RUN = 50  # rows; less holds nothing to learn from
+LONGEST_PERIOD = 0.05  # [s]
 PERIOD_TOLERANCE = 0.02  # of the period that a row may be early or late
 # What pandas raises on a broken file: another encoding, a truncated or damaged archive, no table.
 UNREADABLE = (OSError, ValueError, EOFError, zlib.error, lzma.LZMAError, zipfile.BadZipFile)
@@ -272,7 +273,7 @@ def _check_clock(run: Run) -> None:
             f"{run.name}: the clock is irregular at row {row} (a step of {steps[row - 1]:g} s among steps of "
             f"{period:g} s); resample the run to a fixed period"
         )
-    if period > 0.05:
+    if period > (1.0 + PERIOD_TOLERANCE) * LONGEST_PERIOD:
         guess = "; it looks like milliseconds, convert t" if period >= 1.0 else ""
         raise InvalidLogError(
             f"{run.name}: a row each {period:g} s is too coarse; log at 20 Hz or faster (0.01 s){guess}"

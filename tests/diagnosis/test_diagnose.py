@@ -180,6 +180,34 @@ def test_a_number_that_is_none_is_written_as_null_and_no_reduction_of_an_effect(
 
 
 @pytest.mark.parametrize(
+    ("details", "says"),
+    [
+        ({"with": {"steering_lag": "x"}}, r"details\.with\.steering_lag: 'x' is no number"),
+        ({"with": {"nothing": 1.0}}, r"details\.with names 'nothing'"),
+        ({"with": [1.0]}, r"details\.with is \[1\.0\], not an object"),
+        ({"at_least": 5}, r"details\.at_least is 5, not a list of names"),
+        ({"familiar": "x"}, r"details\.familiar: 'x' is no number"),
+        ({"detection": {"mass_error": {"least": "x"}}}, r"details\.detection\.mass_error\.least: 'x' is no number"),
+        ({"detection": {"mass_error": {}}}, r"details\.detection\.mass_error\.least: 'missing' is no number"),
+        ({"detection": 5}, r"details\.detection is 5, not an object"),
+    ],
+)
+def test_details_that_are_read_are_checked(diagnosis, tmp_path, details, says):
+    path = tmp_path / "answer.json"
+    dataclasses.replace(diagnosis.answer, details=details).write(path)
+    with pytest.raises(InvalidAnswerError, match=says):
+        read_answer(path)
+
+
+def test_a_share_that_is_not_known_is_said(diagnosis):
+    nearest = {"magnitudes": {}, "removes": None, "free_forces_remove": None}
+    answer = dataclasses.replace(
+        diagnosis.answer, verdict="unknown", posterior={"unknown": 1.0}, details={"nearest": nearest}
+    )
+    assert "the calibrated car as it is, removes an unknown share of it" in answer.sentence()
+
+
+@pytest.mark.parametrize(
     ("text", "says"), [("{", "not JSON"), ("{}", "missing case, verdict"), (None, "cannot be read")]
 )
 def test_bad_answers_get_one_sentence(tmp_path, text, says):

@@ -32,9 +32,9 @@ settings.register_profile(
 settings.load_profile("fuzz")
 
 
-def cases(share: float) -> Any:
-    """The settings of a target that gets a share of all cases."""
-    return settings(max_examples=max(FEW, round(share * CASES)))
+def cases(share: float, few: int = FEW) -> Any:
+    """The settings of a target that gets a share of all cases, and a few in the test suite."""
+    return settings(max_examples=max(few, round(share * CASES)))
 
 
 class HangError(BaseException):

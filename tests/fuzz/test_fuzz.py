@@ -45,7 +45,8 @@ ANSWER: dict[str, Any] = {
     "where": {"states": {}, "runs": {}, "regions": []}, "reduction": {"estimate": 0.9, "low": 0.8, "high": 1.0},
     "seconds": 1.0, "tolerances": dict.fromkeys(NUISANCES[:3], 0.5), "warnings": ["w"],
     "details": {
-        "row_weight": 1.0,
+        "row_weight": 1.0, "with": {"steering_offset": 0.01}, "at_least": ["steering_lag"], "familiar": 0.8,
+        "provenance": {"vehicle_sha256": "0" * 64, "folder": "/a"},
         "beliefs": {
             "noise": [0.01] * len(CHANNELS), "used": [True] * len(CHANNELS), "process": [0.1] * len(CHANNELS),
             "row_weight": 1.0, "own": {"aero_drag": 1.0},
@@ -55,6 +56,16 @@ ANSWER: dict[str, Any] = {
             },
         },
     },
+}  # fmt: skip
+NONE = ANSWER | {
+    "verdict": "none", "causes": [], "posterior": {"none": 1.0}, "magnitudes": {},
+    "details": {"familiar": 0.4, "detection": {name: {"least": least, "taken_for": "unknown"} for name, least in
+                                               (("friction_level", 0.1), ("mass_error", None))}},
+}  # fmt: skip
+UNKNOWN = ANSWER | {
+    "verdict": "unknown", "causes": [], "posterior": {"unknown": 1.0},
+    "details": {"nearest": {"name": "aero_drag", "removes": 0.4, "free_forces_remove": 0.9,
+                            "magnitudes": {"aero_drag": {"estimate": 1.0, "low": 0.9, "high": 1.1}}}},
 }  # fmt: skip
 CALIBRATION: dict[str, Any] = {
     "trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
@@ -144,7 +155,7 @@ def test_vehicles(folder: Path, content: bytes) -> None:
 
 
 @cases(0.2)
-@given(content=either(ANSWER, as_json))
+@given(content=st.one_of(*(either(answer, as_json) for answer in (ANSWER, NONE, UNKNOWN))))
 def test_answers(folder: Path, content: bytes) -> None:
     path = written(folder / "answer.json", content)
     out = folder / "corrected.yaml"
@@ -225,6 +236,12 @@ def test_logs(folder: Path, content: bytes) -> None:
 
 
 COMMANDS = {
+    "init": ["PATH"],
+    "check": ["PATH", "--vehicle", "--calibration", "--json", "--workers"],
+    "watch": ["PATH", "--vehicle", "--json", "--idle"],
+    "fleet": ["PATH", "--vehicle", "--json", "--picture", "--workers"],
+    "export": ["PATH", "--format", "--out"],
+    "effects": ["--vehicle", "--json"],
     "import": ["PATH", "--mapping", "--out", "--start", "--end", "--json"],
     "diagnose": ["PATH", "--vehicle", "--json", "--report", "--process-scale", "--noise-scale", "--row-weight",
                  "--calibration", "--workers", "--quiet", "--again"],

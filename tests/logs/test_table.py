@@ -166,6 +166,12 @@ def test_other_encodings_get_one_sentence(tmp_path, encoding):
         read_run(path)
 
 
+def test_a_log_at_the_slowest_rate_is_read(tmp_path):
+    path = tmp_path / "run_0.csv"
+    path.write_text("t,r,v,delta_cmd\n" + "".join(f"{0.05 * k:.2f},0.1,12,0.02\n" for k in range(ROWS)))
+    assert read_run(path).period == pytest.approx(0.05)
+
+
 def test_a_clock_in_milliseconds_is_guessed():
     data = columns()
     with pytest.raises(InvalidLogError, match=r"too coarse.*it looks like milliseconds, convert t"):

@@ -42,7 +42,7 @@ def read_npz(path: Path) -> list[Topic]:
     Raises:
         ValueError: no arrays, or pickled objects; OSError.
     """
-    with np.load(path, allow_pickle=False) as file:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
         return topics_of_arrays({name: file[name] for name in file.files})
 
 

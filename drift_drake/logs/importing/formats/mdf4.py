@@ -1,5 +1,7 @@
 """MDF files (ASAM MDF 3 and 4): each channel group is a topic with its master channel as `GROUP.time`."""
 
+import gc
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,33 +17,53 @@ def read_mdf(path: Path) -> list[Topic]:
     Raises:
         ValueError: no MDF, or no numbers; ImportError: `asammdf` is not installed; OSError.
     """
-    from asammdf import MDF
-    from asammdf.blocks.utils import MdfException
+    import asammdf  # noqa: F401 (an ImportError is no damaged file)
 
-    topics: list[Topic] = []
+    damaged = None
     try:
-        with MDF(path) as file:
-            groups: list[Any] = file.groups
-            for number, group in enumerate(groups):
-                name = str(getattr(group.channel_group, "acq_name", "") or f"group_{number}")
-                if any(topic.name == name for topic in topics):
-                    name = f"{name}_{number}"
-                columns: dict[str, np.ndarray] = {}
-                units: dict[str, str] = {}
-                master = file.masters_db.get(number)
-                for index in range(len(group.channels)):
-                    if index == master:
-                        continue
-                    signal = file.get(group=number, index=index)
-                    parts = _parts(f"{name}.{signal.name}", np.asarray(signal.samples))
-                    columns |= parts | ({f"{name}.time": np.asarray(signal.timestamps, dtype=float)} if parts else {})
-                    units |= dict.fromkeys(parts, signal.unit or "")
-                if columns:
-                    topics.append(Topic(name, pd.DataFrame(columns), units | {f"{name}.time": "s"}))
-    except MdfException as error:
-        raise ValueError(str(error)) from None
+        topics = _topics(path)
+    except Exception as error:  # of many classes
+        damaged = str(error) or type(error).__name__
+    if damaged is not None:
+        _delete_silently()
+        raise ValueError(damaged)
     if not topics:
         raise ValueError("holds no channels with numbers")
+    return topics
+
+
+def _delete_silently() -> None:
+    """Deletes what asammdf leaves of a damaged file, which fails to close itself and would print a traceback."""
+    hook = sys.unraisablehook
+    sys.unraisablehook = lambda _: None
+    try:
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
+def _topics(path: Path) -> list[Topic]:
+    from asammdf import MDF
+
+    topics: list[Topic] = []
+    with MDF(path) as file:
+        groups: list[Any] = file.groups
+        for number, group in enumerate(groups):
+            name = str(getattr(group.channel_group, "acq_name", "") or f"group_{number}")
+            if any(topic.name == name for topic in topics):
+                name = f"{name}_{number}"
+            columns: dict[str, np.ndarray] = {}
+            units: dict[str, str] = {}
+            master = file.masters_db.get(number)
+            for index in range(len(group.channels)):
+                if index == master:
+                    continue
+                signal = file.get(group=number, index=index)
+                parts = _parts(f"{name}.{signal.name}", np.asarray(signal.samples))
+                columns |= parts | ({f"{name}.time": np.asarray(signal.timestamps, dtype=float)} if parts else {})
+                units |= dict.fromkeys(parts, signal.unit or "")
+            if columns:
+                topics.append(Topic(name, pd.DataFrame(columns), units | {f"{name}.time": "s"}))
     return topics
 
 

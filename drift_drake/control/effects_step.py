@@ -13,10 +13,18 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.compilation import compiled
-from drift_drake.control.step_model import StepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
-from drift_drake.vehicle.effects import COUNT, RATE_LIMIT_TIME, Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.effects import (
+    COUNT,
+    RATE_LIMIT_TIME,
+    Effects,
+    Memory,
+    changed_constants,
+    motion_with_effects,
+    settled_memory,
+)
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import jitable
 
@@ -25,6 +33,9 @@ Array = NDArray[np.float64]
 MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0])
 STATE_SIZE = 6 + len(Memory._fields)
 COMPLEX_STEP = 1e-30
+PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
+              "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
+"""Effects that only change the car's constants: nothing of the motion then depends on a memory."""
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 
@@ -46,6 +57,7 @@ class EffectsStepModel(StepModel):
         self.dt = dt
         self.constants, self.effects = parameters.constants(), effects
         self._substeps = max(substeps, _stable_substeps(effects, dt))
+        self._least = substeps
 
     def of_car(self, constants: Constants, effects: Effects) -> "EffectsStepModel":
         """The same step of another car, whose effects are of the same kind."""
@@ -63,17 +75,36 @@ class EffectsStepModel(StepModel):
         return MemoryObserver(self, period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        if self._parametric:
+            return self.linearize(x, u, u_next, curvature)[0]
         x_next = np.empty(x.shape)
         car = (self.constants, self.effects, self.dt, self._substeps)
         _steps(*_contiguous(x, u, u_next, curvature), *car, x_next)
         return x_next
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        if self._parametric:
+            return self._linearize_parametric(x, u, u_next, curvature)
         x_next, jacobian = np.empty(x.shape), np.empty((len(x), STATE_SIZE, STATE_SIZE + 4))
         car = (self.constants, self.effects, self.dt, self._substeps)
         _jacobians(*_contiguous(x, u, u_next, curvature), *car, x_next, jacobian)
         n = STATE_SIZE
         return x_next, jacobian[:, :, :n], jacobian[:, :, n : n + 2], jacobian[:, :, n + 2 :]
+
+    @property
+    def _parametric(self) -> bool:
+        return not any(q for name, q in zip(Effects._fields, self.effects, strict=True) if name not in PARAMETRIC)
+
+    def _linearize_parametric(
+        self, x: Array, u: Array, u_next: Array, curvature: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """The same of a car with other constants and no more; its memory, which nothing depends on, is held."""
+        car = NominalStepModel.of(changed_constants(self.constants, self.effects), self.dt, self._least)
+        count, n = len(x), STATE_SIZE
+        x_next, by_x = x.copy(), np.tile(np.eye(n), (count, 1, 1))
+        by_u, by_u_next = np.zeros((count, n, 2)), np.zeros((count, n, 2))
+        x_next[:, :6], by_x[:, :6, :6], by_u[:, :6], by_u_next[:, :6] = car.linearize(x[:, :6], u, u_next, curvature)
+        return x_next, by_x, by_u, by_u_next
 
 
 def _stable_substeps(effects: Effects, duration: float) -> int:

@@ -68,6 +68,13 @@ class NominalStepModel(StepModel):
         self._substeps = substeps
         self._constants = parameters.constants()
 
+    @classmethod
+    def of(cls, constants: Constants, dt: float, substeps: int) -> "NominalStepModel":
+        """The model of a car's constants."""
+        model = cls.__new__(cls)
+        model.dt, model._substeps, model._constants = dt, substeps, constants
+        return model
+
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         return self.linearize(x, u, u_next, curvature)[0]
 

@@ -1,8 +1,9 @@
-"""A safe ending: a feedback law that takes a car out of any drift and slows it down along a path.
+"""A safe ending: a feedback law that takes a car out of any drift and slows it down along a path, to a stop or a pace.
 
 The yaw rate wanted is that of the course along the path plus one that unwinds the sideslip slowly, since a car that
 slides sheds speed and one that straightens at once leaves a tight bend. The front tyre is asked for the force that
-gives it, about what the rear tyre does by the nominal model (computed force), and the engine for its drag.
+gives it, about what the rear tyre does by the nominal model (computed force), and the engine for its drag, or for the
+torque that keeps a pace.
 """
 
 import numpy as np
@@ -20,20 +21,26 @@ YAW_DAMPING = 8.0  # [1/s]
 COURSE_GAIN = 3.0  # [1/s] of the course's error
 LATERAL_GAIN = 0.3  # [1/(m s)] of the lateral error, which counts up to
 FARTHEST = 2.0  # [m]
+PACE_GAIN = 1.0  # [1/s] of the speed that a pace lacks
 MOST_FORCE = 0.95  # of the front tyre's peak: the force beyond has two slips
 FASTEST = np.array([2.0, 2000.0])  # [rad/s], [N m/s] of the command
 
 
-def stopping_command(x: Array, curvature: float, parameters: VehicleParameters) -> Array:
+def stopping_command(
+    x: Array, curvature: float, parameters: VehicleParameters, pace: float = 0.0, unwinding: float = UNWINDING
+) -> Array:
     """(delta [rad], tau [N m]) that slows a car down along a path; the wheel straight where the state is not finite.
 
     Args:
-        x: (r, v, beta, omega_r, e, dphi) [6]; curvature: of the path [1/m].
+        x: (r, v, beta, omega_r, e, dphi) [6]; curvature: of the path [1/m];
+        pace: [m/s] that is kept once the car is as slow; 0 for none, which is a stop; unwinding: [1/s] of the sideslip.
     """
     p = parameters
     if not (np.isfinite(x).all() and np.isfinite(curvature)):
         return np.array([0.0, p.torque_min])
     r, v, beta, omega_r, e, dphi = x
+    keeping = p.mass * p.wheel_radius / p.gear_ratio * PACE_GAIN * (pace - v)
+    torque = keeping if pace > 0.0 else p.torque_min
     v = max(v, MIN_SPEED)
     constants = p.constants()
     load_front, load_rear = static_loads(constants)
@@ -41,14 +48,16 @@ def stopping_command(x: Array, curvature: float, parameters: VehicleParameters) 
     _, rear_force = tyre_force(sigma_x, sigma_y, p.rear_stiffness, p.friction * load_rear, constants.tyre)
     course = curvature * v - COURSE_GAIN * dphi - LATERAL_GAIN * np.clip(e, -FARTHEST, FARTHEST)
     most = p.friction * p.gravity / v
-    wanted = np.clip(course, -most, most) + UNWINDING * beta
+    wanted = np.clip(course, -most, most) + unwinding * beta
     moment = p.yaw_inertia * YAW_DAMPING * (wanted - r)
     peak = p.friction * load_front
     share = np.clip((moment + p.rear_axle_distance * rear_force) / (p.front_axle_distance * peak), -1.0, 1.0)
     delta = np.arctan2(v * np.sin(beta) + p.front_axle_distance * r, v * np.cos(beta)) + np.arctan(
         _slip(MOST_FORCE * share, p.front_stiffness, peak)
     )
-    return np.array([np.clip(delta, -p.steering_limit, p.steering_limit), p.torque_min])
+    return np.array([
+        np.clip(delta, -p.steering_limit, p.steering_limit), np.clip(torque, p.torque_min, p.torque_max),
+    ])  # fmt: skip
 
 
 def stopping_plan(t: float, last: Array, wanted: Array, steps: int, period: float) -> Plan:

@@ -1,6 +1,7 @@
 """What an identification says of a car: parameters with intervals, what is not identified, how well it predicts."""
 
 import dataclasses
+from typing import Any
 
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import Everyday
@@ -45,6 +46,7 @@ class Calibration:
     warnings: list[str]
     criterion: str = "likelihood"  # or "prediction"
     normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
+    watching: dict[str, Any] | None = None  # `monitoring.calibrated.NormalScores`, for `drift-drake watch`
 
     def interval(self, name: str) -> Interval:
         """Estimate and 95 % interval of a parameter."""

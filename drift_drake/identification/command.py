@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +20,7 @@ from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.identification.calibration import Identification, Parameter
+    from drift_drake.identification.calibration import Calibration, Identification, Parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +82,8 @@ def run_identify(command: Identify) -> None:
         return
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
-    write_results(command.json, found.calibration)
+    if command.json is not None:
+        write_results(command.json, with_normal_scores(found, command.logs))
     if command.report is not None:
         from drift_drake.identification.report import write_report  # plotly is slow to import
         from drift_drake.pages.page import Source
@@ -90,6 +92,18 @@ def run_identify(command: Identify) -> None:
         calibration = None if command.json == STANDARD_OUTPUT else command.json
         vehicle_file = command.out or command.vehicle
         write_report(found, command.report, Source(said, None, vehicle_file, calibration))
+
+
+def with_normal_scores(found: "Identification", folders: Sequence[Path]) -> "Calibration":
+    """The calibration with what is normal for the car while it is watched, where its logs can say."""
+    from drift_drake.logs.table import InvalidLogError, read_case
+    from drift_drake.monitoring.calibrated import learn_normal
+
+    try:
+        scores = learn_normal([run for folder in folders for run in read_case(folder)], found.vehicle, found.effects)
+    except (InvalidLogError, ValueError):  # no torque commands, or too little driving
+        return found.calibration
+    return dataclasses.replace(found.calibration, watching=scores.as_data())
 
 
 def summary(found: "Identification", json: Path | None = None) -> str:

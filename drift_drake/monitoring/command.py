@@ -1,13 +1,14 @@
 """`drift-drake watch`: changes of the car against its simulator during a drive, reported as the log's rows come."""
 
 import dataclasses
+import functools
 import itertools
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
@@ -17,7 +18,13 @@ from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
+
+if TYPE_CHECKING:
+    from drift_drake.logs.table import Run
+    from drift_drake.monitoring.monitor import Monitor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +38,8 @@ class Watch:
     """One run in the log format (CSV, .csv.gz or Parquet), with torque commands."""
     vehicle: Path
     """What the simulator believes of the car (YAML)."""
+    calibration: Path | None = None
+    """What 'identify --json' wrote of this car, so that what is normal for it is no change."""
     json: Path | None = None
     """Where to write the events, one JSON object a line (-: standard output)."""
     follow: bool = False
@@ -50,22 +59,24 @@ def run_watch(command: Watch) -> None:
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
-    try_outputs({"--json": command.json}, [command.log, command.vehicle])
+    inputs = [command.log, command.vehicle, *([command.calibration] if command.calibration else [])]
+    try_outputs({"--json": command.json}, inputs)
     with ended_at_once():
         from drift_drake.logs.table import read_run
         from drift_drake.monitoring.events import sentence
         from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
-        from drift_drake.monitoring.watch import Row, monitor_of, rows_of, watched
+        from drift_drake.monitoring.watch import Row, rows_of, watched
 
     rows: Iterator[Row]
+    monitor_for = monitors(command, vehicle, own)
     if command.follow:
         coming = growing_rows(command.log, growing_lines(command.log, command.idle))
         head, first = head_of(command.log, coming)
-        monitor = monitor_of(head, vehicle, own)
+        monitor = monitor_for(head)
         rows = as_rows(itertools.chain(first, on_the_clock(command.log, coming, head)))
     else:
         run = read_run(command.log)
-        monitor, rows = monitor_of(run, vehicle, own), rows_of(run)
+        monitor, rows = monitor_for(run), rows_of(run)
     reported, end = [], 0.0
     for t, _, events in watched(monitor, rows):
         end = t
@@ -79,6 +90,21 @@ def run_watch(command: Watch) -> None:
         print(f"{command.log}: nothing has changed until {end:.0f} s", file=said_to(command.json))
     if command.json is not None and not (command.follow and reported):
         write_text(command.json, _lines(reported))
+
+
+def monitors(command: Watch, vehicle: VehicleParameters, own: Effects) -> "Callable[[Run], Monitor]":
+    """What makes the monitor for a log: of a calibrated car, or of one that follows the simulator's equations.
+
+    Raises:
+        InvalidNormalScoresError: the calibration cannot be used.
+    """
+    from drift_drake.monitoring.calibrated import calibrated_monitor, read_normal_scores
+    from drift_drake.monitoring.watch import monitor_of
+
+    if command.calibration is None:
+        return functools.partial(monitor_of, vehicle=vehicle, own=own)
+    scores = read_normal_scores(command.calibration)
+    return functools.partial(calibrated_monitor, scores, vehicle=vehicle, own=own)
 
 
 def _lines(events: Sequence[Mapping[str, Any]]) -> str:

@@ -56,7 +56,8 @@ class GapCorrection(LeafSystem):
     """The policy as a system, between `GapMonitor` and the controller.
 
     Input ports: posterior, magnitude [3] of `GapMonitor`; measured_state [7].
-    Output ports: effects [COUNT], what acts on the motion, in the order of `Effects`; corrected_state [7].
+    Output ports: correction [COUNT], in the order of `Effects`; effects [COUNT], what of it acts on the motion;
+    corrected_state [7].
     State in the Context, each 0.1 s: the correction.
     """
 
@@ -69,6 +70,7 @@ class GapCorrection(LeafSystem):
         self._held = self.DeclareDiscreteState(np.zeros(COUNT))
         self.DeclarePeriodicDiscreteUpdateEvent(BLOCK, 0.0, self._update)
         held = self.discrete_state_ticket(self._held)
+        self.DeclareStateOutputPort("correction", self._held)
         self.DeclareVectorOutputPort("effects", COUNT, self._calc_effects, prerequisites_of_calc={held})
         self.DeclareVectorOutputPort(
             "corrected_state", len(MEASURED_STATE), self._calc_reading,

@@ -9,10 +9,9 @@ import numpy as np
 from drift_drake.diagnosis.posterior import UNKNOWN
 from drift_drake.errors import unit_suffix
 from drift_drake.monitoring.monitor import Monitor
-from drift_drake.monitoring.renewal import NAMED, TRUSTED
+from drift_drake.monitoring.renewal import ALARM, NAMED, TRUSTED
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-ALARM = 0.05  # probability of none, below which a change is reported
 PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
 
 

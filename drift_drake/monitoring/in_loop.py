@@ -1,7 +1,7 @@
 """The monitor in a closed loop's diagram: its wires, what is logged of it, and the events of a run."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,37 +13,67 @@ from drift_drake.monitoring.correction import GapCorrection
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.gap_monitor import GapMonitor
 from drift_drake.monitoring.monitor import Monitor
+from drift_drake.monitoring.slow_down import SlowDown
 
 PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
 FURTHER = ("magnitude", "low", "high")
 
 
+Policy = Literal["watch", "correct", "slow", "correct_or_slow"]
+"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected."""
+CORRECTING: tuple[Policy, ...] = ("correct", "correct_or_slow")
+SLOWING: tuple[Policy, ...] = ("slow", "correct_or_slow")
+
+
+class Watched(NamedTuple):
+    """What the monitor adds to a loop."""
+
+    monitor: GapMonitor | None
+    measured_state: OutputPort  # for the controller
+    effects: OutputPort | None = None  # for its model
+    correction: OutputPort | None = None
+
+
 def watching(
     builder: DiagramBuilder, monitor: Monitor | None, measured_state: OutputPort, command: OutputPort,
-    log_row: OutputPort, correct: bool, model: StepModel | None,
-) -> tuple[GapMonitor | None, OutputPort, OutputPort | None]:  # fmt: skip
-    """Adds the monitor, if there is one, and where it is asked for the correction of a controller's model.
-
-    Returns:
-        (the monitor, the measured state for the controller, the effects for its model).
+    log_row: OutputPort, policy: Policy, model: StepModel | None,
+) -> Watched:  # fmt: skip
+    """Adds the monitor, if there is one, and by the policy the correction of a controller's model.
 
     Raises:
-        ValueError: a correction without a monitor, or of a model that takes none.
+        ValueError: a policy without a monitor, or a correction of a model that takes none.
     """
-    if correct and (monitor is None or not isinstance(model, EffectsStepModel)):
-        raise ValueError("a correction needs a monitor, and an EffectsStepModel that takes it")
+    if policy != "watch" and monitor is None:
+        raise ValueError(f"the policy {policy} needs a monitor")
+    if policy in CORRECTING and not isinstance(model, EffectsStepModel):
+        raise ValueError("a correction needs an EffectsStepModel, which takes it")
     if monitor is None:
-        return None, measured_state, None
+        return Watched(None, measured_state)
     system = builder.AddNamedSystem("monitor", GapMonitor(monitor))
     for name, port in (("measured_state", measured_state), ("command", command), ("log_row", log_row)):
         builder.Connect(port, system.GetInputPort(name))
-    if not correct:
-        return system, measured_state, None
+    if policy not in CORRECTING:
+        return Watched(system, measured_state)
     correction = builder.AddNamedSystem("correction", GapCorrection(monitor))
     for name in ("posterior", "magnitude"):
         builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
     builder.Connect(measured_state, correction.GetInputPort("measured_state"))
-    return system, correction.GetOutputPort("corrected_state"), correction.GetOutputPort("effects")
+    return Watched(system, *(correction.GetOutputPort(name) for name in ("corrected_state", "effects", "correction")))
+
+
+def slowing(
+    builder: DiagramBuilder, system: SlowDown, watched: Watched, plan: OutputPort, measured_state: OutputPort,
+    command: OutputPort,
+) -> OutputPort:  # fmt: skip
+    """Adds the slow-down to a diagram with a monitor; the plan that is to be followed."""
+    assert watched.monitor is not None
+    builder.AddNamedSystem("slow_down", system)
+    ports = {"plan": plan, "state": measured_state, "command": command, "correction": watched.correction,
+             "posterior": watched.monitor.GetOutputPort("posterior")}  # fmt: skip
+    for name, port in ports.items():
+        if port is not None:
+            builder.Connect(port, system.GetInputPort(name))
+    return system.GetOutputPort("paced_plan")
 
 
 def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str]]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import PROCESS_NOISE
+from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
@@ -29,7 +30,6 @@ FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
 STATES = ("r", "v", "beta", "omega_r")
 TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
-SLOWEST = 3.0  # [m/s] below which the equations are not judged
 SPIN = 1.2  # [rad]
 
 
@@ -52,6 +52,7 @@ class Monitor:
     used: np.ndarray  # [9] channels
     problem: Problem
     beliefs: Beliefs
+    slowest: float  # [m/s] below which the equations are not judged
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -90,7 +91,8 @@ def make_monitor(
     levels = np.array([max(getattr(noise, name), 1e-6) for name in CHANNELS])
     bank = make_bank(nodes, vehicle, own, period, levels**2, (process_scale * PROCESS_NOISE) ** 2)
     mask = np.array([name in used for name in CHANNELS])
-    return Monitor(bank, mask, make_problem(nodes, tolerances(nodes, vehicle)), beliefs or Beliefs())
+    problem = make_problem(nodes, tolerances(nodes, vehicle))
+    return Monitor(bank, mask, problem, beliefs or Beliefs(), slowest(vehicle))
 
 
 def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
@@ -124,7 +126,7 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, 
     bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
     if not np.isfinite(bank.z).all():
         return monitor.start()
-    judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > SLOWEST and abs(bank.z[0, 2]) < SPIN
+    judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN
     block = state.block if innovations is None or not judged else summed(state.block, innovations, used)
     state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
     return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state

@@ -13,6 +13,7 @@ from drift_drake.monitoring.nodes import RATE_LIMIT
 
 RECENT = 1.5  # [s]
 TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
+ALARM = 0.05  # probability of none, below which a change is reported
 NAMED = 0.8  # probability, from which on a cause is
 REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 

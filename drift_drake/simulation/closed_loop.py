@@ -21,8 +21,9 @@ from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
-from drift_drake.monitoring.in_loop import logged_ports, watching
+from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_ports, slowing, watching
 from drift_drake.monitoring.monitor import Monitor
+from drift_drake.monitoring.slow_down import SlowDown
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
@@ -78,7 +79,7 @@ class RunLimits:
 
     sideslip: float = 1.3  # [rad] beyond which the car has spun
     lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
-    time_factor: float = 1.5  # of the reference's own duration
+    time_factor: float = 1.5  # of the reference's own duration; at the safe pace where the car may be slowed down
     stopping_time: float = 30.0  # [s] more for a car that is being stopped
 
 
@@ -98,12 +99,12 @@ class ClosedLoop:
         plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
         faults: what goes wrong in the loop.
         monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`).
-        correct: the controller takes what it names (`monitoring.correction`), with an `EffectsStepModel`.
+        policy: what follows from it: `monitoring.correction`, with an `EffectsStepModel`; `monitoring.slow_down`.
         controller: one of your own in place of the predictive one and its model.
 
     Raises:
         ValueError: both a model and a controller, or neither; a detector, or a tightened lane, without an adapter; a
-            correction without a monitor or model.
+            policy without its monitor or model.
     """
 
     def __init__(
@@ -120,7 +121,7 @@ class ClosedLoop:
         plant: PathPlant | None = None,
         faults: Sequence[Fault] = (),
         monitor: Monitor | None = None,
-        correct: bool = False,
+        policy: Policy = "watch",
         controller: Controller | None = None,
     ) -> None:
         learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
@@ -135,7 +136,7 @@ class ClosedLoop:
         points = FaultPoints(builder, faults, control.period)
         self.car = builder.AddNamedSystem("car", Car(parameters, effects, reference.path, noise, plant=plant))
         self.controller = builder.AddNamedSystem(
-            "controller", self._planner(learners, controller, control, COUNT if correct else 0)
+            "controller", self._planner(learners, controller, control, COUNT if policy in CORRECTING else 0)
         )
         self.actuator = builder.AddNamedSystem("actuator", LinearInterpolationActuator(
             parameters, control.horizon, DT, control.period, initial_command=self.initial_command
@@ -144,14 +145,18 @@ class ClosedLoop:
         received = points.sensors(self.car.GetOutputPort("measured_state"))
         self.screen, measured_state, state = self._screened(builder, control, noise, received)
         plan = points.plans(self.controller.GetOutputPort("plan"))
+        watched = watching(builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), policy, model)
+        self.monitor, self.slow_down = watched.monitor, None
+        if watched.monitor is not None and policy in SLOWING:
+            labels = len(watched.monitor.monitor.labels)
+            self.slow_down = SlowDown(parameters, reference, labels, control.horizon, control.period)
+            plan = slowing(builder, self.slow_down, watched, plan, measured_state, command)
         self.safe_stop, plan = self._supervised(builder, control, plan, state)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
-        self.monitor, measured_state, theta = watching(
-            builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), correct, model
-        )
+        measured_state = watched.measured_state
         builder.Connect(points.solver(measured_state), self.controller.GetInputPort("measured_state"))
         if isinstance(self.controller, MpcController):
-            learners.connect(builder, self.controller, measured_state, command, theta)
+            learners.connect(builder, self.controller, measured_state, command, watched.effects)
         builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
         self._logs = Logs(builder, control.period)
         for name, (port, columns) in self._logged(received, detector).items():
@@ -240,7 +245,8 @@ class ClosedLoop:
             return "completed" if s >= reference.distance else None
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
-        end = context.get_time() + limits.time_factor * reference.duration
+        duration = reference.duration if self.slow_down is None else reference.distance / self.slow_down.pace
+        end = context.get_time() + limits.time_factor * duration
         error = ""
         try:
             status = simulator.Initialize()
@@ -266,8 +272,7 @@ class ClosedLoop:
     ) -> dict[str, tuple[OutputPort, Sequence[str]]]:
         """What is logged: a port and its columns in the table, by name."""
         car, actuator = self.car, self.actuator
-        # Of the log's row the accelerations alone, which are behind t, x, y, psi and four states.
-        accelerations = [f"measured_{name}" if name in ("ax", "ay") else "" for name in LOG_ROW]
+        further = [f"measured_{name}" if name in ("psi", "ax", "ay") else "" for name in LOG_ROW]  # of a log's row
         logged = {
             "state": (car.GetOutputPort("state"), STATES),
             "path_position": (car.GetOutputPort("path_position"), ("s",)),
@@ -280,7 +285,7 @@ class ClosedLoop:
             "statistics": (
                 self.controller.GetOutputPort("statistics"), [f"solve_{name}" for name in SolveStatistics._fields]
             ),
-            "log_row": (car.GetOutputPort("log_row"), accelerations),
+            "log_row": (car.GetOutputPort("log_row"), further),
         }  # fmt: skip
         if self.screen is not None:
             logged["reading"] = (self.screen.GetOutputPort("reading"), ("reading",))
@@ -290,6 +295,8 @@ class ClosedLoop:
             logged |= {name: (detector.GetOutputPort(name), (f"ood_{name}",)) for name in DETECTION}
         if self.monitor is not None:
             logged |= logged_ports(self.monitor)
+        if self.slow_down is not None:
+            logged["slow"] = (self.slow_down.GetOutputPort("slow"), ("slow",))
         return logged
 
 

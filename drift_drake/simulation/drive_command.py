@@ -14,7 +14,7 @@ from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.events import sentence
-from drift_drake.monitoring.in_loop import events_of
+from drift_drake.monitoring.in_loop import CORRECTING, events_of
 from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
@@ -56,9 +56,11 @@ class ClosedLoopConfig:
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch."""
-    monitor: Literal["off", "watch", "correct"] = "off"
-    """Watch for changes of the car against its simulator (events.jsonl in the folder); correct: the controller
-    takes a named effect on the motion into its model, one of a sensor off the readings. For the nominal model."""
+    monitor: Literal["off", "watch", "correct", "slow", "correct_or_slow"] = "off"
+    """Watch for changes of the car against its simulator (events.jsonl in the folder). correct: the controller
+    takes a named effect on the motion into its model, one of a sensor off the readings (for the nominal model). slow:
+    the lane is driven slowly, in grip, until the simulator is believed again; correct_or_slow: or until it is
+    corrected."""
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
@@ -87,12 +89,15 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
-    if config.monitor == "correct":
+    if config.monitor in CORRECTING:
         if config.model != "nominal":
-            raise InvalidOptionError(f"--monitor correct is for --model nominal, not {config.model}; choose watch")
+            raise InvalidOptionError(
+                f"--monitor {config.monitor} is for --model nominal, not {config.model}; choose watch or slow"
+            )
         model = EffectsStepModel(parameters, Effects())
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
-                      faults=faults, monitor=monitor, correct=config.monitor == "correct")  # fmt: skip
+                      faults=faults, monitor=monitor,
+                      policy="watch" if config.monitor == "off" else config.monitor)  # fmt: skip
 
 
 def simulate(config: ClosedLoopConfig) -> ClosedLoopRun:

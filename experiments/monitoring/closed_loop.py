@@ -1,110 +1,199 @@
-"""The closed loop with and without the monitor's correction, on drives during which the car changes.
+"""The closed loop with and without what follows from the monitor, on drives during which the car changes.
 
-    python -m experiments.monitoring.closed_loop OUT --seeds 2
+    python -m experiments.monitoring.closed_loop OUT --seeds 4
+    python -m experiments.monitoring.closed_loop OUT --plants double_track --first 100 --seeds 4
 
-Each drive is a figure-8 under MPC that believes the nominal car; the change comes at a moment that depends on the seed.
-A file a drive; drives that are there are not made again.
+Each drive is a figure-8 under MPC that believes the simulator's car; the change comes at a moment that depends on the
+seed. A file a drive; drives that are there are not made again. Prints one table, and writes it to OUT/table.md.
 """
 
 import dataclasses
 import json
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import pandas as pd
 import tyro
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
-from drift_drake.monitoring.in_loop import events_of
-from drift_drake.monitoring.monitor import make_monitor
+from drift_drake.logs.table import Run, make_run
+from drift_drake.monitoring.in_loop import Policy, events_of
+from drift_drake.monitoring.monitor import Monitor, make_monitor
+from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import WATCHED
-from drift_drake.reference.trajectory import figure_8
+from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import is_done, write_json, write_versions
+from drift_drake.safe_files import write_text
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.simulation.faults import Fault
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, run_jobs
+from experiments.gap.score import wilson
+
+Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow"]
+PlantName = Literal["nominal", "double_track"]
 
 CHANGES: dict[str, dict[str, float]] = {
+    "none": {},
     "friction drop": {"friction_level": -0.25},
-    "steering rate limit": {"steering_rate_limit": 0.35},
-    "torque loss": {"torque_gain_error": -0.3},
+    "friction patch": {"friction_level": -0.3},
+    "friction fade": {"friction_level": -0.04},  # a second
+    "steering rate limit": {"steering_rate_limit": 0.45},
+    "torque loss": {"torque_gain_error": -0.6},
     "sideslip sensor": {"sideslip_bias": 0.15},
 }
+PATCH = 2.0  # [s]
+FADE, STEP = 8.0, 0.25  # [s] of a fade as tyres' heat makes it, and of its steps
 EARLIEST, LATEST = 3.0, 8.0  # [s]
-END = 100.0  # [s], beyond a drive's
+END = 1000.0  # [s], beyond a drive's
+LAPS = 0.75
+NORMAL_SEEDS = (900, 901, 902)  # of the double-track car's normal drives, which the monitor learns
 
 
 @dataclasses.dataclass(frozen=True)
 class Job:
     """One drive."""
 
+    plant: PlantName
     change: str
-    corrected: bool
+    mode: Mode
     seed: int
 
     @property
     def name(self) -> str:
-        return f"{self.change.replace(' ', '_')}-{'corrected' if self.corrected else 'nominal'}-{self.seed:02d}"
+        return f"{self.plant}-{self.change.replace(' ', '_')}-{self.mode}-{self.seed:03d}"
 
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """How many drives."""
+    """Which drives."""
 
     out: Annotated[Path, tyro.conf.Positional]
+    first: int = 0
+    """The first seed."""
     seeds: int = 2
-    executor: ExecutorConfig = dataclasses.field(default_factory=ExecutorConfig)
+    plants: tuple[PlantName, ...] = ("nominal", "double_track")
+    changes: tuple[str, ...] = tuple(CHANGES)
+    modes: tuple[Mode, ...] = ("off", "correct", "slow", "correct_or_slow")
+    executor: ExecutorConfig = dataclasses.field(default_factory=lambda: ExecutorConfig(workers=1))
+
+
+def simulator(plant: PlantName) -> VehicleParameters:
+    """The car that controller and monitor believe in."""
+    return VehicleParameters() if plant == "nominal" else CARS["coupe"].single_track()
+
+
+@cache
+def reference(plant: PlantName) -> Reference:
+    """What is driven."""
+    return figure_8(simulator(plant), laps=LAPS)
+
+
+def closed_loop(
+    plant: PlantName, faults: Sequence[Fault] = (), monitor: Monitor | None = None, policy: Policy = "watch"
+) -> ClosedLoop:
+    """The loop of a plant; the true car may change."""
+    vehicle = simulator(plant)
+    model: StepModel = EffectsStepModel(vehicle, Effects()) if "correct" in policy else NominalStepModel(vehicle)
+    effects, car = Effects(aero_drag=1e-9), None
+    if plant == "double_track":
+        effects, car = Effects(), DoubleTrackPlant(CARS["coupe"], Effects(), reference(plant).path)
+    return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, monitor=monitor,
+                      policy=policy)  # fmt: skip
+
+
+@cache
+def monitor_of(plant: PlantName) -> Monitor:
+    """The monitor of a plant: of the double-track car, one that has learnt its normal drives."""
+    monitor = make_monitor(simulator(plant), used=WATCHED)
+    if plant == "nominal":
+        return monitor
+    loop = closed_loop(plant)
+    return with_normal(monitor, [as_log(loop.run(loop.initial_context(seed)).table) for seed in NORMAL_SEEDS])
+
+
+def as_log(table: pd.DataFrame) -> Run:
+    """What was measured during a run, in the log format."""
+    columns = {name: table[f"measured_{name}"].to_numpy() for name in ("r", "v", "beta", "omega_r", "psi", "ax", "ay")}
+    commands = {"delta_cmd": table["delta"].to_numpy(), "tau_cmd": table["tau"].to_numpy()}
+    places = {name: table[name].to_numpy() for name in ("t", "x", "y")}
+    return make_run(Path("run_0.csv"), places | columns | commands)
 
 
 def drive(job: Job) -> dict[str, Any]:
-    """How one drive ended, and what the monitor told."""
-    vehicle, effects = VehicleParameters(), make_effects(CHANGES[job.change])
+    """How one drive ended, and what the monitor reported."""
+    effects = make_effects(CHANGES[job.change])
     onset = round(float(np.random.default_rng([job.seed, 3]).uniform(EARLIEST, LATEST)), 2)
-    # A sensor's error cannot begin in the car's sensors: it is a fault behind them, in all that sideslip goes into.
-    faults = [Fault("bias", onset, END, effects.sideslip_bias, channel) for channel in ("beta", "dphi")
-              if effects.sideslip_bias != 0.0]  # fmt: skip
-    model: StepModel = EffectsStepModel(vehicle, Effects()) if job.corrected else NominalStepModel(vehicle)
-    loop = ClosedLoop(vehicle, figure_8(vehicle), model, Effects(aero_drag=1e-9), faults=faults,
-                      monitor=make_monitor(vehicle, used=WATCHED), correct=job.corrected)  # fmt: skip
-    change = None if faults else Change(onset, effects)
+    faults, change = disturbances(job.change, effects, onset)
+    monitor = None if job.mode == "off" else monitor_of(job.plant)
+    loop = closed_loop(job.plant, faults, monitor, "watch" if job.mode == "off" else job.mode)
     run = loop.run(loop.initial_context(job.seed), change=change)
-    assert run.monitor is not None
-    events = events_of(run.monitor, run.table)
-    return dataclasses.asdict(job) | {"onset": onset, "events": events, "metrics": dataclasses.asdict(run.metrics())}
+    events = [] if run.monitor is None else events_of(run.monitor, run.table)
+    slow = float(run.table["slow"].mean()) if "slow" in run.table else 0.0
+    return dataclasses.asdict(job) | {"onset": onset, "events": events, "slow": slow,
+                                      "metrics": dataclasses.asdict(run.metrics())}  # fmt: skip
 
 
-def table(results: list[dict[str, Any]]) -> str:
-    """What became of each kind of change, as a Markdown table."""
-    lines = ["| change | controller | completed | RMS e after all [m] | told after [s] | named |", "| --- " * 6 + "|"]
-    for change in CHANGES:
-        for corrected in (False, True):
-            some = [r for r in results if r["change"] == change and r["corrected"] == corrected]
-            if not some:
-                continue
-            completed = sum(r["metrics"]["outcome"] == "completed" for r in some)
-            told = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
-            right = sum(any(e.get("cause") in CHANGES[change] for e in r["events"]) for r in some)
-            e = np.median([r["metrics"]["rms_e"] for r in some])
-            name = "corrected" if corrected else "nominal"
-            lines.append(f"| {change} | {name} | {completed} of {len(some)} | {e:.2f} | {np.median(told):.1f} | "
-                         f"{right} of {len(some)} |")  # fmt: skip
+def disturbances(name: str, effects: Effects, onset: float) -> tuple[list[Fault], Change | None]:
+    """What happens to the loop: a sensor's error begins behind the car's sensors, in all that sideslip goes into."""
+    if effects.sideslip_bias != 0.0:
+        return [Fault("bias", onset, END, effects.sideslip_bias, channel) for channel in ("beta", "dphi")], None
+    if name == "friction patch":
+        return [Fault("friction_patch", onset, PATCH, effects.friction_level)], None
+    if name == "friction fade":
+        return [
+            Fault("friction_patch", onset + t, END, effects.friction_level * STEP) for t in np.arange(0.0, FADE, STEP)
+        ], None
+    return [], None if name == "none" else Change(onset, effects)
+
+
+def table(results: Sequence[dict[str, Any]]) -> str:
+    """What became of each kind of change, as a Markdown table; errors: median (quartiles) of completed drives."""
+    lines = [
+        "| plant | change | monitor | completed | 95 % | RMS e [m] | driven slowly | reported after [s] | named |",
+        "| --- " * 9 + "|",
+    ]
+    keys = dict.fromkeys((r["plant"], r["change"], r["mode"]) for r in results)
+    for key in sorted(keys, key=lambda k: (k[0] != "nominal", list(CHANGES).index(k[1]))):
+        some = [r for r in results if (r["plant"], r["change"], r["mode"]) == key]
+        lines.append(f"| {' | '.join(key)} | {row(some)} |")
     return "\n".join(lines)
+
+
+def row(some: Sequence[dict[str, Any]]) -> str:
+    """The table's cells of drives of one kind."""
+    completed = [r for r in some if r["metrics"]["outcome"] == "completed"]
+    _, low, high = wilson(len(completed), len(some))
+    e = np.percentile([r["metrics"]["rms_e"] for r in completed], [50, 25, 75]) if completed else [np.nan] * 3
+    cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
+    if some[0]["mode"] == "off":
+        return " | ".join([*cells, "-", "-", "-"])
+    told = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
+    right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)
+    slow = np.median([r["slow"] for r in some])
+    return " | ".join([*cells, f"{slow:.0%}", f"{np.median(told):.1f}", f"{right} of {len(some)}"])
 
 
 def main(config: Config) -> None:
     """Makes the drives that are not there, and prints the table."""
-    jobs = [Job(change, corrected, seed) for seed in range(config.seeds) for change in CHANGES
-            for corrected in (False, True)]  # fmt: skip
+    jobs = [Job(plant, change, mode, seed) for seed in range(config.first, config.first + config.seeds)
+            for plant in config.plants for change in config.changes for mode in config.modes]  # fmt: skip
     paths = {job.name: config.out / f"{job.name}.json" for job in jobs}
     config.out.mkdir(parents=True, exist_ok=True)
     write_versions(config.out)
     run_jobs(config.executor, drive, [job for job in jobs if not is_done(paths[job.name])],
              lambda job, result: write_json(paths[job.name], result), "drive")  # fmt: skip
-    print(table([json.loads(path.read_text()) for path in paths.values() if is_done(path)]))
+    made = table([json.loads(path.read_text()) for path in paths.values() if is_done(path)])
+    write_text(config.out / "table.md", made + "\n")
+    print(made)
 
 
 if __name__ == "__main__":

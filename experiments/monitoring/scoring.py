@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.monitoring.events import ALARM
-from drift_drake.monitoring.renewal import NAMED
+from drift_drake.monitoring.renewal import ALARM, NAMED
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is

@@ -22,7 +22,7 @@ def test_a_change_is_told_and_corrected():
     reference = figure_8(VEHICLE)
     loop = ClosedLoop(VEHICLE, reference, EffectsStepModel(VEHICLE, Effects()), Effects(aero_drag=1e-9),
                       control=ControlConfig(horizon=8), monitor=make_monitor(VEHICLE, used=WATCHED),
-                      correct=True)  # fmt: skip
+                      policy="correct")  # fmt: skip
     torque = Change(CHANGE, make_effects({"torque_gain_error": -0.2}))
     run = loop.run(loop.initial_context(0), RunLimits(time_factor=2.0 / reference.duration), change=torque)
     assert isinstance(run.monitor, Monitor)
@@ -37,4 +37,16 @@ def test_a_change_is_told_and_corrected():
 
 def test_a_correction_needs_a_model_that_takes_it(monitor):
     with pytest.raises(ValueError, match="EffectsStepModel"):
-        ClosedLoop(VEHICLE, figure_8(VEHICLE), NominalStepModel(VEHICLE), monitor=monitor, correct=True)
+        ClosedLoop(VEHICLE, figure_8(VEHICLE), NominalStepModel(VEHICLE), monitor=monitor, policy="correct")
+
+
+def test_a_monitor_that_only_watches_changes_nothing():
+    reference, model = figure_8(VEHICLE), NominalStepModel(VEHICLE)
+    change = Change(0.5, make_effects({"friction_level": -0.3}))
+    tables = []
+    for monitor in (None, make_monitor(VEHICLE, used=WATCHED)):
+        loop = ClosedLoop(VEHICLE, reference, model, Effects(aero_drag=1e-9), control=ControlConfig(horizon=8),
+                          monitor=monitor)  # fmt: skip
+        tables.append(loop.run(loop.initial_context(0), RunLimits(time_factor=1.0 / reference.duration), change=change))
+    off, watched = (run.table.drop(columns="solve_seconds") for run in tables)
+    assert off.equals(watched[off.columns])

@@ -1,0 +1,88 @@
+"""What else may follow from a gap: the car drives its lane slowly, in grip, until the simulator is believed again.
+
+The policy. Once a change is reported, plans made by a model that is wrong are not followed; the law of the safe stop
+takes the car out of its drift and on along its lane, at a pace at which the bends ask little of the tyres. When the
+simulator is believed again, or a correction stands for what has changed, plans are followed again.
+"""
+
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+
+from drift_drake.control.plan import plan_size
+from drift_drake.control.stopping import stopping_command, stopping_plan
+from drift_drake.monitoring.renewal import ALARM, TRUSTED
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.effects import COUNT
+from drift_drake.vehicle.parameters import VehicleParameters
+
+GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
+UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
+
+
+def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:
+    """The pace [m/s] at which a reference's tightest bend asks for `GRIP_SHARE` of the friction; none above its own."""
+    tightest = max(float(np.abs(reference.curvature).max()), 1e-6)
+    return min(
+        float(np.sqrt(GRIP_SHARE * parameters.friction * parameters.gravity / tightest)), float(reference.v.min())
+    )
+
+
+def slowed(slow: bool, none: float, corrected: bool) -> bool:
+    """Whether the car is to be slow after a verdict.
+
+    Args:
+        slow: whether it was; none: probability that the simulator lacks nothing; corrected: whether the controller
+            knows what it lacks.
+    """
+    return not corrected and (none < ALARM or (slow and none < TRUSTED))
+
+
+class SlowDown(LeafSystem):
+    """Hands plans on while the simulator is believed; else it drives the lane at a safe pace.
+
+    Without a reading it hands the plan on too, which is then old: that is the safe stop's to answer.
+
+    Input ports: plan [1 + 2 (N + 1)]; command [2], in force; state [7]: (r, v, beta, omega_r, e, dphi, s), NaN where
+    there is no reading; posterior, of `GapMonitor`; correction [COUNT] (optional), of `GapCorrection`: while it is not
+    zero, plans are followed.
+    Output ports: plan; slow [1], 1 while the car is driven slowly.
+    State in the Context, each `period`: whether it is.
+
+    Args:
+        labels: number of the posterior's entries; steps: N; pace: [m/s].
+    """
+
+    def __init__(
+        self, parameters: VehicleParameters, reference: Reference, labels: int, steps: int, period: float = 0.01
+    ) -> None:
+        LeafSystem.__init__(self)
+        self._parameters, self._path, self._steps, self._period = parameters, reference.path, steps, period
+        self.pace = safe_pace(reference, parameters)
+        self._plan = self.DeclareVectorInputPort("plan", plan_size(steps))
+        self._command = self.DeclareVectorInputPort("command", 2)
+        self._state = self.DeclareVectorInputPort("state", 7)
+        self._posterior = self.DeclareVectorInputPort("posterior", labels)
+        self._correction = self.DeclareVectorInputPort("correction", COUNT)
+        self._slow = self.DeclareDiscreteState(1)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareVectorOutputPort("paced_plan", plan_size(steps), self._calc)
+        self.DeclareStateOutputPort("slow", self._slow)
+
+    def _calc(self, context: Context, output: Any) -> None:
+        x = self._state.Eval(context)
+        if not (self._is_slow(context) and np.isfinite(x).all()):
+            output.SetFromVector(self._plan.Eval(context))
+            return
+        wanted = stopping_command(x[:6], self._path.curvature(float(x[6])), self._parameters, self.pace, UNWINDING)
+        plan = stopping_plan(context.get_time(), self._command.Eval(context), wanted, self._steps, self._period)
+        output.SetFromVector(plan.vector())
+
+    def _is_slow(self, context: Context) -> bool:
+        return bool(context.get_discrete_state(self._slow).value()[0])
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        corrected = self._correction.HasValue(context) and bool(np.any(self._correction.Eval(context)))
+        slow = slowed(self._is_slow(context), float(self._posterior.Eval(context)[0]), corrected)
+        discrete.get_mutable_vector(self._slow)[0] = float(slow)

@@ -1,0 +1,85 @@
+"""A car that is not what the simulator believes is slowed down, and drives on once it is again."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.control.plan import plan_size
+from drift_drake.control.step_model import NominalStepModel
+from drift_drake.monitoring.monitor import make_monitor
+from drift_drake.monitoring.slow_down import SlowDown, safe_pace, slowed
+from drift_drake.monitoring.watch import WATCHED
+from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation.change import Change
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.vehicle.effects import COUNT, Effects, make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+VEHICLE = VehicleParameters()
+STEPS = 5
+
+
+@pytest.fixture(scope="module")
+def short() -> Reference:
+    return dataclasses.replace(figure_8(VEHICLE), distance=24.0)
+
+
+def test_an_alarm_slows_down_until_the_simulator_is_believed_or_corrected():
+    assert not slowed(False, 0.3, corrected=False)  # in doubt, as it was
+    assert slowed(False, 0.01, corrected=False)
+    assert slowed(True, 0.3, corrected=False)
+    assert not slowed(True, 0.6, corrected=False)
+    assert not slowed(True, 0.01, corrected=True)
+
+
+def test_the_pace_asks_little_of_the_tyres(short):
+    pace = safe_pace(short, VEHICLE)
+    assert 0.5 * short.v.min() < pace < 0.7 * short.v.min()
+    slippery = dataclasses.replace(VEHICLE, friction=0.25 * VEHICLE.friction)
+    assert safe_pace(short, slippery) == pytest.approx(0.5 * pace)
+
+
+@pytest.fixture
+def system(short):
+    return SlowDown(VEHICLE, short, 3, STEPS)
+
+
+def output_after(system: SlowDown, none: float, state: np.ndarray, correction: np.ndarray | None = None) -> np.ndarray:
+    context = system.CreateDefaultContext()
+    ports = {"plan": np.arange(plan_size(STEPS)), "command": [0.1, 50.0], "state": state,
+             "posterior": [none, 0.0, 1.0 - none]}  # fmt: skip
+    for name, value in ports.items() if correction is None else {**ports, "correction": correction}.items():
+        system.GetInputPort(name).FixValue(context, value)
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    return system.GetOutputPort("paced_plan").Eval(context)
+
+
+def test_plans_are_handed_on_where_they_are_to_be_followed(system):
+    drifting, plan = np.array([0.7, 12.0, -0.6, 15.0, 0.0, 0.0, 5.0]), np.arange(plan_size(STEPS))
+    np.testing.assert_array_equal(output_after(system, 1.0, drifting), plan)
+    assert (output_after(system, 0.0, drifting) != plan).any()
+    np.testing.assert_array_equal(output_after(system, 0.0, np.full(7, np.nan)), plan)  # the safe stop's to answer
+    correction = np.array(make_effects({"friction_level": -0.2}))
+    assert correction.shape == (COUNT,)
+    np.testing.assert_array_equal(output_after(system, 0.0, drifting, correction), plan)
+
+
+def test_a_car_on_a_slippery_road_is_slowed_down_on_its_lane_and_replays(short):
+    loop = ClosedLoop(VEHICLE, short, NominalStepModel(VEHICLE), Effects(aero_drag=1e-9),
+                      control=ControlConfig(horizon=8, period=0.02, delay=0.02),
+                      monitor=make_monitor(VEHICLE, used=WATCHED, period=0.02), policy="slow")  # fmt: skip
+    assert loop.slow_down is not None
+    change = Change(0.5, make_effects({"friction_level": -0.25}))
+    first, second = (loop.run(loop.initial_context(0), change=change) for _ in range(2))
+    assert first.outcome == "completed"
+    slow = first.table["slow"].to_numpy()
+    assert 0.5 < first.table["t"][slow > 0.0].iloc[0] < 1.5
+    assert slow[-1] == 1.0
+    assert first.table["v"].iloc[-1] < 0.9 * short.v.min()
+    assert first.table.drop(columns="solve_seconds").equals(second.table.drop(columns="solve_seconds"))
+
+
+def test_a_policy_needs_a_monitor(short):
+    with pytest.raises(ValueError, match="slow needs a monitor"):
+        ClosedLoop(VEHICLE, short, NominalStepModel(VEHICLE), policy="slow")

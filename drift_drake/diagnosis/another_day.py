@@ -7,6 +7,7 @@ each direction, and what that day's drives left unknown.
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -82,14 +83,9 @@ def diagnose_day(
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
-    day = search.day
-    none = search.none()
-    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
-    pairs: list[Hypothesis] = []
-    if singles and min(none.nats, singles[0].nats) > WORTH_A_PAIR:
-        pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))
+    none, others = hypotheses_of(search, tell)
     tell("how far it shrinks", 0.8)
-    found, shrinks = believed(search, none, [*singles, *pairs], constants)
+    found, shrinks = believed(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
         beyond = judged(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
         found, shrinks = beyond.ranked, beyond.reduction
@@ -101,31 +97,48 @@ def diagnose_day(
     if named:
         warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
-    bounds = at_bound(h, search.ranges) if named else []
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
         ambiguity=found.ambiguity, magnitudes=causes if named else {}, where=where(search, h, found.verdict == UNKNOWN),
         reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
         seconds=time.perf_counter() - began, tolerances={},
-        details={
-            "criterion": "prediction",
-            "familiar": float(np.mean(day.weights)),
+        details=details_of(search, found, shrinks, none, causes) | {
             "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
-            "reduction_by_state": shrinks.by_state if named else {},
-            "reduction_by_horizon": shrinks.by_horizon if named else {},
-            "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
-            "leading_known": hypothesis_name(h.names),
-            "at_least": bounds,
-            "with": brought_along(h, day) if named else {},
-            "errors": errors_by_state(search),
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
-            "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
-            "beliefs": day_beliefs(search, found, [none, *singles, *pairs, h], limits, constants),
+            "beliefs": day_beliefs(search, found, [none, *others, h], limits, constants),
         },
         warnings=[*warnings, *more],
     )  # fmt: skip
     tell("done", 1.0)
     return DayDiagnosis(answer, search, found, shrinks)
+
+
+def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
+    """The car as it was calibrated, and single changes and pairs of them, the best first."""
+    none = search.none()
+    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
+    if not singles or min(none.nats, singles[0].nats) <= WORTH_A_PAIR:
+        return none, singles
+    return none, [*singles, *search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))]
+
+
+def details_of(
+    search: Search, found: Ranked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+) -> dict[str, Any]:
+    """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
+    h, named = found.leading, found.verdict == "effect"
+    return {
+        "criterion": "prediction",
+        "familiar": float(np.mean(search.day.weights)),
+        "reduction_by_state": shrinks.by_state if named else {},
+        "reduction_by_horizon": shrinks.by_horizon if named else {},
+        "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
+        "leading_known": hypothesis_name(h.names),
+        "at_least": at_bound(h, search.ranges) if named else [],
+        "with": brought_along(h, search.day) if named else {},
+        "errors": errors_by_state(search),
+        "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+    }
 
 
 def search_of(

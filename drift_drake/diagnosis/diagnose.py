@@ -11,31 +11,23 @@ import numpy as np
 
 from drift_drake.diagnosis.another_day import DayDiagnosis, diagnose_day
 from drift_drake.diagnosis.answer import Answer
-from drift_drake.diagnosis.beliefs import beliefs_as_data
+from drift_drake.diagnosis.judging import judge
 from drift_drake.diagnosis.learned import learned
-from drift_drake.diagnosis.nearest import nearest
 from drift_drake.diagnosis.posterior import (
-    UNKNOWN,
     Calibration,
     Posterior,
-    hypothesis_name,
-    implausibility,
-    make_posterior,
     read_calibration,
 )
 from drift_drake.diagnosis.provenance import KEY, provenance
 from drift_drake.diagnosis.search import Found, search
 from drift_drake.diagnosis.where import locate
 from drift_drake.errors import DriftDrakeError
-from drift_drake.estimation.everyday import applied, traced
+from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import Regression, misfit
 from drift_drake.estimation.horizons import HORIZONS, start_rows
-from drift_drake.estimation.interval import Interval
-from drift_drake.estimation.noise import refined_levels
-from drift_drake.estimation.prior import bounds
-from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, make_problem
-from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, reduction, without_effects
+from drift_drake.estimation.problem import Everyday, Problem, make_problem
+from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
 from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
@@ -98,110 +90,28 @@ def diagnose(
         InvalidLogError: no run can be used.
     """
     began = time.perf_counter()
-    calibration = calibration or read_calibration()
     tell = progress or (lambda _stage, _share: None)
     doubts = suspicions(runs, vehicle)
-    runs, warnings = usable(runs, vehicle)
-    warnings = [doubt.sentence for doubt in doubts] + warnings
-    names, more = seen_effects(runs, catalogue)
-    warnings += more
+    runs, unusable = usable(runs, vehicle)
+    names, unseen = seen_effects(runs, catalogue)
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
-    if everyday is not None:
-        problem, more = applied(problem, everyday)
-        warnings += more
+    problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
-    hypotheses = found.hypotheses()
-    refined = refine_noise(problem, hypotheses[0][0])
-    tell("what is left", 0.82)
-    best = hypotheses[0][0]
-    left = [misfit(refined, best, kind) for kind in ("pulses", "functions")]
-    posterior = make_posterior(hypotheses, max(part.gain for part in left), len(names), calibration)
-    tell("how far it shrinks", 0.87)
-    shrinks = reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
-    for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
-        if posterior.verdict != "effect" or shrinks.estimate > 0.0:
-            break
-        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.fit.names]
-        posterior = make_posterior(hypotheses, max(part.gain for part in left), len(names), calibration)
-        shrinks = reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
-    fit, named = posterior.fit, posterior.verdict == "effect"
+    judged = judge(problem, found.hypotheses(), len(names), calibration or read_calibration(), tell)
     tell("where it is", 0.93)
-    nothing = next(f for f, _ in hypotheses if not f.names)
-    lacking = left[0] if not best.names else misfit(problem, nothing)
-    before, floor = without_effects(problem, None), errors_of(problem, best.theta, best.names)
+    lacking = judged.left[0] if not judged.best.names else misfit(problem, judged.nothing)
+    before, floor = without_effects(problem, None), errors_of(problem, judged.best.theta, judged.best.names)
     where = find_gap(problem, before, floor, lacking)
     tell("what the learnt model says", 0.97)
-    learnt = learned(problem, before, floor)
-    fitted = {name: magnitude_interval(fit, name, calibration, vehicle) for name in fit.names}
-    magnitudes = fitted if named else {}
-    ends = at_ends(magnitudes, vehicle)
-    warnings += [f"{name} is at the end of what is believed possible: doubt it" for name in ends]
-    beside = {}
-    if posterior.verdict == UNKNOWN:
-        beside["nearest"] = nearest(problem, hypothesis_name(fit.names), fit, nothing, fitted).as_data()
-    answer = Answer(
-        case=case,
-        verdict=posterior.verdict,
-        causes=list(posterior.causes),
-        posterior=posterior.probabilities,
-        ambiguity=posterior.ambiguity,
-        magnitudes=magnitudes,
-        where=where,
-        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high),
-        seconds=time.perf_counter() - began,
-        tolerances=dict(zip(NUISANCES[:TOLERANCES], (float(n) for n in fit.theta[:TOLERANCES]), strict=True)),
-        details={
-            "reduction_by_state": shrinks.by_state,
-            "reduction_by_horizon": shrinks.by_horizon,
-            "mean_square_innovation": best.mean_square,
-            "unexplained_nats": max(part.gain for part in left),
-            "implausible_nats": implausibility(best, calibration),
-            "free_form_removes": left[1].removed,
-            "vehicle_file_exact": fit.exactness < 1.0,
-            "leading_known": hypothesis_name(fit.names),
-            "row_weight": problem.row_weight,
-            "at_least": ends,
-            **beside,
-            "learned": dataclasses.asdict(learnt),
-            "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
-            "beliefs": beliefs_as_data(problem, hypotheses, posterior.probabilities, names, calibration),
-        },
-        warnings=warnings,
-    )
+    details = judged.as_data(problem, names) | {
+        "learned": dataclasses.asdict(learned(problem, before, floor)),
+        "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
+    }
+    warnings = [*(doubt.sentence for doubt in doubts), *unusable, *unseen, *misfits, *judged.warnings(problem)]
+    answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
-    return Diagnosis(answer, problem, found, posterior, fit, shrinks, left[0], lacking)
-
-
-def _empty(problem: Problem) -> Fit:
-    """A fit of nothing, whose effects remove nothing."""
-    count = problem.nuisances
-    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
-
-
-def refine_noise(problem: Problem, fit: Fit) -> Problem:
-    """The problem with noise levels that the best hypothesis' innovations agree with, within a few percent."""
-    gains = filter_case(problem, fit.theta, fit.names)
-    innovations = np.concatenate([e[run.counted] for run, e in zip(problem.runs, gains.innovations, strict=True)])
-    whitening = np.concatenate([w[run.counted] for run, w in zip(problem.runs, gains.whitening, strict=True)])
-    used = np.all([run.used for run in problem.runs], axis=0)
-    return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
-
-
-def magnitude_interval(fit: Fit, name: str, calibration: Calibration, vehicle: VehicleParameters) -> Interval:
-    """95 % interval of a magnitude, within its bounds."""
-    q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
-    low, high = bounds(name, vehicle)
-    return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
-
-
-def at_ends(magnitudes: dict[str, Interval], vehicle: VehicleParameters) -> list[str]:
-    """Effects whose magnitudes are at the ends of what is believed possible."""
-    out = []
-    for name, m in magnitudes.items():
-        low, high = bounds(name, vehicle)
-        if m.estimate <= low or m.estimate >= high:
-            out.append(name)
-    return out
+    return Diagnosis(answer, problem, found, judged.posterior, judged.posterior.fit, judged.reduction, judged.left[0],
+                     lacking)  # fmt: skip
 
 
 def find_gap(

@@ -124,20 +124,9 @@ def update_covariance(
 
 @compiled
 def filter_run(
-    y: Any,
-    first: Any,
-    used: Any,
-    delta: Any,
-    torque: Any,
-    period: Any,
-    constants: Any,
-    effects: Any,
-    noise: Any,
-    process: Any,
-    innovations: Any,
-    gain: Any,
-    whitening: Any,
-) -> Any:
+    y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, noise: Any,
+    process: Any, innovations: Any, gain: Any, whitening: Any,
+) -> Any:  # fmt: skip
     """Extended Kalman filter over one run.
 
     Args:

@@ -9,6 +9,7 @@ starts wide and is narrowed, so that the first guess may be far off.
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 
 import numpy as np
 
@@ -57,6 +58,72 @@ class _At:
     weights: np.ndarray  # [windows, channels]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Criterion:
+    """What a fit minimises: losses of all windows' errors, raised to a power, and priors."""
+
+    runs: Sequence[WindowedRun]
+    constants: Constants
+    own: Effects
+    unknowns: Sequence[Unknown]
+    evidence: float
+
+    @cached_property
+    def prior(self) -> np.ndarray:
+        return np.array([u.prior for u in self.unknowns])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([u.low for u in self.unknowns]), np.array([u.high for u in self.unknowns])
+
+    def errors(self, theta: np.ndarray) -> np.ndarray:
+        """Of predictions [windows, HORIZONS, channels]."""
+        found = magnitudes([u.name for u in self.unknowns], theta)
+        return errors(self.runs, self.constants, added(self.own, found))
+
+    def hessian(self, information: np.ndarray) -> np.ndarray:
+        return self.evidence * information + np.diag(1.0 / self.prior**2)
+
+    def at(self, theta: np.ndarray, scales: np.ndarray, width: float) -> _At:
+        e = self.errors(theta)
+        lost, weights = loss(np.mean((e / scales) ** 2, axis=1), width)
+        cost = 0.5 * self.evidence * HORIZONS * float(np.sum(lost)) + 0.5 * float(np.sum((theta / self.prior) ** 2))
+        return _At(theta, e, cost, weights)
+
+    def derivatives(self, at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
+        """Of the errors [windows, HORIZONS, channels, n]."""
+        steps = DIFFERENCE * np.array([u.unit for u in self.unknowns])
+        signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
+        moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
+        columns = [(e - at.e) / (sign * step)
+                   for e, sign, step in zip(pool.map(self.errors, moved), signs, steps, strict=True)]  # fmt: skip
+        return np.stack(columns, axis=-1)
+
+    def minimised(self, at: _At, scales: np.ndarray, width: float, pool: ThreadPoolExecutor) -> tuple[_At, np.ndarray]:
+        """The minimum for these scales by Levenberg-Marquardt steps, and the information [n, n] of the last."""
+        damping, information = 1e-3, np.eye(len(at.theta))
+        for _ in range(STEPS):
+            jacobian = self.derivatives(at, pool) / scales[..., None]
+            part = jacobian * np.sqrt(at.weights)[:, None, :, None]
+            part = part.reshape(-1, len(at.theta))
+            rest = (at.e / scales * np.sqrt(at.weights)[:, None, :]).ravel()
+            information = part.T @ part
+            hessian = self.hessian(information)
+            gradient = self.evidence * part.T @ rest + at.theta / self.prior**2
+            better, damping = None, max(damping / 5.0, 1e-6)
+            while better is None and damping < 1e3:
+                moved = at.theta + bounded_step(hessian, gradient, at.theta, *self.bounds, damping)
+                trial = self.at(moved, scales, width)
+                better = trial if trial.cost < at.cost else None
+                damping *= 1.0 if better else 10.0
+            if better is None:
+                break
+            gained, at = at.cost - better.cost, better
+            if gained < ENOUGH:
+                break
+        return at, information
+
+
 def robust_fit(
     runs: Sequence[WindowedRun], constants: Constants, own: Effects, unknowns: Sequence[Unknown], evidence: float,
     theta: np.ndarray | None = None, widths: Sequence[float] = WIDTHS,
@@ -67,61 +134,21 @@ def robust_fit(
         evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
         widths: of the loss, the last of them where `theta` is near already.
     """
-    names = [u.name for u in unknowns]
-    prior = np.array([u.prior for u in unknowns])
-    low, high = (np.array([getattr(u, end) for u in unknowns]) for end in ("low", "high"))
-    steps = DIFFERENCE * np.array([u.unit for u in unknowns])
+    criterion = _Criterion(runs, constants, own, unknowns, evidence)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
-
-    def predicted(at: np.ndarray) -> np.ndarray:
-        return errors(runs, constants, added(own, magnitudes(names, at)))
-
-    def judged(at: np.ndarray, scales: np.ndarray, width: float) -> _At:
-        e = predicted(at)
-        lost, weights = loss(np.mean((e / scales) ** 2, axis=1), width)
-        return _At(at, e, 0.5 * evidence * HORIZONS * float(np.sum(lost)) + 0.5 * float(np.sum((at / prior) ** 2)),
-                   weights)  # fmt: skip
-
-    def derivatives(at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
-        """Of the errors [windows, HORIZONS, channels, n]."""
-        signs = np.where(at.theta + steps <= high, 1.0, -1.0)
-        moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
-        columns = [(e - at.e) / (sign * step)
-                   for e, sign, step in zip(pool.map(predicted, moved), signs, steps, strict=True)]  # fmt: skip
-        return np.stack(columns, axis=-1)
-
     information = np.eye(len(theta))
-    scales = robust_scales(predicted(theta))
+    scales = robust_scales(criterion.errors(theta))
     with ThreadPoolExecutor(THREADS) as pool:
         for width in widths:
             for _ in range(ROUNDS):
-                began, damping = theta, 1e-3
-                scales = robust_scales(predicted(theta))
-                at = judged(theta, scales, width)
-                for _ in range(STEPS):
-                    jacobian = derivatives(at, pool) / scales[..., None]
-                    part = jacobian * np.sqrt(at.weights)[:, None, :, None]
-                    part = part.reshape(-1, len(theta))
-                    rest = (at.e / scales * np.sqrt(at.weights)[:, None, :]).ravel()
-                    information = part.T @ part
-                    hessian = evidence * information + np.diag(1.0 / prior**2)
-                    gradient = evidence * part.T @ rest + at.theta / prior**2
-                    better, damping = None, max(damping / 5.0, 1e-6)
-                    while better is None and damping < 1e3:
-                        moved = at.theta + bounded_step(hessian, gradient, at.theta, low, high, damping)
-                        trial = judged(moved, scales, width)
-                        better = trial if trial.cost < at.cost else None
-                        damping *= 1.0 if better else 10.0
-                    if better is None:
-                        break
-                    gained, at = at.cost - better.cost, better
-                    if gained < ENOUGH:
-                        break
+                began = theta
+                scales = robust_scales(criterion.errors(theta))
+                at, information = criterion.minimised(criterion.at(theta, scales, width), scales, width, pool)
                 theta = at.theta
-                deviations = np.sqrt(np.diag(np.linalg.inv(evidence * information + np.diag(1.0 / prior**2))))
+                deviations = np.sqrt(np.diag(np.linalg.inv(criterion.hessian(information))))
                 if np.all(np.abs(theta - began) < SETTLED * deviations):
                     break
-    return RobustFit(tuple(names), theta, at.e, scales, information)
+    return RobustFit(tuple(u.name for u in unknowns), theta, at.e, scales, information)
 
 
 def bounded_step(

@@ -60,27 +60,9 @@ def train(config: TrainingConfig) -> BayesianModel:
     vehicle = VehicleParameters() if config.vehicle is None else VehicleParameters.from_yaml(config.vehicle)
     check_plausible(vehicle, str(config.vehicle))
     objective, tables = _objective(config, vehicle)
-    parameters = initial_parameters(
-        torch.Generator().manual_seed(config.seed), config.physical_inputs, coupled=config.lane is not None
-    )
     begun_from = None if config.start is None else load_model(config.start)
-    if begun_from is not None:
-        parameters |= _started(begun_from, parameters, objective.scale, config, vehicle)
-    if config.lane is not None:
-        share = torch.full((STATE_COUNT,), math.log(FIRST_SHARE), dtype=torch.float64, requires_grad=True)
-        parameters["log_share"] = share
-    if config.lane is not None and "logit_weight" not in parameters:
-        logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
-        parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)
-    network_names = ("w1", "w2", "w_out")
-    optimizer = torch.optim.AdamW(
-        [
-            {"params": [parameters[name] for name in network_names], "weight_decay": config.weight_decay},
-            {"params": [p for name, p in parameters.items() if name not in network_names], "weight_decay": 0.0},
-        ],
-        lr=config.learning_rate,
-    )
-    schedule = torch.optim.lr_scheduler.ExponentialLR(optimizer, config.decay)
+    parameters = _first_parameters(config, vehicle, objective.scale, begun_from)
+    optimizer, schedule = _optimizer(config, parameters)
     resume = config.output.with_name(config.output.name + ".resume")
     start, spent, history = _resume(resume, config, parameters, optimizer, schedule)
     began = time.monotonic() - spent
@@ -89,17 +71,10 @@ def train(config: TrainingConfig) -> BayesianModel:
     for epoch in progress:
         # The stream of an epoch depends on the epoch alone, so that a resumed run draws what an unbroken one does.
         generator = np.random.default_rng([config.seed, epoch])
-        total, count = 0.0, 0
-        for loss, size in objective.losses(parameters, generator):
-            optimizer.zero_grad()
-            loss.backward()
-            if config.gradient_clip is not None:
-                torch.nn.utils.clip_grad_norm_(list(parameters.values()), config.gradient_clip)
-            optimizer.step()
-            total, count = total + float(loss.detach()) * size, count + size
+        mean_loss = _epoch(objective, parameters, optimizer, generator, config.gradient_clip)
         schedule.step()
         if (epoch + 1) % SAVE_EVERY == 0 or epoch + 1 == config.epochs:
-            entry = {"epoch": epoch + 1, "loss": total / count, **objective.watch(parameters)}
+            entry = {"epoch": epoch + 1, "loss": mean_loss, **objective.watch(parameters)}
             history.append(entry)
             progress.set_postfix({k: f"{v:.2f}" for k, v in entry.items() if k != "epoch"})
             _save_resume(resume, config, parameters, optimizer, schedule, epoch + 1, time.monotonic() - began, history)
@@ -124,6 +99,52 @@ def train(config: TrainingConfig) -> BayesianModel:
     model.save(config.output)
     resume.unlink(missing_ok=True)
     return model
+
+
+def _first_parameters(
+    config: TrainingConfig, vehicle: VehicleParameters, scale: torch.Tensor, start: BayesianModel | None
+) -> Parameters:
+    """The numbers to begin with: drawn at random, but for those of a model that training starts from."""
+    generator = torch.Generator().manual_seed(config.seed)
+    parameters = initial_parameters(generator, config.physical_inputs, coupled=config.lane is not None)
+    if start is not None:
+        parameters |= _started(start, parameters, scale, config, vehicle)
+    if config.lane is not None:
+        share = torch.full((STATE_COUNT,), math.log(FIRST_SHARE), dtype=torch.float64, requires_grad=True)
+        parameters["log_share"] = share
+    if config.lane is not None and "logit_weight" not in parameters:
+        logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
+        parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)
+    return parameters
+
+
+def _optimizer(config: TrainingConfig, parameters: Parameters) -> tuple[Any, Any]:
+    """The optimizer, whose weight decay is the network's alone, and the schedule of its learning rate."""
+    network_names = ("w1", "w2", "w_out")
+    optimizer = torch.optim.AdamW(
+        [
+            {"params": [parameters[name] for name in network_names], "weight_decay": config.weight_decay},
+            {"params": [p for name, p in parameters.items() if name not in network_names], "weight_decay": 0.0},
+        ],
+        lr=config.learning_rate,
+    )
+    return optimizer, torch.optim.lr_scheduler.ExponentialLR(optimizer, config.decay)
+
+
+def _epoch(
+    objective: WindowObjective | TransferObjective, parameters: Parameters, optimizer: Any,
+    generator: np.random.Generator, gradient_clip: float | None,
+) -> float:  # fmt: skip
+    """One pass over the data; the mean loss of a sample."""
+    total, count = 0.0, 0
+    for loss, size in objective.losses(parameters, generator):
+        optimizer.zero_grad()
+        loss.backward()
+        if gradient_clip is not None:
+            torch.nn.utils.clip_grad_norm_(list(parameters.values()), gradient_clip)
+        optimizer.step()
+        total, count = total + float(loss.detach()) * size, count + size
+    return total / count
 
 
 def drifts_of(samples: Samples, seed: int) -> Array | None:

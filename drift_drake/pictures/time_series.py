@@ -63,54 +63,17 @@ def time_series(
     against = against or ("t" if len(runs) == 1 else "s")
     figure = new_figure(7.5, 7.6)
     grid = figure.subplots(4, 2, sharex=True)
-    states = grid[:, 0]
     _draw_transitions(grid.ravel(), runs, reference, against)
     faults = _draw_faults(grid.ravel(), runs, against)
-
-    lines = (
-        (states[0], "sideslip [deg]", 2, "beta", DEGREES),
-        (states[1], "yaw rate [deg/s]", 0, "r", DEGREES),
-        (states[2], "speed [km/h]", 1, "v", KMH),
-        (states[3], "rear rim speed [km/h]", 3, "omega_r", KMH),
-    )
-    longest = max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
-    for axes, label, index, _, unit in lines:
-        wanted = reference.state(longest["s"].to_numpy(dtype=float))[:, index] * unit
-        axes.plot(longest[against], wanted, **REFERENCE_LINE, label="reference")
-        axes.set_ylabel(label)
-    for axes, _, _, column, unit in lines:
-        _draw(axes, runs, against, _column(column, unit))
-
-    steering, torque, lateral, sideslip = grid[:, 1]
-    _bounds(steering, -parameters.steering_limit * DEGREES, parameters.steering_limit * DEGREES)
-    _bounds(torque, parameters.torque_min, parameters.torque_max)
-    _draw(steering, runs, against, _column("delta", DEGREES))
-    _draw(torque, runs, against, _column("tau", 1.0))
-    for index, (axes, unit) in enumerate(((steering, DEGREES), (torque, 1.0))):
-        wanted = reference.input(longest["s"].to_numpy(dtype=float))[:, index] * unit
-        axes.plot(longest[against], wanted, **REFERENCE_LINE)
-    _draw(lateral, runs, against, _column("e", 1.0))
-    _draw(sideslip, runs, against, lambda run: sideslip_error(run, reference) * DEGREES)
-    for axes in (states[2], states[3]):
-        _widen(axes, MIN_SPEED_SPAN)
-    _draw_lane(lateral, runs, longest, reference, against)
-    steering.set_ylabel("steering angle [deg]")
-    torque.set_ylabel("engine torque [N m]")
-    lateral.set_ylabel("lateral error e [m]")
-    sideslip.set_ylabel("sideslip error [deg]")
-    for axes in (lateral, sideslip):
-        axes.axhline(0.0, color=REFERENCE, linewidth=0.8)
+    _draw_states(grid[:, 0], runs, reference, against)
+    _draw_inputs(grid[:2, 1], runs, reference, parameters, against)
+    _draw_tracking(grid[2:, 1], runs, reference, against)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
     for axes in grid.ravel():
         axes.margins(x=0.0)
-    legend_above(states[0], min(len(runs) + 1, LEGEND_COLUMNS))
-    steering.plot([], [], color=BOUND, linewidth=0.8, label="bound")
-    steering.fill_between([], [], color=TRANSITION, label="transition")
-    handles, labels = steering.get_legend_handles_labels()
-    named = ("bound", "transition", *faults)
-    shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in named]
-    steering.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
+    legend_above(grid[0, 0], min(len(runs) + 1, LEGEND_COLUMNS))
+    _legend_of_bounds(grid[0, 1], faults)
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
     return figure
@@ -119,6 +82,71 @@ def time_series(
 def sideslip_error(run: pd.DataFrame, reference: Reference) -> Array:
     """beta - beta_ref(s) [rad] of each row."""
     return run["beta"].to_numpy(dtype=float) - reference.state(run["s"].to_numpy(dtype=float))[:, 2]
+
+
+def _longest(runs: Mapping[str, pd.DataFrame], against: str) -> pd.DataFrame:
+    return max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
+
+
+def _draw_states(
+    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference, against: str
+) -> None:
+    lines = (
+        (column[0], "sideslip [deg]", 2, "beta", DEGREES),
+        (column[1], "yaw rate [deg/s]", 0, "r", DEGREES),
+        (column[2], "speed [km/h]", 1, "v", KMH),
+        (column[3], "rear rim speed [km/h]", 3, "omega_r", KMH),
+    )
+    longest = _longest(runs, against)
+    for axes, label, index, _, unit in lines:
+        wanted = reference.state(longest["s"].to_numpy(dtype=float))[:, index] * unit
+        axes.plot(longest[against], wanted, **REFERENCE_LINE, label="reference")
+        axes.set_ylabel(label)
+    for axes, _, _, name, unit in lines:
+        _draw(axes, runs, against, _column(name, unit))
+    for axes in column[2:]:
+        _widen(axes, MIN_SPEED_SPAN)
+
+
+def _draw_inputs(
+    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference,
+    parameters: VehicleParameters, against: str,
+) -> None:  # fmt: skip
+    lock = parameters.steering_limit * DEGREES
+    lines = (
+        (column[0], "steering angle [deg]", "delta", DEGREES, (-lock, lock)),
+        (column[1], "engine torque [N m]", "tau", 1.0, (parameters.torque_min, parameters.torque_max)),
+    )
+    longest = _longest(runs, against)
+    inputs = reference.input(longest["s"].to_numpy(dtype=float))
+    for index, (axes, label, name, unit, bounds) in enumerate(lines):
+        _bounds(axes, *bounds)
+        _draw(axes, runs, against, _column(name, unit))
+        axes.plot(longest[against], inputs[:, index] * unit, **REFERENCE_LINE)
+        axes.set_ylabel(label)
+
+
+def _draw_tracking(
+    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference, against: str
+) -> None:
+    lateral, sideslip = column
+    _draw(lateral, runs, against, _column("e", 1.0))
+    _draw(sideslip, runs, against, lambda run: sideslip_error(run, reference) * DEGREES)
+    _draw_lane(lateral, runs, _longest(runs, against), reference, against)
+    lateral.set_ylabel("lateral error e [m]")
+    sideslip.set_ylabel("sideslip error [deg]")
+    for axes in column:
+        axes.axhline(0.0, color=REFERENCE, linewidth=0.8)
+
+
+def _legend_of_bounds(axes: Axes, faults: list[str]) -> None:
+    """Bounds, transitions and what was wrong in the loop, above these axes."""
+    axes.plot([], [], color=BOUND, linewidth=0.8, label="bound")
+    axes.fill_between([], [], color=TRANSITION, label="transition")
+    handles, labels = axes.get_legend_handles_labels()
+    named = ("bound", "transition", *faults)
+    shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in named]
+    axes.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
 
 
 def _column(name: str, unit: float) -> Callable[[pd.DataFrame], Array]:

@@ -165,6 +165,22 @@ def tyre_friction(friction: Any, sliding_speed: Any, heat: Any, a_y: Any, p: Con
 
 
 @jitable
+def shifted_loads(a_x: Any, p: Constants, q: Effects) -> tuple[Any, Any]:
+    """Axle loads (F_zf, F_zr) [N] under the filtered acceleration a_x [m/s^2]."""
+    f_zf, f_zr = static_loads(p)
+    shift = p.mass * q.longitudinal_load_transfer * a_x / (p.front_axle_distance + p.rear_axle_distance)
+    front = maximum(f_zf - shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zf))
+    return front, maximum(f_zr + shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zr))
+
+
+@jitable
+def relaxation_rate(speed: Any, slip: Any, kinematic: Any, q: Effects) -> Any:
+    """Rate [1/s] of a lateral slip that follows the kinematic one over a length; speed [m/s] of the contact point."""
+    rate = maximum(speed, 1.0) / maximum(q.tyre_relaxation, 1e-3) * (kinematic - slip)
+    return rate * select(0.0, q.tyre_relaxation, 1.0, 0.0)
+
+
+@jitable
 def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
                         nominal: Constants, q: Effects,
                         force_x: Any = 0.0, force_y: Any = 0.0,
@@ -184,11 +200,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         select(0.0, q.torque_lag, memory.torque, tau), v, q)  # fmt: skip
     own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q)
 
-    f_zf, f_zr = static_loads(p)
-    shift = p.mass * q.longitudinal_load_transfer * memory.a_x / (p.front_axle_distance + p.rear_axle_distance)
-    f_zf = maximum(f_zf - shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zf))
-    f_zr = maximum(f_zr + shift, minimum(MIN_AXLE_LOAD, MIN_LOAD_SHARE * f_zr))
-
+    f_zf, f_zr = shifted_loads(memory.a_x, p, q)
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
     sigma_xf, kinematic_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
@@ -216,15 +228,11 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
     omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
-    relaxation = maximum(q.tyre_relaxation, 1e-3)
     rates = Memory(
         select(0.0, lagged_steering, steering_rate(memory.steering, delta, q), 0.0 * delta),
         select(0.0, q.torque_lag, (tau - memory.torque) / maximum(q.torque_lag, 1e-3), 0.0 * tau),
-        maximum(v_x, 1.0)
-        / relaxation
-        * (kinematic_front - memory.front_slip)
-        * select(0.0, q.tyre_relaxation, 1.0, 0.0),
-        maximum(u_x, 1.0) / relaxation * (kinematic_rear - memory.rear_slip) * select(0.0, q.tyre_relaxation, 1.0, 0.0),
+        relaxation_rate(v_x, memory.front_slip, kinematic_front, q),
+        relaxation_rate(u_x, memory.rear_slip, kinematic_rear, q),
         norm2(f_xf, f_yf) * front_sliding / HEAT_UNIT - memory.front_heat / COOLING_TIME,
         norm2(f_xr, f_yr) * rear_sliding / HEAT_UNIT - memory.rear_heat / COOLING_TIME,
         (a_x - memory.a_x) / LOAD_FILTER_TIME,

@@ -75,38 +75,115 @@ def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
 
 
-@TemplateSystem.define("VehiclePlant_")
-def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
-    """See `VehiclePlant`."""
+class SingleTrackPlant(PathPlant):
+    """The car of `bicycle` and `effects` as a system on float, AutoDiffXd and Expression.
 
-    class Impl(PathPlant, LeafSystem_[T]):
-        """The car of `bicycle` and `effects` as a system on float, AutoDiffXd and Expression.
+    Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
+    from the path), s [m] along the path, x, y [m], psi [rad] in the fixed frame; behind them, only when an effect
+    acts on the motion, the eight states of `effects.Memory` (the effects' own). `state_view` names them.
 
-        Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
-        from the path), s [m] along the path, x, y [m], psi [rad] in the fixed frame; behind them, only when an effect
-        acts on the motion, the eight states of `effects.Memory` (the effects' own). `state_view` names them.
+    Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
+    0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on
+    neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
 
-        Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
-        0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on
-        neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    Input ports:
+        actuation: (delta [rad], tau [N m]) as it reaches the car.
+        disturbance (optional): (force_x, force_y [N], moment [N m]) in the body frame.
+        curvature (optional): curvature of the path [1/m]; else the path's at s, else 0 (a straight path).
 
-        Input ports:
-            actuation: (delta [rad], tau [N m]) as it reaches the car.
-            disturbance (optional): (force_x, force_y [N], moment [N m]) in the body frame.
-            curvature (optional): curvature of the path [1/m]; else the path's at s, else 0 (a straight path).
+    Output ports:
+        state: the paper's six; path_position: s; pose: (x, y, psi); full_state: all of the state.
+        acceleration: (a_x, a_y) [m/s^2] in the body frame, force over mass (gravity on a slope is a force). It is
+            the only output with direct feedthrough, from actuation and disturbance.
 
-        Output ports:
-            state: the paper's six; path_position: s; pose: (x, y, psi); full_state: all of the state.
-            acceleration: (a_x, a_y) [m/s^2] in the body frame, force over mass (gravity on a slope is a force). It is
-                the only output with direct feedthrough, from actuation and disturbance.
+    Args:
+        parameters: the car.
+        effects: magnitudes, zero for none.
+        path: anything with `curvature(s)` (and `pose` and `to_world` for `set_initial`). AutoDiffXd takes the
+            curvature's slope along the path by a central difference of 1 mm. An Expression cannot pass through a
+            path: connect the curvature port there.
+    """
+
+    parameters: VehicleParameters
+    effects: Effects
+    has_memory: bool
+
+    def declare(self: Any, parameters: VehicleParameters, effects: Effects, path: CurvedPath | None, T: Any) -> None:
+        """Declares parameters, state and ports on numbers of the type T."""
+        self.parameters, self.effects = parameters, effects
+        self.has_memory = acts_on_motion(effects)
+        self.state_names = PLANT_STATES_WITH_MEMORY if self.has_memory else PLANT_STATES
+        self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
+        for values in (parameters.constants(), effects):
+            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
+        self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
+
+    def set_initial(
+        self,
+        context: Any,
+        state: Sequence[float],
+        s: float = 0.0,
+        pose: Sequence[float] | None = None,
+        actuation: Sequence[float] = (0.0, 0.0),
+    ) -> None:
+        """Puts the car into a state, at its place in the world, with the effects' states settled.
 
         Args:
-            parameters: the car.
-            effects: magnitudes, zero for none.
-            path: anything with `curvature(s)` (and `pose` and `to_world` for `set_initial`). AutoDiffXd takes the
-                curvature's slope along the path by a central difference of 1 mm. An Expression cannot pass through a
-                path: connect the curvature port there.
+            context: the plant's own Context.
+            state: the paper's six.
+            s: path position [m].
+            pose: (x, y [m], psi [rad]); only where the plant has no path, whose geometry gives it otherwise. By
+                default the path is then the x axis and the car passes its origin.
+            actuation: (delta [rad], tau [N m]) that the car has had for long.
+
+        Raises:
+            ValueError: a pose beside a path.
         """
+        values = [*self.placed(state, s, pose)]
+        if self.has_memory:
+            delta, tau = actuation
+            values += settled_memory(*values[:4], delta, tau, *self._car(context), psi=values[9])
+        context.SetContinuousState([self.scalar(value) for value in values])
+
+    def _car(self, context: Any) -> tuple[Constants, Effects]:
+        constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+        return Constants(*constants), Effects(*magnitudes)
+
+    def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
+        x = context.get_continuous_state_vector().CopyToVector()
+        u, wrench = self.inputs(context)
+        curvature = self.path_curvature(context, x[6])
+        if self.scalar is float:
+            self.check_finite(x, context.get_time())
+            constants = context.get_numeric_parameter(0).CopyToVector()
+            if self.has_memory:
+                magnitudes = context.get_numeric_parameter(1).CopyToVector()
+                rates = _changed_rates(x, u, wrench, curvature, constants, magnitudes)
+            else:
+                rates = _nominal_rates(x, u, wrench, curvature, constants)
+        else:
+            p, q = self._car(context)
+            rates = (
+                changed_rates(x, u, wrench, curvature, p, q)
+                if self.has_memory
+                else nominal_rates(x, u, wrench, curvature, p)
+            )
+        derivatives.get_mutable_vector().SetFromVector(rates)
+
+    def calc_acceleration(self, context: Any, output: Any) -> None:
+        x = context.get_continuous_state_vector().CopyToVector()
+        u, wrench = self.inputs(context)
+        p, q = self._car(context)
+        m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
+        output.SetFromVector([m.a_x, m.a_y])
+
+
+@TemplateSystem.define("VehiclePlant_")
+def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
+    """See `SingleTrackPlant`."""
+
+    class Impl(SingleTrackPlant, LeafSystem_[T]):
+        """See `SingleTrackPlant`."""
 
         def _construct(
             self,
@@ -116,77 +193,10 @@ def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
             converter: Any = None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter)
-            self.parameters, self.effects = parameters, effects
-            self.has_memory = acts_on_motion(effects)
-            self.state_names = PLANT_STATES_WITH_MEMORY if self.has_memory else PLANT_STATES
-            self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
-
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in parameters.constants()]))
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in effects]))
-            self._state_index = self.DeclareContinuousState(len(self.state_names))
-            self.declare_ports(self._state_index, T, path)
+            self.declare(parameters, effects, path, T)
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.parameters, other.effects, other.path, converter)
-
-        def set_initial(
-            self,
-            context: Any,
-            state: Sequence[float],
-            s: float = 0.0,
-            pose: Sequence[float] | None = None,
-            actuation: Sequence[float] = (0.0, 0.0),
-        ) -> None:
-            """Puts the car into a state, at its place in the world, with the effects' states settled.
-
-            Args:
-                context: the plant's own Context.
-                state: the paper's six.
-                s: path position [m].
-                pose: (x, y [m], psi [rad]); only where the plant has no path, whose geometry gives it otherwise. By
-                    default the path is then the x axis and the car passes its origin.
-                actuation: (delta [rad], tau [N m]) that the car has had for long.
-
-            Raises:
-                ValueError: a pose beside a path.
-            """
-            values = [*self.placed(state, s, pose)]
-            if self.has_memory:
-                delta, tau = actuation
-                values += settled_memory(*values[:4], delta, tau, *self._car(context), psi=values[9])
-            context.SetContinuousState([T(value) for value in values])
-
-        def _car(self, context: Any) -> tuple[Constants, Effects]:
-            constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
-            return Constants(*constants), Effects(*magnitudes)
-
-        def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
-            x = context.get_continuous_state_vector().CopyToVector()
-            u, wrench = self.inputs(context)
-            curvature = self.path_curvature(context, x[6])
-            if T is float:
-                self.check_finite(x, context.get_time())
-                constants = context.get_numeric_parameter(0).CopyToVector()
-                if self.has_memory:
-                    magnitudes = context.get_numeric_parameter(1).CopyToVector()
-                    rates = _changed_rates(x, u, wrench, curvature, constants, magnitudes)
-                else:
-                    rates = _nominal_rates(x, u, wrench, curvature, constants)
-            else:
-                p, q = self._car(context)
-                rates = (
-                    changed_rates(x, u, wrench, curvature, p, q)
-                    if self.has_memory
-                    else nominal_rates(x, u, wrench, curvature, p)
-                )
-            derivatives.get_mutable_vector().SetFromVector(rates)
-
-        def calc_acceleration(self, context: Any, output: Any) -> None:
-            x = context.get_continuous_state_vector().CopyToVector()
-            u, wrench = self.inputs(context)
-            p, q = self._car(context)
-            m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
-            output.SetFromVector([m.a_x, m.a_y])
 
     return Impl
 

@@ -66,32 +66,90 @@ def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Arr
     return rates
 
 
-@TemplateSystem.define("DoubleTrackPlant_")
-def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
-    """See `DoubleTrackPlant`."""
+class DoubleTrackCarPlant(PathPlant):
+    """The car of `double_track.motion` as a system on float, AutoDiffXd and Expression.
 
-    class Impl(PathPlant, LeafSystem_[T]):
-        """The car of `double_track.motion` as a system on float, AutoDiffXd and Expression.
+    Continuous state: those of `VehiclePlant` (r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad],
+    s, x, y [m], psi [rad]), at the centre of gravity, omega_r the mean rim speed of the rear wheels; behind them
+    the car's own, `motion.OwnStates`. `state_view` names them.
 
-        Continuous state: those of `VehiclePlant` (r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad],
-        s, x, y [m], psi [rad]), at the centre of gravity, omega_r the mean rim speed of the rear wheels; behind them
-        the car's own, `motion.OwnStates`. `state_view` names them.
+    Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
+    plant acts on neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
 
-        Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
-        plant acts on neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    Input and output ports: those of `VehiclePlant`, of the same meaning.
 
-        Input and output ports: those of `VehiclePlant`, of the same meaning.
+    Args:
+        parameters: the car.
+        effects: magnitudes, zero for none.
+        path: see `VehiclePlant`.
+
+    Raises:
+        InvalidVehicleError: an effect that this car cannot have (`motion.NOT_OF_THIS_CAR`).
+    """
+
+    has_memory = True  # effects may change during a run: see `VehiclePlant`
+
+    parameters: DoubleTrackParameters
+    effects: Effects
+
+    def declare(
+        self: Any, parameters: DoubleTrackParameters, effects: Effects, path: CurvedPath | None, T: Any
+    ) -> None:
+        """Declares parameters, state and ports on numbers of the type T."""
+        check_effects(effects)
+        self.parameters, self.effects = parameters, effects
+        self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
+        for values in (flattened(parameters.constants()), effects):
+            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
+        self.declare_ports(self.DeclareContinuousState(len(DOUBLE_TRACK_STATES)), T, path)
+
+    def set_initial(
+        self,
+        context: Any,
+        state: Sequence[float],
+        s: float = 0.0,
+        pose: Sequence[float] | None = None,
+        actuation: Sequence[float] = (0.0, 0.0),
+    ) -> None:
+        """Puts the car into a state, at its place in the world, with its own states settled.
 
         Args:
-            parameters: the car.
-            effects: magnitudes, zero for none.
-            path: see `VehiclePlant`.
-
-        Raises:
-            InvalidVehicleError: an effect that this car cannot have (`motion.NOT_OF_THIS_CAR`).
+            context: the plant's own Context.
+            state, s, pose: see `PathPlant.placed`.
+            actuation: (delta [rad], tau [N m]) that the car has had for long.
         """
+        values = self.placed(state, s, pose)
+        own = settled_states(*values[:4], *(float(value) for value in actuation), *self._car(context))
+        context.SetContinuousState([self.scalar(value) for value in (*values, *own)])
 
-        has_memory = True  # effects may change during a run: see `VehiclePlant`
+    def _car(self, context: Any) -> tuple[DoubleTrackConstants, Effects]:
+        constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+        return unflattened(constants), Effects(*magnitudes)
+
+    def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
+        x = context.get_continuous_state_vector().CopyToVector()
+        u, wrench = self.inputs(context)
+        curvature = self.path_curvature(context, x[6])
+        if self.scalar is float:
+            self.check_finite(x, context.get_time())
+            constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+            derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
+            return
+        rates, own = rates_of(x, u, wrench, curvature, *self._car(context))
+        derivatives.get_mutable_vector().SetFromVector([*rates, *own])
+
+    def calc_acceleration(self, context: Any, output: Any) -> None:
+        x = context.get_continuous_state_vector().CopyToVector()
+        m, _ = motion_of(x, *self.inputs(context), *self._car(context))
+        output.SetFromVector([m.a_x, m.a_y])
+
+
+@TemplateSystem.define("DoubleTrackPlant_")
+def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
+    """See `DoubleTrackCarPlant`."""
+
+    class Impl(DoubleTrackCarPlant, LeafSystem_[T]):
+        """See `DoubleTrackCarPlant`."""
 
         def _construct(
             self,
@@ -101,56 +159,10 @@ def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template
             converter: Any = None,
         ) -> None:
             LeafSystem_[T].__init__(self, converter)
-            check_effects(effects)
-            self.parameters, self.effects = parameters, effects
-            self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
-            constants = flattened(parameters.constants())
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in constants]))
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in effects]))
-            self.declare_ports(self.DeclareContinuousState(len(DOUBLE_TRACK_STATES)), T, path)
+            self.declare(parameters, effects, path, T)
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.parameters, other.effects, other.path, converter)
-
-        def set_initial(
-            self,
-            context: Any,
-            state: Sequence[float],
-            s: float = 0.0,
-            pose: Sequence[float] | None = None,
-            actuation: Sequence[float] = (0.0, 0.0),
-        ) -> None:
-            """Puts the car into a state, at its place in the world, with its own states settled.
-
-            Args:
-                context: the plant's own Context.
-                state, s, pose: see `PathPlant.placed`.
-                actuation: (delta [rad], tau [N m]) that the car has had for long.
-            """
-            values = self.placed(state, s, pose)
-            own = settled_states(*values[:4], *(float(value) for value in actuation), *self._car(context))
-            context.SetContinuousState([T(value) for value in (*values, *own)])
-
-        def _car(self, context: Any) -> tuple[DoubleTrackConstants, Effects]:
-            constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
-            return unflattened(constants), Effects(*magnitudes)
-
-        def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
-            x = context.get_continuous_state_vector().CopyToVector()
-            u, wrench = self.inputs(context)
-            curvature = self.path_curvature(context, x[6])
-            if T is float:
-                self.check_finite(x, context.get_time())
-                constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
-                derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
-                return
-            rates, own = rates_of(x, u, wrench, curvature, *self._car(context))
-            derivatives.get_mutable_vector().SetFromVector([*rates, *own])
-
-        def calc_acceleration(self, context: Any, output: Any) -> None:
-            x = context.get_continuous_state_vector().CopyToVector()
-            m, _ = motion_of(x, *self.inputs(context), *self._car(context))
-            output.SetFromVector([m.a_x, m.a_y])
 
     return Impl
 

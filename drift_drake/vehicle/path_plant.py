@@ -6,9 +6,12 @@ from typing import Any, Protocol
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
+from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.vehicle.bicycle import INPUTS, STATES, path_rates, world_rates
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable
 
 POSE = ("x", "y", "psi")
@@ -48,13 +51,19 @@ def kinematic_rates(x: Any, beta_dot: Any, curvature: Any) -> tuple[Any, Any, An
 class PathPlant:
     """Ports of a plant and its place on the path; a base beside `LeafSystem_[T]` that declares no numbers of the car.
 
-    A plant declares its parameters and continuous state (of which the first ten are `PLANT_STATES`), then calls
-    `declare_ports`, and has `calc_acceleration`.
+    A plant has `declare`, in which it names its continuous state (of which the first ten are `PLANT_STATES`) and calls
+    `declare_numbers`, `calc_acceleration` and its time derivatives; `plant_template` makes the system of it.
     """
 
     path: CurvedPath | None
     state_names: tuple[str, ...]
     scalar: Any
+
+    def declare_numbers(self: Any, T: Any, parameters: Sequence[Sequence[float]], path: CurvedPath | None) -> None:
+        """Declares numeric parameters and the continuous state `state_names` on numbers of the type T, and ports."""
+        for values in parameters:
+            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
+        self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
 
     def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:
         """Input ports actuation, disturbance, curvature; output ports state, path_position, pose, acceleration,
@@ -139,3 +148,31 @@ class PathPlant:
 
     def _calc_pose(self, context: Any, output: Any) -> None:
         output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[POSE_AT:OWN_AT])
+
+
+def plant_template(name: str, base: type[PathPlant]) -> Any:
+    """The systems of a plant on float, AutoDiffXd and Expression: `base`'s equations on each.
+
+    Their constructor takes the car's parameters, the magnitudes of its effects, and its path.
+    """
+
+    @TemplateSystem.define(name)
+    def template(T: Any) -> Any:
+        class Impl(base, LeafSystem_[T]):  # type: ignore[misc, valid-type]
+            def _construct(
+                self,
+                parameters: Any,
+                effects: Effects = Effects(),  # noqa: B008 (immutable)
+                path: CurvedPath | None = None,
+                converter: Any = None,
+            ) -> None:
+                LeafSystem_[T].__init__(self, converter)
+                self.declare(parameters, effects, path, T)
+
+            def _construct_copy(self, other: Any, converter: Any = None) -> None:
+                Impl._construct(self, other.parameters, other.effects, other.path, converter)
+
+        Impl.__doc__ = base.__doc__
+        return Impl
+
+    return template

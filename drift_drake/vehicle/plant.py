@@ -6,15 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
-from pydrake.systems.framework import BasicVector_, LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import STATES, motion
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import COUNT, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 Array = NDArray[np.float64]
@@ -114,9 +112,7 @@ class SingleTrackPlant(PathPlant):
         self.has_memory = acts_on_motion(effects)
         self.state_names = PLANT_STATES_WITH_MEMORY if self.has_memory else PLANT_STATES
         self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
-        for values in (parameters.constants(), effects):
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
-        self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
+        self.declare_numbers(T, (parameters.constants(), effects), path)
 
     def set_initial(
         self,
@@ -178,28 +174,6 @@ class SingleTrackPlant(PathPlant):
         output.SetFromVector([m.a_x, m.a_y])
 
 
-@TemplateSystem.define("VehiclePlant_")
-def VehiclePlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
-    """See `SingleTrackPlant`."""
-
-    class Impl(SingleTrackPlant, LeafSystem_[T]):
-        """See `SingleTrackPlant`."""
-
-        def _construct(
-            self,
-            parameters: VehicleParameters,
-            effects: Effects = Effects(),  # noqa: B008 (immutable)
-            path: CurvedPath | None = None,
-            converter: Any = None,
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter)
-            self.declare(parameters, effects, path, T)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.parameters, other.effects, other.path, converter)
-
-    return Impl
-
-
+VehiclePlant_ = plant_template("VehiclePlant_", SingleTrackPlant)
 VehiclePlant = VehiclePlant_[None]
 """The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""

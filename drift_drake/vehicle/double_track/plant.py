@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
-from pydrake.systems.framework import BasicVector_, LeafSystem_
-from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
@@ -17,7 +15,7 @@ from drift_drake.vehicle.double_track.settled import settled_states
 from drift_drake.vehicle.double_track.tires import TireConstants
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError
-from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 Array = NDArray[np.float64]
@@ -99,9 +97,7 @@ class DoubleTrackCarPlant(PathPlant):
         check_effects(effects)
         self.parameters, self.effects = parameters, effects
         self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
-        for values in (flattened(parameters.constants()), effects):
-            self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
-        self.declare_ports(self.DeclareContinuousState(len(DOUBLE_TRACK_STATES)), T, path)
+        self.declare_numbers(T, (flattened(parameters.constants()), effects), path)
 
     def set_initial(
         self,
@@ -144,29 +140,6 @@ class DoubleTrackCarPlant(PathPlant):
         output.SetFromVector([m.a_x, m.a_y])
 
 
-@TemplateSystem.define("DoubleTrackPlant_")
-def DoubleTrackPlant_(T: Any) -> Any:  # noqa: N802 (Drake's name for a template)
-    """See `DoubleTrackCarPlant`."""
-
-    class Impl(DoubleTrackCarPlant, LeafSystem_[T]):
-        """See `DoubleTrackCarPlant`."""
-
-        def _construct(
-            self,
-            parameters: DoubleTrackParameters,
-            effects: Effects = Effects(),  # noqa: B008 (immutable)
-            path: CurvedPath | None = None,
-            converter: Any = None,
-        ) -> None:
-            LeafSystem_[T].__init__(self, converter)
-            self.declare(parameters, effects, path, T)
-
-        def _construct_copy(self, other: Any, converter: Any = None) -> None:
-            Impl._construct(self, other.parameters, other.effects, other.path, converter)
-
-    return Impl
-
-
 def check_effects(effects: Effects) -> None:
     """Refuses effects that this car cannot have.
 
@@ -181,5 +154,6 @@ def check_effects(effects: Effects) -> None:
         )
 
 
+DoubleTrackPlant_ = plant_template("DoubleTrackPlant_", DoubleTrackCarPlant)
 DoubleTrackPlant = DoubleTrackPlant_[None]
 """The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""

@@ -31,11 +31,15 @@ COMMANDS = {
     "demo": Command("drift_drake.demo.command", "a tour on a sample log: diagnosis, corrected car, drift"),
     "init": Command("drift_drake.demo.start", "a commented vehicle file to begin with"),
     "import": Command("drift_drake.logs.importing.command", "recordings of any format to logs, with what looks wrong"),
-    "check": Command("drift_drake.diagnosis.check", "quality and coverage of logs, and which effects they could show"),
+    "check": Command(
+        "drift_drake.diagnosis.check.command", "quality and coverage of logs, and which effects they could show"
+    ),
     "diagnose": Command("drift_drake.diagnosis.command", "where a simulator is wrong, and the effect that it misses"),
     "identify": Command("drift_drake.identification.command", "a vehicle file calibrated on logs"),
-    "plan-next": Command("drift_drake.diagnosis.plan_next", "the drive that distinguishes rival hypotheses best"),
-    "apply": Command("drift_drake.diagnosis.apply", "the vehicle file corrected by an answer"),
+    "plan-next": Command(
+        "drift_drake.diagnosis.next_drive.command", "the drive that distinguishes rival hypotheses best"
+    ),
+    "apply": Command("drift_drake.diagnosis.answers.apply", "the vehicle file corrected by an answer"),
     "drive": Command("drift_drake.simulation.command", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside the simulators' response to its commands"),

@@ -2,7 +2,7 @@
 
 from drift_drake import Answer, VehicleParameters, diagnose, plan_from_answer, read_case
 from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.diagnosis.next_drive import NextDrive, NextDriveConfig
+from drift_drake.diagnosis.next_drive.plan import NextDrive, NextDriveConfig
 
 
 def gentle() -> Answer:

@@ -19,7 +19,7 @@ import pandas as pd
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.diagnose import Diagnosis, diagnose
+from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import Gathered, taught

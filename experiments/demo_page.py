@@ -13,8 +13,8 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import Diagnosis
+from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import lane_for_pictures
 from drift_drake.logs.table import read_case

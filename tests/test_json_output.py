@@ -10,9 +10,10 @@ import pytest
 
 from drift_drake.cli import COMMANDS, load, main
 from drift_drake.demo import command as demo
-from drift_drake.diagnosis import diagnose, next_drive
-from drift_drake.diagnosis.answer import read_answer
-from drift_drake.diagnosis.next_drive import NextDrive
+from drift_drake.diagnosis.answers.answer import read_answer
+from drift_drake.diagnosis.likelihood import diagnose
+from drift_drake.diagnosis.next_drive import plan as next_drive
+from drift_drake.diagnosis.next_drive.plan import NextDrive
 from drift_drake.simulation import drive_command
 
 WORDS = {  # of each command, and keys that its JSON has

@@ -35,7 +35,7 @@ def test_the_import_itself_costs_nothing() -> None:
 
 def test_one_error_is_above_all_that_the_package_raises() -> None:
     import drift_drake.control.mpc
-    import drift_drake.diagnosis.answer
+    import drift_drake.diagnosis.answers.answer
     import drift_drake.gathering.plan
     import drift_drake.logs.importing.importer
     import drift_drake.vehicle.parameters  # noqa: F401

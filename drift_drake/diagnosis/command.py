@@ -12,8 +12,8 @@ from tqdm import tqdm
 
 from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
-from drift_drake.diagnosis.answer import Answer
-from drift_drake.diagnosis.provenance import all_answered
+from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.diagnosis.answers.provenance import all_answered
 from drift_drake.errors import InvalidOptionError, meant
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
@@ -28,8 +28,8 @@ from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameter
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.diagnosis.another_day import DayDiagnosis
-    from drift_drake.diagnosis.diagnose import Diagnosis
+    from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
+    from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
     try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
-        from drift_drake.diagnosis.diagnose import answer_folder
+        from drift_drake.diagnosis.likelihood.diagnose import answer_folder
         from drift_drake.estimation.filter import filter_run
     say_if_it_compiles(filter_run, "the filter")
     with progress_bar(command.quiet) as show:
@@ -183,9 +183,9 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
 
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
-    from drift_drake.diagnosis.another_day import DayDiagnosis
-    from drift_drake.diagnosis.day_report import write_day_report
-    from drift_drake.diagnosis.report import write_report
+    from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
+    from drift_drake.diagnosis.reports.day_report import write_day_report
+    from drift_drake.diagnosis.reports.report import write_report
     from drift_drake.pages.page import Source
 
     said = command_line("diagnose", command, "case")
@@ -214,7 +214,7 @@ def _diagnose_many(
     if before:
         print(f"{len(before)} of {count} cases are answered in {into}; --again redoes them", file=sys.stderr)
     with ended_at_once():
-        from drift_drake.diagnosis.diagnose import diagnose_all
+        from drift_drake.diagnosis.likelihood.diagnose import diagnose_all
     only = [folder for folder in folders if folder not in before]
     with tqdm(total=len(only), disable=command.quiet, file=sys.stderr, unit="case") as bar:
 

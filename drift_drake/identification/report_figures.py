@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 from markupsafe import Markup
 
-from drift_drake.diagnosis.report_figures import UNITS
+from drift_drake.diagnosis.reports.report_figures import UNITS
 from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.pages.charts import NORMAL, Line, Panel, beside, finished, heat_map

@@ -29,7 +29,7 @@ class Beliefs:
     hazard: float = 1.0 / 600.0  # [1/s] of a change
     gap_at_start: float = 0.1  # probability that the simulator lacks something from the first row on
     unknown: float = 0.1  # of a change, that it is none of the catalogue
-    shape: float = 0.15  # relative error of what an effect does (see `diagnosis.day_posterior`)
+    shape: float = 0.15  # relative error of what an effect does (see `diagnosis.another_day.posterior`)
     second: float = 1.0  # amplitude of each node in an unknown gap, one standard deviation
 
 

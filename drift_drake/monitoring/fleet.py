@@ -18,7 +18,7 @@ from drift_drake.monitoring.history import Sums, no_sums
 Level = Literal["fleet", "car", "day"]
 PRIOR: dict[Level, float] = {"fleet": 0.5, "car": 0.2, "day": 0.1}
 """Probability that a fleet, a car, a day has an effect at all; shared by the effects."""
-SHAPE = 0.15  # relative error of what an effect does (see `diagnosis.day_posterior`)
+SHAPE = 0.15  # relative error of what an effect does (see `diagnosis.another_day.posterior`)
 ODD = 4.0  # standard deviations of a day's misfit beyond its expectation, from which on it is an outlier
 MOST = 200  # terms
 

@@ -25,8 +25,8 @@ from scipy.stats import spearmanr
 from tqdm import tqdm
 
 from drift_drake.control.step_model import NominalStepModel
-from drift_drake.diagnosis.correction import corrected_vehicle
-from drift_drake.diagnosis.diagnose import diagnose
+from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions

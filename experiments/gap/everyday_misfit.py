@@ -18,7 +18,7 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.diagnose import diagnose
+from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.identification.calibration import Identification
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import Run

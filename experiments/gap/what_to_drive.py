@@ -24,10 +24,10 @@ from tqdm import tqdm
 from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import tracking_gains
-from drift_drake.diagnosis.answer import UnplannableError
-from drift_drake.diagnosis.beliefs import Belief, Sensing
-from drift_drake.diagnosis.diagnose import diagnose
-from drift_drake.diagnosis.next_drive import NextDriveConfig, plan_from_answer, solve
+from drift_drake.diagnosis.answers.answer import UnplannableError
+from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
+from drift_drake.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer, solve
 from drift_drake.diagnosis.posterior import UNKNOWN
 from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled

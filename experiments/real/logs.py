@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import tyro
 
-from drift_drake.diagnosis.diagnose import diagnose
-from drift_drake.diagnosis.report import write_report as write_diagnosis
+from drift_drake.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.diagnosis.reports.report import write_report as write_diagnosis
 from drift_drake.estimation.horizons import HORIZONS, STATES
 from drift_drake.estimation.problem import make_problem
 from drift_drake.estimation.reduction import errors_of

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from drift_drake.diagnosis.another_day import diagnose_day
+from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
 
 CONSIDERED = (
     "friction_level",

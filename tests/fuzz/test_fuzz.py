@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from mutations import JUNK, TEXTS, mutated, spoilt
 
 from drift_drake.cli import main
-from drift_drake.diagnosis.answer import read_answer
-from drift_drake.diagnosis.answer_beliefs import beliefs_of
-from drift_drake.diagnosis.apply import Apply, run_apply
+from drift_drake.diagnosis.answers.answer import read_answer
+from drift_drake.diagnosis.answers.apply import Apply, run_apply
+from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import NUISANCES

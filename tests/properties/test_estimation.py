@@ -12,8 +12,8 @@ pytest.importorskip("hypothesis", reason="properties need the extra `test`")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drift_drake.diagnosis.likelihood.search import search
 from drift_drake.diagnosis.posterior import make_posterior, read_calibration
-from drift_drake.diagnosis.search import search
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import cost_of, fit
 from drift_drake.estimation.problem import NUISANCES, Problem, filter_case, make_problem

@@ -1,0 +1,231 @@
+"""Another day of a car calibrated by prediction: what has changed since, if anything that is not normal for it.
+
+The car need not follow the equations: `estimation.scores` knows from the day of calibration how its errors scatter in
+each direction, and what that day's drives left unknown.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.another_day.beliefs import day_beliefs
+from drift_drake.diagnosis.another_day.detection_limits import detection_limits
+from drift_drake.diagnosis.another_day.gap import reduction, where
+from drift_drake.diagnosis.another_day.gross_gap import judged
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
+from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
+from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
+from drift_drake.errors import unit_suffix
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.reduction import Reduction
+from drift_drake.estimation.scores import Day, Normal, make_day
+from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.unknowns import magnitudes
+from drift_drake.estimation.usable import usable
+from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, thinned, windowed
+from drift_drake.logs.screening.suspicions import suspicions
+from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
+GROSS = 5.0  # times its scale on the day of calibration that a channel's median error may be, whatever is added
+MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
+CERTAIN = 0.98  # probability of `unknown` then
+MOST_WINDOWS = 600  # of a day, evenly chosen
+LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
+FAR_BEYOND = (
+    "errors are far beyond normal: causes are judged by the errors that they remove a tenth of a second ahead, and "
+    "may be what the calibration could not see instead of a change since"
+)
+WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
+
+Progress = Callable[[str, float], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class DayDiagnosis:
+    """The answer, and what a report is drawn from."""
+
+    answer: Answer
+    search: Search
+    ranked: Ranked
+    reduction: Reduction
+
+
+def diagnose_day(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
+    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: Calibration | None = None,
+    catalogue: Sequence[str] = tuple(CATALOGUE),
+) -> DayDiagnosis:  # fmt: skip
+    """Diagnoses the runs of one day.
+
+    Args:
+        runs: of the same car on the same day; vehicle, own: the calibrated car; normal: what is normal for it
+            (`drift-drake identify --json`); workers: threads; progress: called with a stage's name and the share done;
+        constants: of the posterior; catalogue: effects to consider.
+
+    Raises:
+        InvalidLogError: no run can be used, a column is missing, or there is too little driving.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _stage, _share: None)
+    constants = constants or PRIORS
+    doubts = suspicions(runs, vehicle)
+    runs, warnings = usable(runs, vehicle)
+    warnings = [doubt.sentence for doubt in doubts] + warnings
+    names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
+    tell("errors and their derivatives", 0.0)
+    search = search_of(runs, vehicle, normal, own, names, case, workers)
+    none, others = hypotheses_of(search, tell)
+    tell("how far it shrinks", 0.8)
+    found, shrinks = believed(search, none, others, constants)
+    if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
+        beyond = judged(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
+        found, shrinks = beyond.ranked, beyond.reduction
+        warnings.append(FAR_BEYOND)
+    tell("what these logs can show", 0.9)
+    limits = detection_limits(search, search.curves)
+    h = found.leading
+    named = found.verdict == "effect"
+    if named:
+        warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
+    causes = {name: interval(h, i) for i, name in enumerate(h.names)}
+    answer = Answer(
+        case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
+        ambiguity=found.ambiguity, magnitudes=causes if named else {}, where=where(search, h, found.verdict == UNKNOWN),
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
+        seconds=time.perf_counter() - began, tolerances={},
+        details=details_of(search, found, shrinks, none, causes) | {
+            "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
+            "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
+            "beliefs": day_beliefs(search, found, [none, *others, h], limits, constants),
+        },
+        warnings=[*warnings, *more],
+    )  # fmt: skip
+    tell("done", 1.0)
+    return DayDiagnosis(answer, search, found, shrinks)
+
+
+def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
+    """The car as it was calibrated, and single changes and pairs of them, the best first."""
+    none = search.none()
+    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
+    if not singles or min(none.nats, singles[0].nats) <= WORTH_A_PAIR:
+        return none, singles
+    return none, [*singles, *search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))]
+
+
+def details_of(
+    search: Search, found: Ranked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+) -> dict[str, Any]:
+    """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
+    h, named = found.leading, found.verdict == "effect"
+    return {
+        "criterion": "prediction",
+        "familiar": float(np.mean(search.day.weights)),
+        "reduction_by_state": shrinks.by_state if named else {},
+        "reduction_by_horizon": shrinks.by_horizon if named else {},
+        "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
+        "leading_known": hypothesis_name(h.names),
+        "at_least": at_bound(h, search.ranges) if named else [],
+        "with": brought_along(h, search.day) if named else {},
+        "errors": errors_by_state(search),
+        "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+    }
+
+
+def search_of(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal, own: Effects, names: Sequence[str], case: str,
+    workers: int,
+) -> Search:  # fmt: skip
+    """The search for causes in usable runs of one day, among the effects of these names.
+
+    Raises:
+        InvalidLogError: a column is missing, or there is too little driving.
+    """
+    if any(run.beta is None for run in runs):
+        raise InvalidLogError(
+            f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
+        )
+    windows = [windowed(run, run.filled) for run in runs]
+    covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
+    if covered < LEAST_TIME:
+        raise InvalidLogError(
+            f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
+        )
+    day = make_day(
+        thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal.scales,
+        normal.covered, workers,
+    )  # fmt: skip
+    return Search(day, normal, vehicle, names, workers)
+
+
+def believed(
+    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: Calibration
+) -> tuple[Ranked, Reduction]:
+    """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
+    kept = [none, *(as_change(h) for h in others if tells_from_zero(h))]
+    counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
+    found = ranked(kept, *counts)
+    shrinks = reduction(search, found.leading, found.leading)
+    while found.leading.names and shrinks.estimate <= 0.0:
+        kept = [h for h in kept if h is not found.leading]
+        found = ranked(kept, *counts)
+        shrinks = reduction(search, found.leading, found.leading)
+    if gross(search, found.leading) > GROSS:
+        doubted = max(counts[-1], CERTAIN)
+        found = ranked(kept, *counts[:-1], doubted)
+    return found, shrinks
+
+
+def unseen_sentence(name: str, q: float) -> str:
+    """That the day asks for more of the car's build than its calibration knows."""
+    unit = unit_suffix(CATALOGUE[name].unit)
+    return (
+        f"beside it the day asks for {name} of {q:.2g}{unit}, which belongs to the car's build: the day of calibration "
+        "did not show it; calibrate on such drives too"
+    )
+
+
+def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
+    """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
+    own = magnitudes(h.names, h.magnitudes)
+    return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
+
+
+def doubt_of(search: Search) -> float:
+    """Probability that nothing can be judged: too little of the driving is known from the calibration."""
+    return max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
+
+
+def gross(search: Search, h: Hypothesis) -> float:
+    """The largest median error of a channel half a second ahead under a hypothesis, in its scale on calibration day.
+
+    Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say.
+    """
+    e = np.abs(search.day.errors_with(h.effects(search.day)))[:, -1] / search.normal.scales[-1]
+    return float(np.max(np.median(e, axis=0)) / MEDIAN_OF_NORMAL)
+
+
+def nearest(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
+    """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
+    return {
+        "hypothesis": hypothesis_name(h.names),
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
+        "removes": shrinks.estimate,
+        "free_forces_remove": None,
+    }
+
+
+def errors_by_state(search: Search) -> dict[str, list[float]]:
+    """Median absolute errors of the calibrated car at each horizon, in the states' units."""
+    medians = np.median(np.abs(search.day.errors), axis=0)
+    out = {f"{STRIDE * (k + 1):g} s": [float(q) for q in medians[k, :4]] for k in range(HORIZONS)}
+    return out

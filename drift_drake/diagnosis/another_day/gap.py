@@ -1,0 +1,116 @@
+"""Another day's gap in the terms of prediction: how far causes shrink it on held-out blocks, and where it is."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
+from drift_drake.diagnosis.where import LEAST_SHARE, ONSET, region_of, regions, shares
+from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
+from drift_drake.estimation.scores import Normal
+from drift_drake.estimation.windows import HORIZONS, STRIDE
+
+STATES = ("r", "v", "beta", "omega_r")
+
+
+def squares(normal: Normal, e: np.ndarray) -> np.ndarray:
+    """Capped squared errors [windows, HORIZONS, states] about the normal ones, in robust scales."""
+    return normal.squares(e)[..., : len(STATES)]
+
+
+def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) -> Reduction:
+    """The share 1 - (after - floor) / (before - floor) at half a second, with a 95 % block-bootstrap interval.
+
+    After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the mean squares of the
+    day of calibration, or those of the best hypothesis where they are lower.
+    """
+    if not h.names:
+        return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
+    day = search.day
+    before = squares(search.normal, day.errors)
+    lowest = squares(search.normal, day.errors_with(best.effects(day)))
+    level = search.normal.level[:, : len(STATES)]
+    floor = lowest * np.minimum(1.0, level / np.maximum(lowest.mean(axis=0), 1e-12))
+    after = np.empty_like(before)
+    for fold in range(FOLDS):
+        held = day.block % FOLDS == fold
+        q = held_out_magnitudes(search, h, fold)
+        after[held] = squares(search.normal, day.errors_with(h.effects(day, q)))[held]
+    sums = np.zeros((day.blocks, 3))
+    for i, part in enumerate((before, after, floor)):
+        np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
+    draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
+    values = np.array([share(*sums[d].sum(axis=0)) for d in draws])
+    low, high = np.quantile(values, [0.025, 0.975])
+    estimate = share(*sums.sum(axis=0))
+    whole = (before, after, floor)
+    by_state = {s: share(*(float(part[:, -1, i].sum()) for part in whole)) for i, s in enumerate(STATES)}
+    by_horizon = {f"{STRIDE * (k + 1):g} s": share(*(float(part[:, k].sum()) for part in whole))
+                  for k in range(HORIZONS)}  # fmt: skip
+    means = [[float(q) for q in part.mean(axis=(0, 2))] for part in whole]
+    return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
+
+
+def share(before: float, after: float, floor: float) -> float:
+    """The share of the gap that is removed; zero where there is none."""
+    return float(np.clip(1.0 - (after - floor) / (before - floor), -1.0, 1.0)) if before > floor else 0.0
+
+
+def held_out_magnitudes(search: Search, h: Hypothesis, fold: int) -> np.ndarray:
+    """Magnitudes that the scores of the other folds' blocks ask for: one Gauss-Newton step from the fit to all."""
+    day = search.day
+    kept = np.arange(day.blocks) % FOLDS != fold
+    part = float(np.mean(kept))
+
+    def scores(q: np.ndarray) -> np.ndarray:
+        e = day.errors_with(h.effects(day, q))
+        return search.kept_scores(e, kept) - part * search.scatter.mean
+
+    q = h.magnitudes
+    at = scores(q)
+    slopes = np.empty((len(at), len(q)))
+    for i in range(len(q)):
+        step = 0.05 * q[i]
+        slopes[:, i] = (scores(q - step * (np.arange(len(q)) == i)) - at) / -step
+    hessian = slopes.T @ search.scatter.inverse @ slopes
+    moved = q - np.linalg.lstsq(hessian, slopes.T @ search.scatter.inverse @ at, rcond=None)[0]
+    ranges = [search.ranges[name] for name in h.names]
+    return np.clip(moved, [r.low for r in ranges], [r.high for r in ranges])
+
+
+def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[str, object]:
+    """Shares of the gap by state and run, the regions that hold it, and when it sets in (`where.Where`'s keys).
+
+    Args:
+        unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
+    """
+    day = search.day
+    before = squares(search.normal, day.errors)
+    normal = search.normal.level[:, : len(STATES)]
+    gap = (before - (normal if unexplained else squares(search.normal, day.errors_with(best.effects(day)))))[:, -1]
+    by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})
+    by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
+    y = np.concatenate([run.start_y[run.starts] for run in day.runs])
+    grip = float(day.constants.friction * day.constants.gravity)
+    onset: Mapping[str, float] = {
+        run.name: first
+        for k, run in enumerate(day.runs)
+        if by_run[run.name] > LEAST_SHARE
+        and (first := sets_in(gap[day.run == k].sum(axis=1), run.starts * run.period)) is not None
+    }
+    return {
+        "states": by_state,
+        "runs": by_run,
+        "channels": {},
+        "regions": regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip)),
+        "onset": dict(onset),
+        "lag": {},
+        "horizons": {f"{STRIDE * (k + 1):g} s": float(q) for k, q in
+                     enumerate(before.mean(axis=(0, 2)))},
+    }  # fmt: skip
+
+
+def sets_in(gap: np.ndarray, t: np.ndarray) -> float | None:
+    """Time [s] by which a run's gap has set in; None without one."""
+    total = np.cumsum(np.maximum(gap, 0.0))
+    return float(t[int(np.searchsorted(total, ONSET * total[-1]))]) if len(total) and total[-1] > 0.0 else None

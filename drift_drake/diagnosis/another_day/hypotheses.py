@@ -1,0 +1,297 @@
+"""Which change makes another day's scores normal: hypotheses over `none`, single effects and pairs, with magnitudes.
+
+A hypothesis puts its effects into the calibrated car, predicts the day's windows anew and asks how normal the scores
+of the errors that are left are (`estimation.scores`). Scores are nearly linear in a magnitude, so that a few
+predictions, interpolated, find its most likely value.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from drift_drake.diagnosis.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
+from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
+from drift_drake.estimation.scores import Day, Normal, Scatter, scatter_of, summed
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
+UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
+FADES = 0.2  # of the practical range, over which a prior falls off beyond it
+FINE = 24  # interpolated magnitudes between two of the grid
+REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
+SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
+TINY = 1e-3  # of a unit, for differences
+BUILD = 0.5  # `daily` below which an effect is of the car's build
+EXTENSIONS = 2  # of the reach of a leading hypothesis
+
+Errors = Callable[[Mapping[str, float]], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """One change with its most likely magnitudes."""
+
+    names: tuple[str, ...]
+    magnitudes: np.ndarray  # [k]
+    covariance: np.ndarray  # [k, k]
+    nats: float  # half the squared distance of its scores from normal
+    log_evidence: float
+    follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`estimation.load_following`)
+    beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
+
+    def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
+        """What is added to the calibrated car, with other magnitudes [k] if they are given."""
+        q = self.magnitudes if magnitudes is None else magnitudes
+        return added_up(effects_of(self.names, q, self.follows_load, day), self.beside)
+
+
+def added_up(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """The sum of two sets of effects by name."""
+    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {**one, **other}}
+
+
+def as_change(h: Hypothesis) -> Hypothesis:
+    """A pair with one effect of the car's build as the other alone: a car's build does not change by the day.
+
+    That effect stays beside it, as something that calibration has not seen.
+    """
+    built = [name for name in h.names if CATALOGUE[name].daily < BUILD]
+    if len(h.names) != 2 or len(built) != 1:
+        return h
+    at = 1 - h.names.index(built[0])
+    return dataclasses.replace(
+        h, names=(h.names[at],), magnitudes=h.magnitudes[[at]], covariance=h.covariance[[at]][:, [at]],
+        beside={built[0]: float(h.magnitudes[1 - at])},
+    )  # fmt: skip
+
+
+def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float, day: Day) -> dict[str, float]:
+    """Effects by name; those that the loads bring along are added."""
+    out: dict[str, float] = {}
+    for name, magnitude in zip(names, magnitudes, strict=True):
+        parts = with_load(name, float(magnitude), follows_load, day.constants)
+        for key, value in parts.items():
+            if value == 0.0 and key != name:
+                continue
+            out[key] = out.get(key, 0.0) + value
+    return out
+
+
+class Search:
+    """Hypotheses of one day, fitted."""
+
+    def __init__(self, day: Day, normal: Normal, vehicle: VehicleParameters, catalogue: Sequence[str],
+                 threads: int = 2) -> None:  # fmt: skip
+        self.day, self.normal, self.vehicle = day, normal, vehicle
+        self.scatter: Scatter = scatter_of(day, normal)
+        self.ranges = {name: range_of(name, vehicle) for name in catalogue}
+        self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
+        self.threads = threads
+        self.curves: list[Curve] = []  # of every single effect, once `singles` has been asked
+
+    def on(self, day: Day) -> "Search":
+        """The same search on other windows."""
+        return Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
+
+    def scores(self, effects: Mapping[str, float]) -> np.ndarray:
+        """Scores less their normal mean [n] once effects are added."""
+        e = self.day.errors_with(effects) if effects else self.day.errors
+        return summed(self.day, self.normal, e) - self.scatter.mean
+
+    def kept_scores(self, e: np.ndarray, kept: np.ndarray) -> np.ndarray:
+        """Scores [n] of errors over the blocks that are kept [blocks] (bool)."""
+        return summed(self.day, self.normal, e, kept)
+
+    def nats(self, scores: np.ndarray) -> np.ndarray:
+        """Half the squared distance from normal of scores [..., n]."""
+        return np.asarray(0.5 * np.einsum("...i,ij,...j->...", scores, self.scatter.inverse, scores))
+
+    def none(self) -> Hypothesis:
+        """Nothing has changed."""
+        nats = float(self.nats(self.scores({})))
+        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats)
+
+    def singles(self, progress: Callable[[float], None]) -> list[Hypothesis]:
+        """Every single effect with its most likely magnitude, the best refined; best first."""
+        at_zero = self.scores({})
+        variants = [
+            (name, follows) for name in self.ranges for follows in (SHARES if name in FOLLOWING else SHARES[:1])
+        ]
+        with ThreadPoolExecutor(self.threads) as pool:
+            curves = []
+            for done, curve in enumerate(pool.map(lambda v: self._curve(v[0], v[1], at_zero), variants)):
+                curves.append(curve)
+                progress((done + 1) / len(variants))
+            ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
+            refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
+        refined = [curve.followed(self) for curve in refined]
+        self.curves = [*refined, *ranked[REFINED:]]
+        found = [curve.hypothesis(self) for curve in self.curves]
+        best: dict[str, Hypothesis] = {}
+        for h in sorted(found, key=lambda h: -h.log_evidence):
+            best.setdefault(h.names[0], h)
+        return sorted(best.values(), key=lambda h: -h.log_evidence)
+
+    def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
+        r = self.ranges[name]
+        grid = [q * r.high if q > 0.0 else -q * r.low for q in SIGNED_GRID] if r.low < 0.0 else [
+            max(q * r.high, r.least) for q in UNSIGNED_GRID]  # fmt: skip
+        curve = Curve(name, follows, [], [])
+        if name != RATE_LIMIT:  # whose zero is no limit at all
+            curve = Curve(name, follows, [0.0], [at_zero])
+        for magnitude in sorted(set(grid)):
+            curve = curve.with_point(self, float(magnitude))
+        return curve
+
+    def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
+        """Pairs grown from the best singles, jointly fitted; best first."""
+        names = [h.names[0] for h in singles]
+        magnitude = {h.names[0]: float(h.magnitudes[0]) for h in singles}
+        jobs: dict[tuple[str, str], tuple[Hypothesis, str, float]] = {}
+        for seed in singles[:SEEDS]:
+            at = self.scores(seed.effects(self.day))
+            gains = []
+            for name in names:
+                if name != seed.names[0]:
+                    q, gain = self._partner(name, at, magnitude[name])
+                    gains.append((gain, name, q))
+            for _, name, q in sorted(gains, reverse=True)[:PARTNERS]:
+                first, second = sorted((seed.names[0], name))
+                jobs.setdefault((first, second), (seed, name, q))
+        out = []
+        with ThreadPoolExecutor(self.threads) as pool:
+            for done, h in enumerate(pool.map(lambda job: self._pair(*job), jobs.values())):
+                progress((done + 1) / len(jobs))
+                out.append(h)
+        return sorted((h for h in out if h is not None), key=lambda h: -h.log_evidence)
+
+    def _partner(self, name: str, at: np.ndarray, single: float) -> tuple[float, float]:
+        """Magnitude that a second effect would have beside scores `at`, to first order, and the nats that it gains."""
+        r = self.ranges[name]
+        unit = single if abs(single) >= r.least else max(r.least, TINY * r.high)
+        slope = (self.scores({name: unit}) - self.scores({})) / unit
+        curvature = float(slope @ self.scatter.inverse @ slope)
+        q = -float(slope @ self.scatter.inverse @ at) / max(curvature, 1e-300)
+        q = clipped(q, r)
+        return q, float(self.nats(at) - self.nats(at + slope * q))
+
+    def _pair(self, seed: Hypothesis, name: str, start: float) -> Hypothesis | None:
+        names = (*seed.names, name)
+        order = np.argsort(names)
+        follows = seed.follows_load
+        q = np.array([float(seed.magnitudes[0]), start])
+        s = self.scores(effects_of(names, q, follows, self.day))
+        ranges = [self.ranges[n] for n in names]
+        slopes = np.zeros((len(s), 2))
+        for _ in range(PAIR_STEPS):
+            for i, r in enumerate(ranges):
+                step = 0.05 * r.high * (1.0 if q[i] + 0.05 * r.high <= r.high else -1.0)
+                moved = q + step * (np.arange(2) == i)
+                slopes[:, i] = (self.scores(effects_of(names, moved, follows, self.day)) - s) / step
+            hessian = slopes.T @ self.scatter.inverse @ slopes
+            if np.min(np.diag(hessian)) <= 0.0:
+                return None  # one of the two does nothing here
+            step2 = -np.linalg.solve(hessian + 1e-9 * np.diag(np.diag(hessian)), slopes.T @ self.scatter.inverse @ s)
+            for share in (1.0, 0.5, 0.2):
+                trial = np.array([clipped(float(x), r) for x, r in zip(q + share * step2, ranges, strict=True)])
+                after = self.scores(effects_of(names, trial, follows, self.day))
+                if self.nats(after) < self.nats(s):
+                    break
+            else:
+                break
+            gained = float(self.nats(s) - self.nats(after))
+            q, s = trial, after
+            if gained < 0.05:
+                break
+        hessian = slopes.T @ self.scatter.inverse @ slopes
+        if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > 1e12:
+            return None
+        covariance = np.linalg.inv(hessian)
+        names, q, covariance = tuple(names[i] for i in order), q[order], covariance[np.ix_(order, order)]
+        return concluded(names, q, covariance, float(self.nats(s)), [self.ranges[n] for n in names], follows)
+
+
+def concluded(
+    names: tuple[str, ...], q: np.ndarray, covariance: np.ndarray, nats: float, ranges: Sequence[Range],
+    follows: float,
+) -> Hypothesis:  # fmt: skip
+    """A fitted hypothesis with its Laplace evidence under flat priors over the ranges."""
+    widths = np.array([r.width for r in ranges])
+    sign, logdet = np.linalg.slogdet(covariance)
+    occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
+    beyond = [max(x - r.usual[1], r.usual[0] - x if r.low < 0.0 else 0.0, 0.0) / (FADES * r.usual[1])
+              for x, r in zip(q, ranges, strict=True)]  # fmt: skip
+    unusual = 2.0 * float(np.sum(np.log1p(0.5 * np.square(beyond))))  # heavy-tailed
+    return Hypothesis(names, q, covariance, nats, -nats - unusual + min(float(occam), 0.0), follows)
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """Scores of one effect over its magnitudes, linear in between."""
+
+    name: str
+    follows: float
+    magnitudes: list[float]  # ascending
+    scores: list[np.ndarray]
+
+    def with_point(self, search: Search, magnitude: float) -> "Curve":
+        """The curve with one more magnitude predicted."""
+        if any(abs(magnitude - q) < 1e-12 for q in self.magnitudes):
+            return self
+        s = search.scores(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
+        order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
+        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order])
+
+    def fine(self) -> tuple[np.ndarray, np.ndarray]:
+        """Interpolated magnitudes [m] and scores [m, n]."""
+        at, s = np.array(self.magnitudes), np.array(self.scores)
+        share = np.linspace(0.0, 1.0, FINE)[None, :, None]
+        q = (1.0 - share[..., 0]) * at[:-1, None] + share[..., 0] * at[1:, None]
+        return q.ravel(), ((1.0 - share) * s[:-1, None] + share * s[1:, None]).reshape(-1, s.shape[1])
+
+    def best(self, search: Search) -> tuple[float, float]:
+        """Most likely magnitude that is a gap, and its nats."""
+        q, s = self.fine()
+        r = search.ranges[self.name]
+        allowed = (np.abs(q) >= r.least * (1.0 - 1e-9)) & (q >= r.low) & (q <= r.high)
+        nats = np.where(allowed, search.nats(s), np.inf)
+        i = int(np.argmin(nats))
+        return float(q[i]), float(nats[i])
+
+    def refined(self, search: Search) -> "Curve":
+        """The curve predicted anew where it is most likely, until that stays."""
+        curve = self
+        for _ in range(ROUNDS):
+            q, before = curve.best(search)
+            curve = curve.with_point(search, q)
+            if abs(curve.best(search)[1] - before) < 0.1:
+                break
+        return curve
+
+    def followed(self, search: Search) -> "Curve":
+        """The curve, farther out while its most likely magnitude is at its end; a rate limit acts the less there."""
+        curve = self
+        for _ in range(EXTENSIONS if self.name != RATE_LIMIT else 0):
+            r, q = search.ranges[self.name], curve.best(search)[0]
+            wider = farther(self.name, r, search.vehicle)
+            if not at_end(q, r) or wider == r:
+                break
+            search.ranges[self.name] = wider
+            end = wider.high if q > 0.0 else wider.low
+            curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
+        return curve
+
+    def hypothesis(self, search: Search) -> Hypothesis:
+        """The single effect at its most likely magnitude; its variance from the slope of the scores there."""
+        q, nats = self.best(search)
+        at = np.array(self.magnitudes)
+        i = int(np.clip(np.searchsorted(at, q), 1, len(at) - 1))
+        # Over a stretch of the curve: neighbours that refinement put close together say little of the slope.
+        low, high = max(i - 2, 0), min(i + 1, len(at) - 1)
+        slope = (self.scores[high] - self.scores[low]) / (at[high] - at[low])
+        variance = 1.0 / max(float(slope @ search.scatter.inverse @ slope), 1e-300)
+        return concluded((self.name,), np.array([q]), np.array([[variance]]), nats, [search.ranges[self.name]],
+                         self.follows)  # fmt: skip

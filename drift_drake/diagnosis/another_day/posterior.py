@@ -1,0 +1,106 @@
+"""From hypotheses of another day to probabilities, a verdict, and magnitudes with intervals."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
+from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, ambiguity_set, hypothesis_name, log_prior
+from drift_drake.diagnosis.ranges import Range, at_end
+from drift_drake.estimation.interval import Interval
+from drift_drake.vehicle.catalogue import CATALOGUE
+
+PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
+WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
+SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
+SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
+STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
+"""By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
+tyres are not the equations' (validation days)."""
+OF_SCATTER = 0.7  # by which magnitudes scatter less than detection is guarded against (validation days)
+TWO_SIDED = 1.96
+
+
+@dataclasses.dataclass(frozen=True)
+class Ranked:
+    """Hypotheses with probabilities, most probable first, and what they say."""
+
+    probabilities: dict[str, float]
+    ambiguity: list[str]
+    verdict: str  # effect, none or unknown
+    leading: Hypothesis  # of those that are known
+
+
+def ranked(
+    hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration, scores: int = len(CATALOGUE),
+    doubt: float = 0.0,
+) -> Ranked:  # fmt: skip
+    """Probabilities of hypotheses and of `unknown`.
+
+    Args:
+        hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing.
+        catalogue: number of effects that were considered; scores: number of scores that judge them;
+        doubt: probability that no hypothesis can be judged at all, which is `unknown`'s.
+    """
+    none = next(h for h in hypotheses if not h.names)
+    least = min(h.nats for h in hypotheses)
+    tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / scores
+    scored = sorted(
+        ((h.log_evidence + h.nats * (1.0 - 1.0 / tempered) + prior(h, catalogue, constants), h) for h in hypotheses),
+        key=lambda item: item[0],
+    )
+    values = {hypothesis_name(h.names): value for value, h in scored}  # the best of each name
+    hypotheses = [h for _, h in scored]
+    price = 0.5 * scores * np.log(WIDE)
+    values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
+    return concluded_from(values, hypotheses, doubt)
+
+
+def prior(h: Hypothesis, catalogue: int, constants: Calibration) -> float:
+    """Log prior of a hypothesis, but for a constant."""
+    names = (*h.names, *h.beside)
+    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
+    return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
+
+
+def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked:
+    """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
+
+    Args:
+        hypotheses: that are known, `none` among them; doubt: probability of `unknown` beside what `values` give it.
+    """
+    names, v = list(values), np.array(list(values.values()))
+    p = np.exp(v - np.max(v))
+    p = (1.0 - doubt) * p / np.sum(p)
+    by_value = dict(zip(names, (float(q) for q in p), strict=True))
+    by_value[UNKNOWN] = by_value.get(UNKNOWN, 0.0) + doubt
+    probabilities = dict(sorted(by_value.items(), key=lambda item: -item[1]))
+    leader = next(iter(probabilities))
+    by_name = {hypothesis_name(h.names): h for h in hypotheses}
+    known = by_name[next(name for name in probabilities if name != UNKNOWN)]
+    verdict = leader if leader in ("none", UNKNOWN) else "effect"
+    return Ranked(probabilities, ambiguity_set(probabilities), verdict, known)
+
+
+def deviation(h: Hypothesis, index: int) -> float:
+    """Standard deviation of a magnitude: what the scores leave, and what the magnitude stands for."""
+    relative = STANDS_FOR[CATALOGUE[h.names[index]].stage] * abs(float(h.magnitudes[index]))
+    return float(np.hypot(OF_SCATTER * np.sqrt(h.covariance[index, index]), relative))
+
+
+def interval(h: Hypothesis, index: int) -> Interval:
+    """95 % interval of a magnitude."""
+    q, half = float(h.magnitudes[index]), TWO_SIDED * deviation(h, index)
+    low, high = q - half, q + half
+    return Interval(q, max(low, 0.0) if not CATALOGUE[h.names[index]].signed else low, high)
+
+
+def tells_from_zero(h: Hypothesis) -> bool:
+    """Whether no magnitude is within the whole scatter of zero."""
+    return bool(np.all(np.abs(h.magnitudes) > TWO_SIDED * np.sqrt(np.diag(h.covariance))))
+
+
+def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:
+    """Causes whose magnitude is at the end of what is believed possible: it is so much at least."""
+    return [name for name, q in zip(h.names, h.magnitudes, strict=True) if at_end(float(q), ranges[name])]

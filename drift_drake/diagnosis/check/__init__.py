@@ -1,0 +1,1 @@
+"""What logs are worth before anything is fitted to them."""

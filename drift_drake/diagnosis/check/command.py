@@ -1,0 +1,174 @@
+"""`drift-drake check`: an assessment of logs before anything is fitted to them."""
+
+import dataclasses
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import tyro
+
+from drift_drake.errors import InvalidOptionError, unit_suffix
+from drift_drake.interruption import ended_at_once
+from drift_drake.logs.cases import case_name
+from drift_drake.logs.table import read_case, run_paths, stated_noise
+from drift_drake.plain_files import check_file
+from drift_drake.safe_files import try_outputs
+from drift_drake.standard_output import said_to, write_results
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+if TYPE_CHECKING:
+    from drift_drake.logs.quality import RunQuality
+    from drift_drake.logs.table import Run
+    from drift_drake.vehicle.effects import Effects
+    from drift_drake.vehicle.parameters import VehicleParameters
+
+UNITS = {"speed": "m/s", "lateral acceleration": "m/s^2", "sideslip": "rad", "steering": "rad",
+         "steering rate": "rad/s"}  # fmt: skip
+LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """Assess logs before anything is fitted to them: quality, coverage, which effects they could show.
+
+    drift-drake check logs/monday --vehicle car.yaml
+
+    drift-drake check logs/tuesday --vehicle car.yaml --calibration car.json
+
+    Without a vehicle file: rates, columns, noise, bad samples, how hard the car was driven. With one: units, signs and
+    clocks that contradict each other, which parts can be used, the operating regions, and for each effect of the
+    catalogue the least magnitude that these logs would show; with the calibration, beside what is normal for the car.
+    """
+
+    logs: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS")]
+    """Folder of runs (run_0.csv, run_1.csv, ...) of one car, or one run's file."""
+    vehicle: Path | None = None
+    """What the simulator believes of the car (YAML)."""
+    calibration: Path | None = None
+    """What `drift-drake identify --json` wrote of this car."""
+    json: Path | None = None
+    """Where to write all of it as JSON (-: standard output)."""
+    workers: int = 2
+    """Threads."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Checked:
+    """What was found; detection: by effect, as in an answer (`details.detection`); regions: seconds driven in each."""
+
+    case: str
+    runs: "list[RunQuality]"
+    remarks: list[str]
+    regions: dict[str, float] = dataclasses.field(default_factory=dict)
+    detection: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+
+
+def run_check(command: Check) -> None:
+    """`drift-drake check`."""
+    if command.calibration is not None:
+        check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
+        if command.vehicle is None:
+            raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
+    given = None if command.vehicle is None else read_vehicle(command.vehicle)
+    inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
+    try_outputs({"--json": command.json}, inputs)
+    runs = read_case(command.logs)
+    with ended_at_once():
+        from drift_drake.logs.quality import quality
+
+    found, remarks = quality(runs)
+    checked = Checked(case_name(command.logs), found, remarks)
+    if given is not None:
+        checked = with_vehicle(checked, runs, *given, command)
+    print("\n".join(sentences(checked)), file=said_to(command.json))
+    write_results(command.json, checked)
+
+
+def with_vehicle(
+    checked: Checked, runs: "Sequence[Run]", vehicle: "VehicleParameters", own: "Effects", command: Check
+) -> Checked:
+    """What can be said beside a vehicle file.
+
+    Raises:
+        InvalidLogError: no run can be used.
+    """
+    with ended_at_once():
+        from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
+        from drift_drake.diagnosis.where import region_names, region_of
+        from drift_drake.estimation.usable import usable
+        from drift_drake.identification.calibration_file import CarTrust, read_trust
+        from drift_drake.logs.screening.suspicions import suspicions
+
+    doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
+    kept, warnings = usable(runs, vehicle)
+    names, grip = region_names(), vehicle.friction * vehicle.gravity
+    seconds = np.zeros(len(names))
+    for run in kept:
+        beta = np.zeros(len(run)) if run.beta is None else run.beta
+        np.add.at(seconds, region_of(run.v, run.r, beta, grip), run.period)
+    trust = CarTrust(1.0, 1.0, 1.0, None) if command.calibration is None else read_trust(command.calibration)
+    if trust.normal is not None:
+        detection, more = limits_by_prediction(kept, vehicle, trust.normal, own, checked.case, command.workers)
+    else:
+        detection, more = limits_by_filter(kept, vehicle, own, stated_noise(command.logs), trust.options())
+    regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
+    return dataclasses.replace(
+        checked, remarks=list(dict.fromkeys([*doubts, *checked.remarks, *warnings, *more])), regions=regions,
+        detection=detection,
+    )  # fmt: skip
+
+
+def sentences(checked: Checked) -> list[str]:
+    """What is said of it, a line each."""
+    total = sum(run.seconds for run in checked.runs)
+    lines = [f"{checked.case}: {len(checked.runs)} run{'s' if len(checked.runs) > 1 else ''}, {total:.1f} s"]
+    for run in checked.runs:
+        far = ", ".join(f"{name} {value:.3g} {UNITS[name]}" for name, value in run.reached.items())
+        lines.append(f"  {run.name}: {run.seconds:.1f} s at {run.rate:.4g} Hz; up to {far}")
+    levels: dict[str, list[float]] = {}
+    for run in checked.runs:
+        for name, level in run.noise.items():
+            levels.setdefault(name, []).append(level)
+    lines.append("noise (SI): " + ", ".join(f"{name} {np.median(level):.2g}" for name, level in levels.items()))
+    missing = sorted({name for run in checked.runs for name in run.missing})
+    lines.append(f"columns missing: {', '.join(missing)}" if missing else "columns: all of the log format")
+    lines += [f"! {remark}" for remark in checked.remarks] or ["bad samples: none"]
+    if checked.regions:
+        driven = sorted(checked.regions.items(), key=lambda item: -item[1])
+        lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
+    return lines + could_show(checked.detection)
+
+
+def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
+    """What the logs would show, what they could not, and what to drive for that."""
+    from drift_drake.diagnosis.manoeuvres import shown_by
+
+    if not detection:
+        return []
+    shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}
+    blind = [name for name in detection if name not in shown]
+    parts = [f"{name} {limit['least']:.2g}{_unit(name)}" for name, limit in shown.items()]
+    lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
+    if blind:
+        others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
+        lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
+        lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
+    return lines
+
+
+def _else(taken_for: str) -> str:
+    return "unseen" if taken_for == "none" else f"taken for {taken_for}"
+
+
+def _wrapped(parts: list[str]) -> list[str]:
+    text = ", ".join(part.replace(" ", "\u00a0") for part in parts)  # no break within one
+    return [
+        line.replace("\u00a0", " ") for line in textwrap.wrap(text, 100, initial_indent="  ", subsequent_indent="  ")
+    ]
+
+
+def _unit(name: str) -> str:
+    return unit_suffix(CATALOGUE[name].unit)

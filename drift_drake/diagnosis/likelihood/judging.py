@@ -1,0 +1,172 @@
+"""From the filter's hypotheses to a verdict: the posterior, what is left over, and how far the gap shrinks."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.diagnosis.likelihood.beliefs import beliefs_as_data
+from drift_drake.diagnosis.likelihood.nearest import nearest
+from drift_drake.diagnosis.posterior import (
+    UNKNOWN,
+    Calibration,
+    Posterior,
+    hypothesis_name,
+    implausibility,
+    make_posterior,
+)
+from drift_drake.estimation.everyday import traced
+from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.freeform import Regression, misfit
+from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.noise import refined_levels
+from drift_drake.estimation.prior import bounds
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case
+from drift_drake.estimation.reduction import Reduction, reduction
+from drift_drake.vehicle.parameters import VehicleParameters
+
+MOST_REFUSED = 4  # causes that remove nothing
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """The hypotheses of a case, judged."""
+
+    hypotheses: list[tuple[Fit, float]]  # with their evidence, the best first; without causes that remove nothing
+    best: Fit
+    posterior: Posterior
+    reduction: Reduction
+    left: list[Regression]  # pulses and functions of state that the best hypothesis leaves
+    calibration: Calibration
+
+    @property
+    def named(self) -> bool:
+        """Whether the verdict names causes."""
+        return self.posterior.verdict == "effect"
+
+    @property
+    def nothing(self) -> Fit:
+        """The hypothesis without causes."""
+        return next(fit for fit, _ in self.hypotheses if not fit.names)
+
+    def intervals(self, vehicle: VehicleParameters) -> dict[str, Interval]:
+        """Of the causes, or of the leading hypothesis's."""
+        fit = self.posterior.fit
+        return {name: magnitude_interval(fit, name, self.calibration, vehicle) for name in fit.names}
+
+    def magnitudes(self, vehicle: VehicleParameters) -> dict[str, Interval]:
+        """Of the causes that the verdict names."""
+        return self.intervals(vehicle) if self.named else {}
+
+    def warnings(self, problem: Problem) -> list[str]:
+        """What to doubt of the magnitudes."""
+        ends = at_ends(self.magnitudes(problem.vehicle), problem.vehicle)
+        return [f"{name} is at the end of what is believed possible: doubt it" for name in ends]
+
+    def as_data(self, problem: Problem, names: Sequence[str]) -> dict[str, Any]:
+        """An answer's details; `names`: the effects that were considered."""
+        fit, calibration = self.posterior.fit, self.calibration
+        beside = {}
+        if self.posterior.verdict == UNKNOWN:
+            causes = hypothesis_name(fit.names)
+            fitted = self.intervals(problem.vehicle)
+            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted).as_data()
+        return {
+            "reduction_by_state": self.reduction.by_state,
+            "reduction_by_horizon": self.reduction.by_horizon,
+            "mean_square_innovation": self.best.mean_square,
+            "unexplained_nats": max(part.gain for part in self.left),
+            "implausible_nats": implausibility(self.best, calibration),
+            "free_form_removes": self.left[1].removed,
+            "vehicle_file_exact": fit.exactness < 1.0,
+            "leading_known": hypothesis_name(fit.names),
+            "row_weight": problem.row_weight,
+            "at_least": at_ends(self.magnitudes(problem.vehicle), problem.vehicle),
+            **beside,
+            "beliefs": beliefs_as_data(problem, self.hypotheses, self.posterior.probabilities, names, calibration),
+        }
+
+    def answer(
+        self, problem: Problem, case: str, where: dict[str, Any], details: dict[str, Any], warnings: list[str],
+        seconds: float,
+    ) -> Answer:  # fmt: skip
+        """What is said of the case."""
+        posterior, tolerances = self.posterior, self.posterior.fit.theta[:TOLERANCES]
+        return Answer(
+            case=case,
+            verdict=posterior.verdict,
+            causes=list(posterior.causes),
+            posterior=posterior.probabilities,
+            ambiguity=posterior.ambiguity,
+            magnitudes=self.magnitudes(problem.vehicle),
+            where=where,
+            reduction=Interval(self.reduction.estimate, self.reduction.low, self.reduction.high),
+            seconds=seconds,
+            tolerances=dict(zip(NUISANCES[:TOLERANCES], (float(n) for n in tolerances), strict=True)),
+            details=details,
+            warnings=warnings,
+        )
+
+
+def judge(
+    problem: Problem, hypotheses: list[tuple[Fit, float]], count: int, calibration: Calibration,
+    tell: Callable[[str, float], None],
+) -> Judged:  # fmt: skip
+    """Judges hypotheses, the best first, by their evidence, by what they leave, and on what they were not fitted to.
+
+    Args:
+        count: of the effects that were considered; tell: called with a stage's name and the share done.
+    """
+    best = hypotheses[0][0]
+    refined = refine_noise(problem, best)
+    tell("what is left", 0.82)
+    left = [misfit(refined, best, kind) for kind in ("pulses", "functions")]
+    gain = max(part.gain for part in left)
+    posterior = make_posterior(hypotheses, gain, count, calibration)
+    tell("how far it shrinks", 0.87)
+    shrinks = _shrinks(problem, posterior, best)
+    for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
+        if posterior.verdict != "effect" or shrinks.estimate > 0.0:
+            break
+        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.fit.names]
+        posterior = make_posterior(hypotheses, gain, count, calibration)
+        shrinks = _shrinks(problem, posterior, best)
+    return Judged(hypotheses, best, posterior, shrinks, left, calibration)
+
+
+def _shrinks(problem: Problem, posterior: Posterior, best: Fit) -> Reduction:
+    return reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
+
+
+def _empty(problem: Problem) -> Fit:
+    """A fit of nothing, whose effects remove nothing."""
+    count = problem.nuisances
+    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
+
+
+def refine_noise(problem: Problem, fit: Fit) -> Problem:
+    """The problem with noise levels that the best hypothesis' innovations agree with, within a few percent."""
+    gains = filter_case(problem, fit.theta, fit.names)
+    innovations = np.concatenate([e[run.counted] for run, e in zip(problem.runs, gains.innovations, strict=True)])
+    whitening = np.concatenate([w[run.counted] for run, w in zip(problem.runs, gains.whitening, strict=True)])
+    used = np.all([run.used for run in problem.runs], axis=0)
+    return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
+
+
+def magnitude_interval(fit: Fit, name: str, calibration: Calibration, vehicle: VehicleParameters) -> Interval:
+    """95 % interval of a magnitude, within its bounds."""
+    q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
+    low, high = bounds(name, vehicle)
+    return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
+
+
+def at_ends(magnitudes: dict[str, Interval], vehicle: VehicleParameters) -> list[str]:
+    """Effects whose magnitudes are at the ends of what is believed possible."""
+    out = []
+    for name, m in magnitudes.items():
+        low, high = bounds(name, vehicle)
+        if m.estimate <= low or m.estimate >= high:
+            out.append(name)
+    return out

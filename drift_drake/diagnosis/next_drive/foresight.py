@@ -1,0 +1,136 @@
+"""What a drive would tell: by how much each hypothesis would stay behind if another were true, by the filter itself."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
+from drift_drake.estimation.commands import without_actuators
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
+from drift_drake.estimation.fit import limits, sensitivity
+from drift_drake.estimation.horizons import roll_out
+from drift_drake.estimation.problem import (
+    NUISANCES,
+    Problem,
+    car,
+    filter_case,
+    flat,
+    run_commands,
+    tolerance_deviations,
+)
+from drift_drake.estimation.run_data import SETTLING_TIME, RunData
+from drift_drake.vehicle.effects import measured, settled_memory
+from drift_drake.vehicle.parameters import VehicleParameters
+
+PERIOD = 0.01  # [s]
+REFITS = 3  # Gauss-Newton steps of a rival's fit
+CERTAIN = 1e6  # [nats] at most, where a rival's filter cannot follow at all
+CHANCE = norm.ppf((np.arange(15) + 0.5) / 15)  # draws of what noise does to a log evidence
+
+
+@dataclasses.dataclass(frozen=True)
+class Commands:
+    """A drive to be: commands at 100 Hz from a start straight on."""
+
+    delta: np.ndarray  # [rows] [rad]
+    tau: np.ndarray  # [rows] [N m]
+    speed: float  # [m/s] at the start
+    heading: float = 0.0  # [rad] in the fixed frame of the logs
+
+
+def problem_of(vehicle: VehicleParameters, sensing: Sensing, drive: Commands, y: np.ndarray) -> Problem:
+    """A drive with measurements y [rows, 9] as the estimator wants it."""
+    counted = np.arange(len(y)) * PERIOD >= SETTLING_TIME
+    run = RunData("planned", PERIOD, y, sensing.used, drive.delta, drive.tau, counted)
+    return Problem(
+        [run], vehicle, vehicle.constants(), tolerance_deviations(vehicle), sensing.noise, sensing.process,
+        own=sensing.own, row_weight=sensing.row_weight,
+    )  # fmt: skip
+
+
+def parameters_of(belief: Belief) -> np.ndarray:
+    """Its parameters with those of one run's first commands, zero, in their place."""
+    return np.concatenate([belief.theta[: len(NUISANCES)], np.zeros(2), belief.theta[len(NUISANCES) :]])
+
+
+def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive: Commands) -> np.ndarray:
+    """What the sensors would read [rows, 9] without noise if a hypothesis were true; NaN or wild where it diverges."""
+    rows = len(drive.delta)
+    problem, theta = problem_of(vehicle, sensing, drive, np.zeros((rows, MEASURED))), parameters_of(truth)
+    constants, effects = car(problem, theta, truth.names)
+    delta, torque = run_commands(problem, 0, theta, effects)
+    states = np.zeros((rows, SIZE))
+    states[0, [1, 3]], states[0, 4] = drive.speed, drive.heading
+    dynamic = without_actuators(effects)
+    states[0, 7:] = settled_memory(*states[0, :4], delta[0], torque[0], constants, dynamic, drive.heading)[2:]
+    y = np.zeros((rows, MEASURED))
+    y[0, [0, 2, 3]] = measured(states[0, 0], states[0, 2], states[0, 3], effects)
+    y[0, [1, CHANNELS.index("psi")]] = drive.speed, drive.heading
+    after = np.empty((1, rows - 1, MEASURED))
+    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, after)
+    y[1:] = after[0]
+    return y
+
+
+def nats_behind(
+    vehicle: VehicleParameters, sensing: Sensing, rival: Belief, drive: Commands, y: np.ndarray, refits: int = REFITS
+) -> float:
+    """Log evidence [nats] that a hypothesis loses on noiseless readings, its parameters fitted anew from its belief.
+
+    With `refits` zero the fit is one linearised solution, whose loss is predicted, not evaluated.
+    """
+    problem, theta = problem_of(vehicle, sensing, drive, y), parameters_of(rival)
+    first = len(NUISANCES)
+    free = np.array([*range(first), *range(first + 2, len(theta))])
+    low, high = (bound[free] for bound in limits(problem, rival.names))
+    whiten = np.linalg.inv(rival.root)
+    gains = filter_case(problem, theta, rival.names)
+
+    def residual(theta: np.ndarray, innovations: Sequence[np.ndarray]) -> np.ndarray:
+        return np.concatenate([flat(problem, innovations), whiten @ (theta[free] - rival.theta)])
+
+    at = residual(theta, gains.innovations)
+    for _ in range(max(refits, 1)):
+        jacobian = np.concatenate([sensitivity(problem, gains, theta, rival.names)[:, free], whiten])
+        if not (np.isfinite(at).all() and np.isfinite(jacobian).all()):
+            return CERTAIN
+        step = np.clip(theta[free] - np.linalg.lstsq(jacobian, at, rcond=None)[0], low, high) - theta[free]
+        if refits == 0:
+            at = at + jacobian @ step
+            break
+        trial = theta.copy()
+        trial[free] += step
+        trial_gains = filter_case(problem, trial, rival.names)
+        there = residual(trial, trial_gains.innovations)
+        if not there @ there < at @ at:
+            break
+        gained, theta, gains, at = at @ at - there @ there, trial, trial_gains, there
+        if gained < 0.1:
+            break
+    return min(0.5 * float(at @ at), CERTAIN)
+
+
+def foresee(
+    vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], drive: Commands, refits: int = REFITS
+) -> np.ndarray:
+    """Nats [truths, rivals] that each hypothesis would lose if another were true; see `nats_behind`."""
+    out = np.zeros((len(beliefs), len(beliefs)))
+    for i, truth in enumerate(beliefs):
+        y = readings(vehicle, sensing, truth, drive)
+        for j, rival in enumerate(beliefs):
+            if i != j and np.isfinite(y).all():
+                out[i, j] = nats_behind(vehicle, sensing, rival, drive, y, refits)
+    return out
+
+
+def probability_of_truth(probabilities: np.ndarray, nats: np.ndarray) -> float:
+    """Expected probability of the true hypothesis after a drive; with nats of zero, before it.
+
+    A log evidence that is ahead by T in the mean has variance 2 T (both are that of a Gaussian's likelihood ratio).
+    """
+    p = np.asarray(probabilities) / np.sum(probabilities)
+    ahead = nats[..., None] + np.sqrt(2.0 * nats)[..., None] * CHANCE
+    weights = np.sum(p[None, :, None] * np.exp(-np.minimum(ahead, 700.0)), axis=1)
+    return float(np.mean(np.sum(p[:, None] ** 2 / weights, axis=0)))

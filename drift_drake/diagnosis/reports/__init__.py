@@ -1,0 +1,1 @@
+"""The reports of both diagnoses: one self-contained HTML file each."""

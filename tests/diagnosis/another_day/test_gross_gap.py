@@ -1,0 +1,69 @@
+"""Gaps far beyond normal: what removes the errors themselves, and how much of them on blocks that were not fitted."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.another_day import gross_gap
+from drift_drake.diagnosis.another_day.gross_gap import FAR, fewer_windows, judged, misfit, misfits
+from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
+
+
+@pytest.fixture(scope="module")
+def late(late_day):
+    return judged(late_day.search, PRIORS, lambda _: None)
+
+
+def test_the_cause_is_named_with_its_magnitude(late):
+    leading = late.ranked.leading
+    assert "steering_delay" in leading.names
+    m = interval(leading, leading.names.index("steering_delay"))
+    assert m.low < 0.08 < m.high
+    assert 0.3 < late.reduction.low <= late.reduction.estimate <= late.reduction.high <= 1.0
+
+
+def test_what_it_leaves_on_held_out_blocks_is_unknowns(late):
+    assert late.ranked.probabilities["unknown"] == pytest.approx(1.0 - late.reduction.estimate)
+    assert sum(late.ranked.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_a_gap_that_no_effect_removes_is_unknown(strange_day):
+    found = judged(strange_day.search, PRIORS, lambda _: None)
+    assert found.ranked.verdict == "unknown"
+    assert found.reduction.estimate < 0.5
+
+
+def test_no_error_counts_more_than_a_diverged_one(late_day):
+    e = late_day.search.day.errors
+    assert np.all(misfits(late_day.search, 1e6 * e) <= FAR)
+    small = misfits(late_day.search, 1e-3 * e)
+    np.testing.assert_allclose(misfits(late_day.search, 2e-3 * e), 4.0 * small, rtol=1e-3)
+
+
+def test_fewer_windows_are_those_of_the_day(late_day):
+    day = fewer_windows(late_day.search.day, 30)
+    assert 15 <= len(day.errors) <= 30 + len(day.runs)
+    np.testing.assert_array_equal(day.errors_with({}), day.errors)
+    assert len(day.block) == len(day.run) == len(day.weights) == len(day.jacobian) == len(day.errors)
+
+
+def test_a_fit_stays_within_its_range_and_is_no_worse_than_its_start(late_day):
+    search = late_day.search.on(fewer_windows(late_day.search.day, 40))
+    names = ("mass_error", "steering_delay")
+    q = gross_gap.fitted(search, names, (0.1, 0.05))
+    assert all(search.ranges[n].low <= x <= search.ranges[n].high for n, x in zip(names, q, strict=True))
+    assert misfit(search, names, q) <= misfit(search, names, (0.1, 0.05))
+
+
+def test_the_covariance_is_the_inverse_of_the_second_derivatives(late_day, monkeypatch):
+    """Of a quadratic, to the bit of what differences give."""
+    search, hessian = late_day.search, np.array([[4000.0, 300.0], [300.0, 500.0]])
+    middle = np.array([0.05, -0.1])
+    monkeypatch.setattr(gross_gap, "misfit", lambda _s, _n, q, _k=None: 0.5 * (q - middle) @ hessian @ (q - middle))
+    monkeypatch.setattr(gross_gap, "nats", lambda _s, value: value)
+    ranges = search.ranges
+    wide = {name: dataclasses.replace(ranges[name], low=-2.0, high=2.0) for name in ("gyro_bias", "mass_error")}
+    monkeypatch.setattr(search, "ranges", {**ranges, **wide})
+    h = gross_gap.hypothesis(search, ("gyro_bias", "mass_error"), middle)
+    np.testing.assert_allclose(h.covariance, np.linalg.inv(hessian), rtol=1e-9)

@@ -10,8 +10,8 @@ import pytest
 
 from drift_drake.cli import COMMANDS, load, main
 from drift_drake.demo import command as demo
+from drift_drake.diagnosis import folders
 from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.likelihood import diagnose
 from drift_drake.diagnosis.next_drive import plan as next_drive
 from drift_drake.diagnosis.next_drive.plan import NextDrive
 from drift_drake.simulation import drive_command
@@ -100,6 +100,6 @@ def test_answers_of_many_cases_are_a_list(folder, capsys, monkeypatch):
         (folder / "cases" / name).mkdir(parents=True)
         (folder / "cases" / name / "run_0.csv").write_text("t\n")
     answer = read_answer(folder / "answer.json")
-    monkeypatch.setattr(diagnose, "diagnose_all", lambda *_, **__: [answer, answer])
+    monkeypatch.setattr(folders, "diagnose_all", lambda *_, **__: [answer, answer])
     assert main(with_places(["DIR/cases", "--vehicle", "CAR", "--quiet", "--json", "-"], folder, "diagnose")) == 0
     assert [found["causes"] for found in json.loads(capsys.readouterr().out)] == [["aero_drag"]] * 2

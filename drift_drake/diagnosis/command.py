@@ -169,7 +169,7 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
     try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
-        from drift_drake.diagnosis.likelihood.diagnose import answer_folder
+        from drift_drake.diagnosis.folders import answer_folder
         from drift_drake.estimation.filter import filter_run
     say_if_it_compiles(filter_run, "the filter")
     with progress_bar(command.quiet) as show:
@@ -214,7 +214,7 @@ def _diagnose_many(
     if before:
         print(f"{len(before)} of {count} cases are answered in {into}; --again redoes them", file=sys.stderr)
     with ended_at_once():
-        from drift_drake.diagnosis.likelihood.diagnose import diagnose_all
+        from drift_drake.diagnosis.folders import diagnose_all
     only = [folder for folder in folders if folder not in before]
     with tqdm(total=len(only), disable=command.quiet, file=sys.stderr, unit="case") as bar:
 

@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.diagnosis.ranges import SURE
 from drift_drake.monitoring.evidence import Beliefs, Problem, residual_scores
 from drift_drake.monitoring.history import Sums
-
-SURE = 1.645  # standard deviations of a one-sided 95 %
 
 
 class Limit(NamedTuple):

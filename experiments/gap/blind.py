@@ -26,7 +26,8 @@ import numpy as np
 import tyro
 from tqdm import tqdm
 
-from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, answer_folder
+from drift_drake.diagnosis.folders import answer_folder
+from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text

@@ -12,13 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Curve, Search
-from drift_drake.diagnosis.ranges import RATE_LIMIT, Range
+from drift_drake.diagnosis.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range
 from drift_drake.vehicle.catalogue import CATALOGUE
-
-SURE = 1.645  # standard deviations of a one-sided 95 %
-AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it beside none
-BESIDE_NONE = float(SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE))  # standard deviations that a shift must have
-BESIDE_RIVAL = 2.0 * SURE  # that it must be from a rival's
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.another_day.detection_limits import AGAINST_NONE, SURE, detection_limits, distances
+from drift_drake.diagnosis.another_day.detection_limits import detection_limits, distances
 from drift_drake.diagnosis.another_day.hypotheses import Curve
-from drift_drake.diagnosis.ranges import RATE_LIMIT, REACH, range_of
+from drift_drake.diagnosis.ranges import AGAINST_NONE, RATE_LIMIT, REACH, SURE, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
+from drift_drake.diagnosis import folders
 from drift_drake.diagnosis.answers.answer import Answer, InvalidAnswerError, read_answer
 from drift_drake.diagnosis.answers.provenance import all_answered, answered, provenance
-from drift_drake.diagnosis.likelihood import diagnose
 from drift_drake.logs.cases import case_name
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -126,15 +126,15 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
         given.update(options)
         return []
 
-    monkeypatch.setattr(diagnose, "diagnose_all", diagnosed)
+    monkeypatch.setattr(folders, "diagnose_all", diagnosed)
     answers = files / "answers"
     answers.mkdir()
     arguments = ["diagnose", str(case.parent), "--vehicle", str(files / "car.yaml"), "--json", str(answers), "--quiet"]
     assert main(arguments) == 0
     del given["progress"], given["refused"]
-    monkeypatch.setattr(diagnose, "read_case", lambda _: [])
-    monkeypatch.setattr(diagnose, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
-    diagnose.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")
+    monkeypatch.setattr(folders, "read_case", lambda _: [])
+    monkeypatch.setattr(folders, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
+    folders.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")
     assert main(arguments) == 0
     assert main([*arguments, "--again"]) == 0
     assert asked == [[case, tuesday], [tuesday], [case, tuesday]]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drift_drake.diagnosis.likelihood import diagnose
+from drift_drake.diagnosis import folders
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -22,18 +22,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             raise InvalidLogError(f"{path.name}: spoilt")
         return SimpleNamespace(case=path.name)
 
-    monkeypatch.setattr(diagnose, "_answer_folder", answer)
+    monkeypatch.setattr(folders, "_answer_folder", answer)
     return tmp_path
 
 
 def test_the_other_cases_are_answered(folder: Path) -> None:
     refused: list[InvalidLogError] = []
     with ThreadPoolExecutor(2) as executor:
-        answers = diagnose.diagnose_all(folder, VehicleParameters(), executor, refused=refused.append)
+        answers = folders.diagnose_all(folder, VehicleParameters(), executor, refused=refused.append)
     assert [answer.case for answer in answers] == ["a", "c"]
     assert [str(error) for error in refused] == ["b: spoilt"]
 
 
 def test_without_a_listener_the_error_is_raised(folder: Path) -> None:
     with ThreadPoolExecutor(2) as executor, pytest.raises(InvalidLogError, match="b: spoilt"):
-        diagnose.diagnose_all(folder, VehicleParameters(), executor)
+        folders.diagnose_all(folder, VehicleParameters(), executor)

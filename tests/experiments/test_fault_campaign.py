@@ -9,9 +9,9 @@ import pytest
 
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.simulation.faults import KINDS, parse_fault
-from experiments import fault_campaign
 from experiments.executors import ExecutorConfig
-from experiments.fault_campaign import FAULTS, CampaignConfig, main, make_jobs, picture, shares, table
+from experiments.robustness import fault_campaign
+from experiments.robustness.fault_campaign import FAULTS, CampaignConfig, main, make_jobs, picture, shares, table
 
 QUICK = CampaignConfig(loops=4, vehicles=1, models=("nominal",), distance=22.0,
                        control=ControlConfig(horizon=12, period=0.02, delay=0.02))  # fmt: skip

@@ -7,8 +7,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments import interruptions
-from experiments.interruptions import COMMANDS, InterruptionsConfig, LongCommand, answered, last_lines, main, results
+from experiments.robustness import interruptions
+from experiments.robustness.interruptions import (
+    COMMANDS,
+    InterruptionsConfig,
+    answered,
+    last_lines,
+    main,
+    results,
+)
+from experiments.robustness.long_commands import LongCommand
 
 STEADY = """
 import sys, time
@@ -34,7 +42,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder, in which the commands `steady` and `careless` are known."""
     for name, text in (("steady", STEADY), ("careless", CARELESS)):
         (tmp_path / f"{name}.py").write_text(text)
-    monkeypatch.setenv("PYTHONPATH", str(Path(interruptions.__file__).parents[1]))
+    monkeypatch.setenv("PYTHONPATH", str(Path(interruptions.__file__).parents[2]))
     monkeypatch.setattr(interruptions, "COMMANDS", {
         name: LongCommand(lambda _, out, name=name: [str(tmp_path / f"{name}.py"), str(out)])
         for name in ("steady", "careless")

@@ -1,6 +1,6 @@
 """Faulted closed loops by the hundred: faults by vehicles by models, each with and without what guards the loop.
 
-    python -m experiments.fault_campaign --loops 1000
+    python -m experiments.robustness.fault_campaign --loops 1000
 
 Each loop drifts on the figure-8 for some seconds with one fault in it, once guarded (readings are screened, and a car
 without valid plans is stopped) and once not. What comes out is named, and the share of loops in which the car stays on

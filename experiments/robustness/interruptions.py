@@ -1,6 +1,6 @@
 """Long commands ended at random moments, by kill -9 and by Ctrl-C, then given again: the same results to the bit.
 
-    python -m experiments.interruptions --count 200
+    python -m experiments.robustness.interruptions --count 200
 
 Each command is first run through undisturbed. Then, in a fresh folder, it is ended at a random moment, once or twice,
 and given again until it ends by itself; every number that it wrote must be that of the undisturbed run, times and dates
@@ -13,11 +13,12 @@ import dataclasses
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from drift_drake.interruption import terminable
 from drift_drake.run_folder import is_done, make_run_folder, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.unfinished import PARTIAL
-from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.robustness.long_commands import COMMANDS
 
 PATIENCE = 120.0  # [s] beyond which a command that was interrupted hangs
 OF_TIME = ("second", "_ms_", "late_solves", "date", "made", "spent")  # in names of numbers that no run repeats
@@ -42,67 +43,9 @@ class InterruptionsConfig:
     """How often, and what."""
 
     count: int = 200
-    commands: tuple[str, ...] = ("dataset", "train", "campaign", "diagnose")
+    commands: tuple[str, ...] = tuple(COMMANDS)
     seed: int = 0
     out: Path | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class LongCommand:
-    """A command that takes a while and can be given again."""
-
-    arguments: Callable[[Path, Path], list[str]]  # of python, from the folder of inputs and that of results
-    prepare: Callable[[Path], None] = lambda _: None  # makes its inputs in a folder
-
-
-def _cases(inputs: Path) -> None:
-    """Two short cases of one car, and its vehicle file."""
-    from drift_drake.logs.table import write_run
-    from experiments.gap.cases import Truth, make_case
-
-    parameters = VehicleParameters()
-    parameters.to_yaml(inputs / "car.yaml")
-    for index, effects in enumerate(({"rear_stiffness_error": -0.25}, {"mass_error": 0.1})):
-        folder = inputs / "cases" / f"case_{index}"
-        folder.mkdir(parents=True)
-        truth = Truth(effects, {}, {})
-        for i, run in enumerate(make_case(truth, parameters, np.random.default_rng(index), 1.5)):
-            write_run(run, folder / f"run_{i}.csv")
-
-
-def _dataset(inputs: Path) -> None:
-    subprocess.run([sys.executable, *_drives(inputs, inputs / "drives")], check=True, capture_output=True)
-
-
-def _drives(_: Path, out: Path) -> list[str]:
-    none = [word for name in ("validation", "held-out", "wide") for word in (f"--{name}", "0")]
-    return ["-m", "experiments.model.drives", "--train", "3", *none, "--samples", "12", "--output", str(out)]
-
-
-COMMANDS = {
-    "dataset": LongCommand(_drives),
-    "train": LongCommand(
-        lambda inputs, out: [
-            "-m", "drift_drake", "train", "--recipe", "windows", "--data", str(inputs / "drives/train_phases.npz"),
-            "--validation", "None", "--lane", "None", "--epochs", "30", "--threads", "1", "--horizons", "5",
-            "--no-temper", "--output", str(out / "model.npz"),
-        ],
-        _dataset,
-    ),
-    "campaign": LongCommand(
-        lambda _, out: [
-            "-m", "experiments.fault_campaign", "--loops", "6", "--vehicles", "1", "--models", "nominal",
-            "--distance", "15", "--out", str(out),
-        ]
-    ),
-    "diagnose": LongCommand(
-        lambda inputs, out: [
-            "-m", "drift_drake", "diagnose", str(inputs / "cases"), "--vehicle", str(inputs / "car.yaml"),
-            "--effects", "rear_stiffness_error", "mass_error", "--json", str(out / "answers"),
-        ],
-        _cases,
-    ),
-}  # fmt: skip
 
 
 def results(folder: Path) -> dict[str, str]:
@@ -110,13 +53,15 @@ def results(folder: Path) -> dict[str, str]:
     found = {}
     for path in sorted(folder.rglob("*")):
         unfinished = any(part.startswith(PARTIAL) for part in path.relative_to(folder).parts)
-        if unfinished or path.suffix not in (".json", ".csv", ".npz") or path.name in NOT_RESULTS:
+        if unfinished or path.suffix not in (".json", ".csv", ".npz", ".yaml") or path.name in NOT_RESULTS:
             continue
         found[str(path.relative_to(folder))] = hashlib.sha256(_numbers(path)).hexdigest()
     return found
 
 
 def _numbers(path: Path) -> bytes:
+    if path.suffix == ".yaml":
+        return path.read_bytes()
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(path.read_text())), sort_keys=True).encode()
     if path.suffix == ".csv":
@@ -190,6 +135,7 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
     folder.mkdir(parents=True)
     out, log = folder / "out", folder / "log.txt"
     out.mkdir()
+    COMMANDS[name].begin(inputs, out)
     arguments = COMMANDS[name].arguments(inputs, out)
     ends = []
     for _ in range(int(generator.integers(1, 3))):
@@ -202,8 +148,9 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
         time.sleep(0.2)  # workers end with the process that started them
     with begun(arguments, log) as process:
         code = process.wait()
-    same = results(out) == wanted
-    return {"command": name, "ends": ends, "code": code, "same": same, "said": "" if code == 0 else last_lines(log)}
+    same, left = results(out) == wanted, len(list(out.rglob(f"{PARTIAL}*")))
+    said = "" if code == 0 else last_lines(log)
+    return {"command": name, "ends": ends, "code": code, "same": same, "left": left, "said": said}
 
 
 def main(config: InterruptionsConfig) -> None:
@@ -232,7 +179,8 @@ def main(config: InterruptionsConfig) -> None:
     print(f"{len(ends)} interruptions of {len(found)} commands ({', '.join(config.commands)}): "
           f"{sum(not one['same'] for one in found)} with other results, {sum(one['code'] != 0 for one in found)} that "
           f"could not go on, {sum(end['hangs'] for end in ends)} hangs, "
-          f"{sum(not end['one_line'] for end in ends)} not reported in one line\nresults in {folder}")  # fmt: skip
+          f"{sum(not end['one_line'] for end in ends)} not reported in one line, "
+          f"{sum(one['left'] > 0 for one in found)} that left an unfinished file\nresults in {folder}")  # fmt: skip
 
 
 def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
@@ -244,7 +192,9 @@ def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
             inputs.mkdir(parents=True)
             COMMANDS[name].prepare(inputs)
             (folder / name / "inputs_are_made").touch()
-        out.mkdir(exist_ok=True)
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir()
+        COMMANDS[name].begin(inputs, out)
         start = time.monotonic()
         with begun(COMMANDS[name].arguments(inputs, out), folder / name / "log.txt") as process:
             code = process.wait()

@@ -1,0 +1,1 @@
+"""What becomes of loops with faults in them, and of work that is interrupted."""

@@ -14,12 +14,13 @@ from drift_drake.model.features import (
     features,
     network_inputs,
 )
-from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
+from drift_drake.model.posterior import Posterior, forgotten, mahalanobis, predict, update
 
 Array = NDArray[np.float64]
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 DEFAULT_THRESHOLD = 8.0
+KEPT = 0.0  # of what was learnt, once the car has become another one
 
 
 def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
@@ -52,6 +53,8 @@ class BayesianAdapter(LeafSystem):
         measured_state [7]: (r, v, beta, omega_r, e, dphi, s) as the sensors give it.
         command [2]: (delta, tau) in force.
         lagged_command [2]: see `CommandLag`.
+        trusted [1] (optional): falls from 1 to 0 when the car has become another one (`GapMonitor`); of what was learnt
+            before, a share `kept` then counts.
 
     Output ports:
         posterior_mean [64]: theta, states by features (row-major [4, 16]).
@@ -59,18 +62,22 @@ class BayesianAdapter(LeafSystem):
         counters [2]: samples (taken, refused).
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
-    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, and the
-    measurement and commands of the last tick. With dt = 0.1 s, the tick at t = k dt takes the sample of [t - dt, t].
+    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, the
+    measurement and commands of the last tick, and whether the car was then trusted to be the same. With dt = 0.1 s,
+    the tick at t = k dt takes the sample of [t - dt, t].
     """
 
-    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP) -> None:
+    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP,
+                 kept: float = KEPT) -> None:  # fmt: skip
         """Args: model: its prior is the state that a default Context starts with."""
         super().__init__()
+        self._kept = kept
         self.model = model
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
         self._command = self.DeclareVectorInputPort("command", 2)
         self._lagged = self.DeclareVectorInputPort("lagged_command", 2)
+        self._trusted = self.DeclareVectorInputPort("trusted", 1)
         self._mean = self.DeclareDiscreteState(prior.mean.ravel())
         self._covariance = self.DeclareDiscreteState(prior.covariance.ravel())
         self._q = self.DeclareDiscreteState(prior.q.ravel())
@@ -78,6 +85,7 @@ class BayesianAdapter(LeafSystem):
         # The last tick: its measured state, lagged command and command; NaN before the first.
         self._last = self.DeclareDiscreteState(np.full(10, np.nan))
         self._started = self.DeclareDiscreteState(1)
+        self._was_trusted = self.DeclareDiscreteState(1)
         self._frozen = self.DeclareNumericParameter(BasicVector([0.0]))
         self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
         for name, index, size in (
@@ -96,13 +104,23 @@ class BayesianAdapter(LeafSystem):
         frozen = context.get_numeric_parameter(self._frozen).value()[0] > 0.5
         if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
-            posterior, taken = adapt(self.model, self.posterior(context), last[:8], last[8:], u, x, threshold)
-            if taken:
+            before, changed = self._remembered(context)
+            posterior, taken = adapt(self.model, before, last[:8], last[8:], u, x, threshold)
+            if taken or changed:
                 self._write(discrete, posterior)
             counters = discrete.get_mutable_vector(self._counters)
             counters.SetAtIndex(0 if taken else 1, counters.GetAtIndex(0 if taken else 1) + 1.0)
         discrete.get_mutable_vector(self._last).SetFromVector(np.concatenate([x, u]))
         discrete.get_mutable_vector(self._started).SetFromVector([1.0])
+        if self._trusted.HasValue(context):
+            discrete.get_mutable_vector(self._was_trusted).SetFromVector(self._trusted.Eval(context))
+
+    def _remembered(self, context: Context) -> tuple[Posterior, bool]:
+        """(the posterior before this tick's sample, whether something of it was forgotten)."""
+        posterior, was = self.posterior(context), context.get_discrete_state(self._was_trusted).value()[0]
+        if not self._trusted.HasValue(context) or self._trusted.Eval(context)[0] > 0.5 or was < 0.5:
+            return posterior, False
+        return forgotten(posterior, self.model.prior(), self.model.sigma, self._kept), True
 
     def _write(self, discrete: DiscreteValues, posterior: Posterior) -> None:
         for index, values in zip((self._mean, self._covariance, self._q), posterior, strict=True):

@@ -42,6 +42,8 @@ class Watch:
     """What 'identify --json' wrote of this car, so that what is normal for it is no change."""
     json: Path | None = None
     """Where to write the events, one JSON object a line (-: standard output)."""
+    page: Path | None = None
+    """Where to draw the probabilities and list the events (HTML). With --follow, an open page loads itself anew."""
     follow: bool = False
     """Wait for further rows: the log (a CSV) is still being written. Events are then written as they come."""
     idle: float = 0.0
@@ -60,7 +62,7 @@ def run_watch(command: Watch) -> None:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
     inputs = [command.log, command.vehicle, *([command.calibration] if command.calibration else [])]
-    try_outputs({"--json": command.json}, inputs)
+    try_outputs({"--json": command.json, "--page": command.page}, inputs)
     with ended_at_once():
         from drift_drake.logs.table import read_run
         from drift_drake.monitoring.events import sentence
@@ -77,8 +79,13 @@ def run_watch(command: Watch) -> None:
     else:
         run = read_run(command.log)
         monitor, rows = monitor_for(run), rows_of(run)
+    verdicts = watched(monitor, rows)
+    if command.page is not None:
+        from drift_drake.monitoring.live_page import shown_while  # jinja2 is slow to import
+
+        verdicts = shown_while(verdicts, command.page, str(command.log), monitor.labels, command.follow)
     reported, end = [], 0.0
-    for t, _, events in watched(monitor, rows):
+    for t, _, events in verdicts:
         end = t
         for event in events:
             print(sentence(event), file=said_to(command.json), flush=True)

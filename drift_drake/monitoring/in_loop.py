@@ -1,6 +1,6 @@
 """The monitor in a closed loop's diagram: its wires, what is logged of it, and the events of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,8 +19,9 @@ PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading ef
 FURTHER = ("magnitude", "low", "high")
 
 
-Policy = Literal["watch", "correct", "slow", "correct_or_slow"]
-"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected."""
+Policy = Literal["watch", "correct", "slow", "correct_or_slow", "forget"]
+"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected; an
+adapter forgets."""
 CORRECTING: tuple[Policy, ...] = ("correct", "correct_or_slow")
 SLOWING: tuple[Policy, ...] = ("slow", "correct_or_slow")
 
@@ -32,6 +33,7 @@ class Watched(NamedTuple):
     measured_state: OutputPort  # for the controller
     effects: OutputPort | None = None  # for its model
     correction: OutputPort | None = None
+    trusted: OutputPort | None = None  # for an adapter that forgets
 
 
 def watching(
@@ -53,7 +55,8 @@ def watching(
     for name, port in (("measured_state", measured_state), ("command", command), ("log_row", log_row)):
         builder.Connect(port, system.GetInputPort(name))
     if policy not in CORRECTING:
-        return Watched(system, measured_state)
+        trusted = system.GetOutputPort("trusted") if policy == "forget" else None
+        return Watched(system, measured_state, trusted=trusted)
     correction = builder.AddNamedSystem("correction", GapCorrection(monitor))
     for name in ("posterior", "magnitude"):
         builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
@@ -85,13 +88,17 @@ def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str
     }
 
 
-def events_of(monitor: Monitor, table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The events of a run, from its table."""
+def verdicts_of(monitor: Monitor, table: pd.DataFrame) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
+    """The monitor's verdicts during a run, from its table: times [s], verdicts (`monitor.State`), and their events."""
     columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
     rows = table[columns].to_numpy()
     new = np.flatnonzero(np.any(np.diff(rows[:, : len(monitor.labels)], axis=0) != 0.0, axis=1)) + 1
-    reported, out = Events(), list[dict[str, Any]]()
+    reported = Events()
     for i in new:
         reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
-        out += events
-    return out
+        yield float(table["t"].iloc[i]), rows[i], events
+
+
+def events_of(monitor: Monitor, table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The events of a run, from its table."""
+    return [event for _, _, events in verdicts_of(monitor, table) for event in events]

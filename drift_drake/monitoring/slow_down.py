@@ -2,9 +2,11 @@
 
 The policy. Once a change is reported, plans made by a model that is wrong are not followed; the law of the safe stop
 takes the car out of its drift and on along its lane, at a pace at which the bends ask little of the tyres. When the
-simulator is believed again, or a correction stands for what has changed, plans are followed again.
+simulator is believed again, or a correction stands for what has changed, plans are followed again; and where a sensor's
+error is the probable cause, since the law follows the readings more closely than plans do.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,14 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.plan import plan_size
 from drift_drake.control.stopping import stopping_command, stopping_plan
+from drift_drake.monitoring.correction import SENSORS
 from drift_drake.monitoring.renewal import ALARM, TRUSTED
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.effects import COUNT
 from drift_drake.vehicle.parameters import VehicleParameters
 
 GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
+PROBABLE = 0.5
 UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
 
@@ -29,14 +33,14 @@ def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:
     )
 
 
-def slowed(slow: bool, none: float, corrected: bool) -> bool:
+def slowed(slow: bool, none: float, sensor: float, corrected: bool) -> bool:
     """Whether the car is to be slow after a verdict.
 
     Args:
-        slow: whether it was; none: probability that the simulator lacks nothing; corrected: whether the controller
-            knows what it lacks.
+        slow: whether it was; none, sensor: probabilities that the simulator lacks nothing, or an error of a sensor;
+        corrected: whether the controller knows what it lacks.
     """
-    return not corrected and (none < ALARM or (slow and none < TRUSTED))
+    return not corrected and sensor < PROBABLE and (none < ALARM or (slow and none < TRUSTED))
 
 
 class SlowDown(LeafSystem):
@@ -51,11 +55,16 @@ class SlowDown(LeafSystem):
     State in the Context, each `period`: whether it is.
 
     Args:
-        labels: number of the posterior's entries; steps: N; pace: [m/s].
+        labels: of the posterior; steps: N.
     """
 
     def __init__(
-        self, parameters: VehicleParameters, reference: Reference, labels: int, steps: int, period: float = 0.01
+        self,
+        parameters: VehicleParameters,
+        reference: Reference,
+        labels: Sequence[str],
+        steps: int,
+        period: float = 0.01,
     ) -> None:
         LeafSystem.__init__(self)
         self._parameters, self._path, self._steps, self._period = parameters, reference.path, steps, period
@@ -63,7 +72,8 @@ class SlowDown(LeafSystem):
         self._plan = self.DeclareVectorInputPort("plan", plan_size(steps))
         self._command = self.DeclareVectorInputPort("command", 2)
         self._state = self.DeclareVectorInputPort("state", 7)
-        self._posterior = self.DeclareVectorInputPort("posterior", labels)
+        self._posterior = self.DeclareVectorInputPort("posterior", len(labels))
+        self._sensors = [i for i, name in enumerate(labels) if name in SENSORS]
         self._correction = self.DeclareVectorInputPort("correction", COUNT)
         self._slow = self.DeclareDiscreteState(1)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
@@ -84,5 +94,6 @@ class SlowDown(LeafSystem):
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         corrected = self._correction.HasValue(context) and bool(np.any(self._correction.Eval(context)))
-        slow = slowed(self._is_slow(context), float(self._posterior.Eval(context)[0]), corrected)
+        p = self._posterior.Eval(context)
+        slow = slowed(self._is_slow(context), float(p[0]), float(p[self._sensors].sum()), corrected)
         discrete.get_mutable_vector(self._slow)[0] = float(slow)

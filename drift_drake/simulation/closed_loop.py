@@ -148,7 +148,7 @@ class ClosedLoop:
         watched = watching(builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), policy, model)
         self.monitor, self.slow_down = watched.monitor, None
         if watched.monitor is not None and policy in SLOWING:
-            labels = len(watched.monitor.monitor.labels)
+            labels = watched.monitor.monitor.labels
             self.slow_down = SlowDown(parameters, reference, labels, control.horizon, control.period)
             plan = slowing(builder, self.slow_down, watched, plan, measured_state, command)
         self.safe_stop, plan = self._supervised(builder, control, plan, state)
@@ -156,7 +156,7 @@ class ClosedLoop:
         measured_state = watched.measured_state
         builder.Connect(points.solver(measured_state), self.controller.GetInputPort("measured_state"))
         if isinstance(self.controller, MpcController):
-            learners.connect(builder, self.controller, measured_state, command, watched.effects)
+            learners.connect(builder, self.controller, measured_state, command, watched.effects, watched.trusted)
         builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
         self._logs = Logs(builder, control.period)
         for name, (port, columns) in self._logged(received, detector).items():

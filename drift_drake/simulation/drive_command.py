@@ -14,7 +14,8 @@ from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.events import sentence
-from drift_drake.monitoring.in_loop import CORRECTING, events_of
+from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
+from drift_drake.monitoring.live_page import shown_while
 from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
@@ -56,11 +57,11 @@ class ClosedLoopConfig:
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch."""
-    monitor: Literal["off", "watch", "correct", "slow", "correct_or_slow"] = "off"
+    monitor: Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"] = "off"
     """Watch for changes of the car against its simulator (events.jsonl in the folder). correct: the controller
     takes a named effect on the motion into its model, one of a sensor off the readings (for the nominal model). slow:
     the lane is driven slowly, in grip, until the simulator is believed again; correct_or_slow: or until it is
-    corrected."""
+    corrected. forget: of what was learnt of the car before it changed, nothing counts (for the online model)."""
     graph: bool = False
     """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
@@ -89,6 +90,8 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
+    if config.monitor == "forget" and adapter is None:
+        raise InvalidOptionError("--monitor forget is for --model online, which learns; choose watch or slow")
     if config.monitor in CORRECTING:
         if config.model != "nominal":
             raise InvalidOptionError(
@@ -124,8 +127,13 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         return {"out": folder, "pictures": pictures}
     run = simulate(config)
     m = run.metrics()
-    events = [] if run.monitor is None else events_of(run.monitor, run.table)
+    events = []
     if run.monitor is not None:
+        verdicts = verdicts_of(run.monitor, run.table)
+        shown = shown_while(
+            verdicts, folder / "watch.html", f"closed loop, {config.reference}", run.monitor.labels, False
+        )
+        events = [event for _, _, new in shown for event in new]
         write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
     for event in events:
         print(sentence(event), file=to)

@@ -49,12 +49,19 @@ class Learners(NamedTuple):
         measured_state: OutputPort,
         command: OutputPort,
         theta: OutputPort | None,
+        trusted: OutputPort | None = None,
     ) -> None:
         """Adds the adapter, whose belief the controller plans with, the detector, which watches it, and the observer.
 
         Args:
-            theta: what a correction gives the model, if there is one.
+            theta: what a correction gives the model, if there is one; trusted: of the monitor, if the adapter is to
+                forget what it learnt of another car.
+
+        Raises:
+            ValueError: nothing forgets.
         """
+        if trusted is not None and self.adapter is None:
+            raise ValueError("it is an adapter that forgets; give one, or another policy than forget")
         for name, system in (("adapter", self.adapter), ("detector", self.detector)):
             if system is not None:
                 builder.AddNamedSystem(name, system)
@@ -64,6 +71,8 @@ class Learners(NamedTuple):
             builder.Connect(theta, controller.GetInputPort("theta"))
         if self.adapter is not None:
             self._connect_belief(builder, controller, self.adapter)
+            if trusted is not None:
+                builder.Connect(trusted, self.adapter.GetInputPort("trusted"))
         ports = {"measured_state": measured_state, "command": command, "theta": theta}
         self._connect_observer(builder, controller, ports)
 

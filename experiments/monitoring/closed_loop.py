@@ -21,7 +21,10 @@ import tyro
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.logs.table import Run, make_run
-from drift_drake.monitoring.in_loop import Policy, events_of
+from drift_drake.model.adapter import KEPT, BayesianAdapter
+from drift_drake.model.checkpoint import load_model
+from drift_drake.model.quality import step_model
+from drift_drake.monitoring.in_loop import CORRECTING, Policy, events_of
 from drift_drake.monitoring.monitor import Monitor, make_monitor
 from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import WATCHED
@@ -38,7 +41,11 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, run_jobs
 from experiments.gap.score import wilson
 
-Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow"]
+Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
+POLICIES: dict[Mode, Policy] = {
+    "off": "watch", "watch": "watch", "correct": "correct", "slow": "slow", "correct_or_slow": "correct_or_slow",
+    "online": "watch", "online_forget": "forget",
+}  # fmt: skip
 PlantName = Literal["nominal", "double_track"]
 
 CHANGES: dict[str, dict[str, float]] = {
@@ -98,16 +105,21 @@ def reference(plant: PlantName) -> Reference:
 
 
 def closed_loop(
-    plant: PlantName, faults: Sequence[Fault] = (), monitor: Monitor | None = None, policy: Policy = "watch"
-) -> ClosedLoop:
+    plant: PlantName, faults: Sequence[Fault] = (), monitor: Monitor | None = None, policy: Policy = "watch",
+    online: bool = False, kept: float = KEPT,
+) -> ClosedLoop:  # fmt: skip
     """The loop of a plant; the true car may change."""
     vehicle = simulator(plant)
-    model: StepModel = EffectsStepModel(vehicle, Effects()) if "correct" in policy else NominalStepModel(vehicle)
+    model: StepModel = EffectsStepModel(vehicle, Effects()) if policy in CORRECTING else NominalStepModel(vehicle)
+    adapter = None
+    if online:
+        learnt = load_model()
+        model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, kept=kept)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
         effects, car = Effects(), DoubleTrackPlant(CARS["coupe"], Effects(), reference(plant).path)
     return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, monitor=monitor,
-                      policy=policy)  # fmt: skip
+                      policy=policy, adapter=adapter)  # fmt: skip
 
 
 @cache
@@ -133,8 +145,8 @@ def drive(job: Job) -> dict[str, Any]:
     effects = make_effects(CHANGES[job.change])
     onset = round(float(np.random.default_rng([job.seed, 3]).uniform(EARLIEST, LATEST)), 2)
     faults, change = disturbances(job.change, effects, onset)
-    monitor = None if job.mode == "off" else monitor_of(job.plant)
-    loop = closed_loop(job.plant, faults, monitor, "watch" if job.mode == "off" else job.mode)
+    monitor = None if job.mode in ("off", "online") else monitor_of(job.plant)
+    loop = closed_loop(job.plant, faults, monitor, POLICIES[job.mode], online=job.mode.startswith("online"))
     run = loop.run(loop.initial_context(job.seed), change=change)
     events = [] if run.monitor is None else events_of(run.monitor, run.table)
     slow = float(run.table["slow"].mean()) if "slow" in run.table else 0.0
@@ -174,7 +186,7 @@ def row(some: Sequence[dict[str, Any]]) -> str:
     _, low, high = wilson(len(completed), len(some))
     e = np.percentile([r["metrics"]["rms_e"] for r in completed], [50, 25, 75]) if completed else [np.nan] * 3
     cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
-    if some[0]["mode"] == "off":
+    if some[0]["mode"] in ("off", "online"):
         return " | ".join([*cells, "-", "-", "-"])
     told = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
     right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)

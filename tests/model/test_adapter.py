@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.adapter import BayesianAdapter, adapt
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import LAGGED
@@ -162,3 +162,21 @@ def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel,
         np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, count + 1 - taken])
     adapter.set_threshold(context, 3.0)
     assert context.get_numeric_parameter(1).value()[0] == 3.0
+
+
+def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, record: PiecewisePolynomial) -> None:
+    adapter = BayesianAdapter(learner, threshold=DEAF_TO_NOTHING)
+    context, trust = adapter.CreateDefaultContext(), [1.0, 1.0, 1.0, 0.0, 0.0]
+    for k, trusted in enumerate(trust):
+        now = record.value(TIMES[k])[:, 0]
+        for name, rows in PORTS:
+            adapter.GetInputPort(name).FixValue(context, now[rows])
+        adapter.GetInputPort("trusted").FixValue(context, [trusted])
+        context.SetTime(TIMES[k])
+        context.SetDiscreteState(adapter.EvalUniquePeriodicDiscreteUpdate(context))
+    posterior = learner.prior()
+    for k in (2, 3):  # the samples that end when it is first not trusted, and after
+        now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
+        x, x_next = (np.concatenate([row[:6], row[9:11]]) for row in (now, then))
+        posterior, _ = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, DEAF_TO_NOTHING)
+    np.testing.assert_allclose(adapter.posterior(context).mean, posterior.mean, rtol=1e-7, atol=1e-10)

@@ -26,11 +26,12 @@ def short() -> Reference:
 
 
 def test_an_alarm_slows_down_until_the_simulator_is_believed_or_corrected():
-    assert not slowed(False, 0.3, corrected=False)  # in doubt, as it was
-    assert slowed(False, 0.01, corrected=False)
-    assert slowed(True, 0.3, corrected=False)
-    assert not slowed(True, 0.6, corrected=False)
-    assert not slowed(True, 0.01, corrected=True)
+    assert not slowed(False, 0.3, 0.0, corrected=False)  # in doubt, as it was
+    assert slowed(False, 0.01, 0.0, corrected=False)
+    assert slowed(True, 0.3, 0.0, corrected=False)
+    assert not slowed(True, 0.6, 0.0, corrected=False)
+    assert not slowed(True, 0.01, 0.0, corrected=True)
+    assert not slowed(True, 0.01, 0.9, corrected=False)  # by readings that are wrong
 
 
 def test_the_pace_asks_little_of_the_tyres(short):
@@ -42,7 +43,7 @@ def test_the_pace_asks_little_of_the_tyres(short):
 
 @pytest.fixture
 def system(short):
-    return SlowDown(VEHICLE, short, 3, STEPS)
+    return SlowDown(VEHICLE, short, ("none", "gyro_bias", "unknown"), STEPS)
 
 
 def output_after(system: SlowDown, none: float, state: np.ndarray, correction: np.ndarray | None = None) -> np.ndarray:

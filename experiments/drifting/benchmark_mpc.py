@@ -6,7 +6,7 @@
 A car moves along the figure-8's reference by 10 ms from one problem to the next, off it at random. Each problem is
 planned for every horizon in turn, as a function and by the `MpcController`, so that what else the machine does falls on
 all of them. All times are CPU times of one thread. The floor of a plan is its QPs' own time and that of the network's
-matrix products, bare.
+matrix products, bare. For the nominal car a real-time iteration stands beside SNOPT, warm-started on the same problems.
 """
 
 import dataclasses
@@ -25,13 +25,14 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.step_model import StepModel
+from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
+from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,8 @@ class BenchmarkConfig:
     """Problems for each horizon that SNOPT and IPOPT solve too, to convergence."""
     referee_horizon: int = 45
     """The longest horizon for them; IPOPT takes minutes beyond."""
+    warm_problems: int = 100
+    """Problems of the nominal car that SNOPT solves from its last solution, N = 25."""
     steering_weight: float = 60.0
     """As in the closed loop."""
     seed: int = 0
@@ -193,6 +196,33 @@ class Bench:
         }
 
 
+def beside_snopt(config: BenchmarkConfig) -> dict[str, float]:
+    """Medians [ms] of a linearisation, a real-time iteration, and SNOPT from its last solution, for the nominal car."""
+    parameters, horizon = VehicleParameters(), 25
+    reference = figure_8(parameters)
+    problem = OptimalControlProblem(NominalStepModel(parameters), parameters, horizon)
+    sqp, snopt = LineSearchSqp(problem, SqpOptions.real_time()), SnoptSolver()
+    rng = np.random.default_rng(config.seed)
+    last: tuple[Array, Array | None] = np.empty(0), None
+    warm = np.empty(0)
+    times: dict[str, list[float]] = {"linearise": [], "real_time_iteration": [], "snopt_warm": []}
+    for number in range(config.warm_problems):
+        s = START + ADVANCE * number
+        window, x = reference.horizon(s, DT, horizon), reference.state(s) + rng.normal(size=6) * SPREAD
+        data = OcpData(x, reference.input(s), window.x_ref, window.curvature, window.e_min, window.e_max)
+        problem.set(data)
+        if number == 0:
+            warm, last = problem.first_guess(data), (problem.first_guess(data), None)
+        seconds = [cpu(lambda: problem.dynamics.linearize(last[0]))[0]]  # noqa: B023 (called at once)
+        spent, result = cpu(lambda: sqp.solve(*last))  # noqa: B023
+        seconds.append(spent)
+        spent, solution = cpu(lambda: snopt.Solve(problem, warm, None))  # noqa: B023
+        for name, value in zip(times, [*seconds, spent], strict=True):
+            times[name].append(value)
+        last, warm = (result.z, result.y), solution.GetSolution(problem.decision_variables())
+    return {name: statistics(values[1:])["median"] for name, values in times.items()}
+
+
 def statistics(seconds: Sequence[float]) -> dict[str, float]:
     """Median, 99.9 % and worst [ms]."""
     values = 1e3 * np.asarray(seconds)
@@ -225,6 +255,7 @@ def run(config: BenchmarkConfig) -> dict[str, Any]:
         "problems": config.problems,
         "horizons": {str(bench.horizon): bench.summary() for bench in benches},
         "referees": referees,
+        "beside_snopt": beside_snopt(config),
     }
 
 
@@ -240,7 +271,8 @@ def table(numbers: dict[str, Any]) -> str:
         cells = [" / ".join(f"{value:.2g}" for value in found["ms"][name].values()) for name in PARTS]
         ratios = [f"{found[name]:.2f}" for name in ("plan_over_floor", "controller_over_plan")]
         lines.append(f"| {horizon} | " + " | ".join(cells + ratios) + " |")
-    lines.append("")
+    medians = ", ".join(f"{name.replace('_', ' ')} {ms:.2g} ms" for name, ms in numbers["beside_snopt"].items())
+    lines += ["", f"- nominal car, N = 25: {medians} in the median"]
     for horizon, answers in numbers["referees"].items():
         for answer in answers:
             costs = [

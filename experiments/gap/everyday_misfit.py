@@ -9,23 +9,22 @@ weight, with the row weight alone, and with neither. A car that is done is kept:
 """
 
 import dataclasses
-import json
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tyro
-from tqdm import tqdm
 
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.identification.calibration import Identification
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import Run
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.run_folder import make_run_folder, write_json
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, drawn_deviations, drawn_magnitude, make_case
+from experiments.gap.each_vehicle import Results, each_vehicle
 from experiments.gap.score import wilson
 
 MISFITS = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
@@ -146,15 +145,8 @@ def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
 def main(config: Config) -> None:
     """Does the cars that are not done yet, and sums up."""
     folder = make_run_folder("everyday_misfit", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
-    (folder / "vehicles").mkdir(exist_ok=True)
-    results = []
-    for index in tqdm(range(config.vehicles), unit="vehicle"):
-        path = folder / "vehicles" / f"{index:03d}.json"
-        if not is_done(path):
-            write_json(path, one_vehicle(config, index))
-        results.append(json.loads(path.read_text()))
+    results: Results = []
+    for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         write_json(folder / "numbers.json", numbers(results))
     for key, found in numbers(results).items():
         if key != "vehicles":

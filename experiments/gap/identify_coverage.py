@@ -8,7 +8,6 @@ A vehicle that is done is kept: start again to go on.
 """
 
 import dataclasses
-import json
 import time
 from pathlib import Path
 from typing import Any, Literal
@@ -16,14 +15,14 @@ from typing import Any, Literal
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
-from tqdm import tqdm
 
 from drift_drake.identification.identify import identify
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.run_folder import make_run_folder, write_json
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, make_case, true_constants
 from experiments.gap.drake_cases import drake_case
+from experiments.gap.each_vehicle import each_vehicle
 from experiments.gap.score import wilson
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
@@ -150,15 +149,8 @@ def draw(found: dict[str, Any], path: Path) -> None:
 def main(config: Config) -> None:
     """Identifies the vehicles that are not done yet, and sums up."""
     folder = make_run_folder("identify_coverage", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
-    (folder / "vehicles").mkdir(exist_ok=True)
-    results = []
-    for index in tqdm(range(config.vehicles), unit="vehicle"):
-        path = folder / "vehicles" / f"{index:03d}.json"
-        if not is_done(path):
-            write_json(path, one_vehicle(config, index))
-        results.append(json.loads(path.read_text()))
+    found: dict[str, Any] = {}
+    for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         found = numbers(results)
         write_json(folder / "numbers.json", found)
     draw(found, folder / "coverage.png")

@@ -10,7 +10,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
 
-CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3)
+CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3, warm_problems=3)
 
 
 def test_a_benchmark_names_machine_parts_counts_and_referees(
@@ -29,6 +29,7 @@ def test_a_benchmark_names_machine_parts_counts_and_referees(
     (answer,) = numbers["referees"]["3"]
     assert all(found["solved"] for found in answer.values())
     np.testing.assert_allclose([found["cost"] for found in answer.values()], answer["sqp"]["cost"], atol=1e-4)
+    assert set(numbers["beside_snopt"]) == {"linearise", "real_time_iteration", "snopt_warm"}
     assert numbers["machine"] in capsys.readouterr().out
 
 

@@ -73,15 +73,17 @@ def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float
     out: dict[str, float] = {}
     for name, magnitude in zip(names, magnitudes, strict=True):
         parts = with_load(name, float(magnitude), follows_load, day.constants)
-        for key, value in parts.items():
-            if value == 0.0 and key != name:
-                continue
-            out[key] = out.get(key, 0.0) + value
+        out = added_up(out, {key: value for key, value in parts.items() if value != 0.0 or key == name})
     return out
 
 
 class Search:
-    """Hypotheses of one day, fitted."""
+    """Hypotheses of one day, fitted.
+
+    Attributes:
+        ranges: of the effects' magnitudes, by name; `singles` widens those whose most likely magnitude is at an end.
+        curves: of every single effect, once `singles` has been asked.
+    """
 
     def __init__(self, day: Day, normal: Normal, vehicle: VehicleParameters, catalogue: Sequence[str],
                  threads: int = 2) -> None:  # fmt: skip
@@ -90,7 +92,7 @@ class Search:
         self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
         self.threads = threads
-        self.curves: list[Curve] = []  # of every single effect, once `singles` has been asked
+        self.curves: list[Curve] = []
 
     def on(self, day: Day) -> "Search":
         """The same search on other windows."""
@@ -127,7 +129,7 @@ class Search:
                 progress((done + 1) / len(variants))
             ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
             refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
-        refined = [curve.followed(self) for curve in refined]
+        refined = [follow(self, curve) for curve in refined]
         self.curves = [*refined, *ranked[REFINED:]]
         found = [curve.hypothesis(self) for curve in self.curves]
         best: dict[str, Hypothesis] = {}
@@ -271,19 +273,6 @@ class Curve:
                 break
         return curve
 
-    def followed(self, search: Search) -> "Curve":
-        """The curve, farther out while its most likely magnitude is at its end; a rate limit acts the less there."""
-        curve = self
-        for _ in range(EXTENSIONS if self.name != RATE_LIMIT else 0):
-            r, q = search.ranges[self.name], curve.best(search)[0]
-            wider = farther(self.name, r, search.vehicle)
-            if not at_end(q, r) or wider == r:
-                break
-            search.ranges[self.name] = wider
-            end = wider.high if q > 0.0 else wider.low
-            curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
-        return curve
-
     def hypothesis(self, search: Search) -> Hypothesis:
         """The single effect at its most likely magnitude; its variance from the slope of the scores there."""
         q, nats = self.best(search)
@@ -295,3 +284,19 @@ class Curve:
         variance = 1.0 / max(float(slope @ search.scatter.inverse @ slope), 1e-300)
         return concluded((self.name,), np.array([q]), np.array([[variance]]), nats, [search.ranges[self.name]],
                          self.follows)  # fmt: skip
+
+
+def follow(search: Search, curve: Curve) -> Curve:
+    """Predicts a curve farther out while its most likely magnitude is at its end, and widens `search.ranges` so far.
+
+    But for a rate limit, which acts the less there.
+    """
+    for _ in range(EXTENSIONS if curve.name != RATE_LIMIT else 0):
+        r, q = search.ranges[curve.name], curve.best(search)[0]
+        wider = farther(curve.name, r, search.vehicle)
+        if not at_end(q, r) or wider == r:
+            break
+        search.ranges[curve.name] = wider
+        end = wider.high if q > 0.0 else wider.low
+        curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
+    return curve

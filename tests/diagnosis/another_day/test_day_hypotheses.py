@@ -6,7 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.another_day.hypotheses import Curve, Hypothesis, Search, as_change, concluded, effects_of
+from drift_drake.diagnosis.another_day.hypotheses import (
+    Curve,
+    Hypothesis,
+    Search,
+    as_change,
+    concluded,
+    effects_of,
+    follow,
+)
 from drift_drake.diagnosis.another_day.posterior import (
     OF_SCATTER,
     PRIORS,
@@ -116,10 +124,10 @@ def test_a_magnitude_beyond_the_reach_is_followed_as_far_as_any_vehicles(truth, 
     curve = Curve("mass_error", False, [0.0], [search.scores({})])
     for q in (-0.2, 0.2, 0.3):
         curve = curve.with_point(search, q)
-    assert curve.followed(search).hypothesis(search).magnitudes[0] == pytest.approx(found, abs=2e-3)
+    assert follow(search, curve).hypothesis(search).magnitudes[0] == pytest.approx(found, abs=2e-3)
     assert at_end(found, search.ranges["mass_error"]) == (truth == 5.0)
     near = Linear([30.0, 40.0], 0.1)
-    Curve("mass_error", False, [0.0, 0.3], [near.scores({}), near.scores({"mass_error": 0.3})]).followed(near)
+    follow(near, Curve("mass_error", False, [0.0, 0.3], [near.scores({}), near.scores({"mass_error": 0.3})]))
     assert near.ranges["mass_error"].high == 0.3
 
 

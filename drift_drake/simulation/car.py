@@ -9,6 +9,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
 from drift_drake.vehicle.plant import VehiclePlant
+from drift_drake.vehicle.plausible import check_effects, check_plausible
 
 
 class Car(Diagram):
@@ -32,6 +33,9 @@ class Car(Diagram):
         period: of the sensors' sampling, and of the rows of the transport delays [s].
         plant: another plant of the same ports in place of `VehiclePlant(parameters, effects, path)`; of `effects`,
             steering delay and sensors' effects still act here.
+
+    Raises:
+        InvalidVehicleError: a parameter or an effect that no car has.
     """
 
     def __init__(
@@ -44,6 +48,8 @@ class Car(Diagram):
         plant: PathPlant | None = None,
     ) -> None:
         Diagram.__init__(self)
+        check_plausible(parameters, "the car")
+        check_effects(effects, parameters, "the car")
         builder = DiagramBuilder()
         made = VehiclePlant(parameters, effects, path) if plant is None else plant
         self.plant = builder.AddNamedSystem("plant", made)

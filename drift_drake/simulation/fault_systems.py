@@ -64,8 +64,9 @@ class SensorFaults(LeafSystem):
         x = self._measured.Eval(context)
         past = context.get_discrete_state(self._past).value()
         discrete.set_value(self._past, np.concatenate([x, past[: -len(x)]]))
-        t = context.get_time()
-        if not any(fault.kind == "freeze" and fault.active(t) for fault in self._faults):
+        t, held = context.get_time(), context.get_discrete_state(self._held).value()
+        frozen = any(fault.kind == "freeze" and fault.active(t) for fault in self._faults)
+        if not frozen or not np.isfinite(held).any():  # the first reading of all may be the one that is repeated
             discrete.set_value(self._held, x)
 
 

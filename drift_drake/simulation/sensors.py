@@ -10,6 +10,7 @@ from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
 from pydrake.systems.primitives import Multiplexer, RandomSource
 
+from drift_drake.errors import InvalidOptionError, shown
 from drift_drake.simulation.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects, measured
@@ -163,6 +164,12 @@ class Sensors(Diagram):
         builder.BuildInto(self)
 
     def set_seed(self, root_context: Context, seed: int) -> None:
-        """Starts the noise of this Context (of the whole diagram that holds the sensors) from a seed."""
+        """Starts the noise of this Context (of the whole diagram that holds the sensors) from a seed.
+
+        Raises:
+            InvalidOptionError: the seed is no whole number from 0 to 2^63 - 1.
+        """
+        if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+            raise InvalidOptionError(f"the seed is {shown(seed)}; give a whole number, 0 or more")
         context = self.noise_source.GetMyMutableContextFromRoot(root_context)
-        self.noise_source.SetRandomContext(context, RandomGenerator(seed))
+        self.noise_source.SetRandomContext(context, RandomGenerator(int(seed)))

@@ -83,7 +83,7 @@ def test_measurements_do_not_feed_the_command_through_but_in_their_accelerations
 
 @pytest.mark.parametrize("effect", ["steering_delay", "sensor_latency"])
 def test_a_delay_cannot_be_negative(effect):
-    with pytest.raises(ValueError, match=r"delay is -0\.1; give it in seconds, zero or more"):
+    with pytest.raises(ValueError, match=rf"effects\.{effect} is -0\.1 s; no vehicle's"):
         Car(PARAMETERS, Effects(**{effect: -0.1}))
 
 

@@ -6,36 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faulted_loops import FAST, PARAMETERS, loop_with
 from pydrake.systems.framework import Context
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.sqp import LineSearchSqp
-from drift_drake.control.step_model import NominalStepModel
-from drift_drake.errors import DriftDrakeError
-from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.errors import DriftDrakeError, InvalidOptionError
+from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator, PlanStatus
+from drift_drake.simulation.car import Car
 from drift_drake.simulation.change import Change
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.drive_command import ClosedLoopConfig, main
-from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.path_plant import MotionError
-
-PARAMETERS = VehicleParameters()
-FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
-
-
-@pytest.fixture(scope="module")
-def short() -> Reference:
-    return dataclasses.replace(figure_8(PARAMETERS), distance=30.0)
-
-
-def loop_with(reference: Reference, *faults: str, effects: Effects | None = None) -> ClosedLoop:
-    model = NominalStepModel(PARAMETERS) if effects is None else EffectsStepModel(PARAMETERS, effects)
-    return ClosedLoop(PARAMETERS, reference, model, effects or Effects(), control=FAST,
-                      faults=[parse_fault(text) for text in faults])  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -81,13 +66,39 @@ def test_plans_of_a_clock_that_runs_ahead_end_in_a_stop(short: Reference) -> Non
     assert metrics.outcome == "stopped safely"
 
 
+def test_a_reading_that_is_frozen_from_the_first_is_counted(short: Reference) -> None:
+    loop = loop_with(dataclasses.replace(short, distance=8.0), "freeze:0:99")
+    metrics = loop.run(loop.initial_context(0)).metrics()
+    assert metrics.frozen_readings > 0
+    assert metrics.outcome != "completed"
+
+
+@pytest.mark.parametrize(
+    "effects", [Effects(friction_level=float("nan")), Effects(mass_error=-2.0), Effects(steering_lag=-0.1)]
+)
+def test_an_effect_that_no_car_has_is_refused(short: Reference, effects: Effects) -> None:
+    with pytest.raises(InvalidVehicleError, match="the car: effects"):
+        loop_with(short, effects=effects)
+    with pytest.raises(InvalidVehicleError, match="the car: yaw_inertia is 1e-09"):
+        Car(PARAMETERS.replace(yaw_inertia=1e-9))
+
+
+@pytest.mark.parametrize("seed", [-1, 2**70, 1.5])
+def test_a_seed_that_is_none_is_refused(short: Reference, seed: int) -> None:
+    with pytest.raises(InvalidOptionError, match="give a whole number, 0 or more"):
+        loop_with(short).initial_context(seed)
+
+
 def test_nothing_is_counted_where_nothing_is_wrong(short: Reference) -> None:
     loop = loop_with(short)
     assert loop.run(loop.initial_context(0)).metrics().faults() == ""
 
 
 def test_the_model_of_effects_survives_readings_that_are_none(short: Reference) -> None:
-    loop = loop_with(short, "dropout:0.5:0.2", "nan:0:0.1:0:r", effects=Effects(steering_lag=0.05))
+    effects = Effects(steering_lag=0.05)
+    loop = loop_with(
+        short, "dropout:0.5:0.2", "nan:0:0.1:0:r", effects=effects, model=EffectsStepModel(PARAMETERS, effects)
+    )
     metrics = loop.run(loop.initial_context(0)).metrics()
     assert metrics.outcome == "completed"
     assert metrics.solver_failures == metrics.missing_readings == 15

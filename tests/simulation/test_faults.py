@@ -73,6 +73,10 @@ def test_readings_freeze_come_late_and_lose_a_channel() -> None:
     assert np.isnan(x).sum() == 10
 
 
+def test_a_freeze_from_the_start_repeats_the_first_reading() -> None:
+    np.testing.assert_array_equal(faulted("freeze:0:0.3")[:30], np.tile(exact()[0], (30, 1)))
+
+
 def test_readings_jitter_within_their_bound_and_replay() -> None:
     x, good = faulted("jitter:0.2:0.5:0.05"), exact()
     late = np.rint((good[20:70, 6] - x[20:70, 6]) / 0.12).astype(int)

@@ -1,36 +1,20 @@
 """Readings against what the model makes of the last good one, alone and in the loop."""
 
-import dataclasses
-
 import numpy as np
 import pytest
+from faulted_loops import FAST, PARAMETERS, loop_with
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
-from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.change import Change
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, RunLimits
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.screening import PERSISTENT
 from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-
-PARAMETERS = VehicleParameters()
-FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
-
-
-@pytest.fixture(scope="module")
-def short() -> Reference:
-    return dataclasses.replace(figure_8(PARAMETERS), distance=30.0)
-
-
-def loop_with(reference: Reference, *faults: str, effects: Effects | None = None) -> ClosedLoop:
-    return ClosedLoop(PARAMETERS, reference, NominalStepModel(PARAMETERS), effects or Effects(), control=FAST,
-                      faults=[parse_fault(text) for text in faults])  # fmt: skip
 
 
 @pytest.mark.parametrize("fault", ["spike:1:0.1:1:r", "spike:1:0.1:2:v", "spike:1:0.1:0.3:beta", "spike:1:0.1:30:s"])

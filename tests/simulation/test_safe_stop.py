@@ -4,27 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from faulted_loops import FAST, PARAMETERS, loop_with
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.stopping import FASTEST, stopping_command, stopping_plan
 from drift_drake.logs.driving import slowest
-from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.faults import parse_fault
-from drift_drake.vehicle.parameters import VehicleParameters
-
-PARAMETERS = VehicleParameters()
-FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
-
-
-@pytest.fixture(scope="module")
-def short() -> Reference:
-    return dataclasses.replace(figure_8(PARAMETERS), distance=30.0)
-
-
-def loop_with(reference: Reference, *faults: str, **control: object) -> ClosedLoop:
-    return ClosedLoop(PARAMETERS, reference, NominalStepModel(PARAMETERS), control=dataclasses.replace(FAST, **control),
-                      faults=[parse_fault(text) for text in faults])  # fmt: skip
+from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.closed_loop import ControlConfig
 
 
 @pytest.mark.parametrize("fault", ["dropout:0.5:99", "lost_plans:0.5:99", "nan:0.5:99:0:e"])

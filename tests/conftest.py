@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.estimation.scores import Normal
+from drift_drake.estimation.normal import Normal
 from drift_drake.identification import identify as identification
 from drift_drake.identification.calibration import Identification
 from drift_drake.logs.table import Run

@@ -11,7 +11,7 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import KEY, provenance
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.errors import DriftDrakeError
-from drift_drake.estimation.scores import Normal
+from drift_drake.estimation.normal import Normal
 from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import InvalidLogError, read_case, stated_noise
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -9,21 +9,21 @@ generalised method of moments with an empirical weight (Hansen 1982).
 import dataclasses
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.errors import shown
+from drift_drake.estimation.normal import Normal, capped_squares
+from drift_drake.estimation.recordings import covariance_between, pulls
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
-from drift_drake.estimation.windows import HORIZONS, PREDICTED, WindowedRun, errors, errors_of_all, regimes
-from drift_drake.plain_files import number
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 BLOCK = 2.0  # [s]
 CLIPPED = 4.0  # robust scales at which a window's error in a channel is clipped (Huber)
-WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
 LARGEST = 20.0  # robust scales of a derivative
 SHARE = 0.25  # of the practical range, that derivatives are taken over
 RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
@@ -36,8 +36,6 @@ BEYOND = 0.15  # share beyond, at which a window counts half
 MODEL_FORM = {"yaw_inertia_error": 0.08}
 """Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and
 tyres relax, the yaw inertia that predicts best depends on the drive (validation cars)."""
-LARGEST_NUMBER = 1e100  # of a calibration's file: beyond, its squares are not finite
-ROUNDED = 1e-6  # of a matrix's largest entry, by which rounding may make an eigenvalue negative
 CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
 
 
@@ -64,80 +62,9 @@ def huber_weights(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(1.0, CLIPPED / np.maximum(size, 1e-9)))
 
 
-def capped_squares(e: np.ndarray) -> np.ndarray:
-    """Squares of errors in scales, capped: a prediction that far off is lost, however far."""
-    return np.asarray(np.minimum(e**2, WORST))
-
-
 def flat(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Clipped errors in robust scales [windows, HORIZONS * channels]."""
     return np.asarray((e / scales * huber_weights(e, scales)).reshape(len(e), -1))
-
-
-@dataclasses.dataclass(frozen=True)
-class Normal:
-    """What is normal for a calibrated car. Scores are in `units` of the effects `names`."""
-
-    names: tuple[str, ...]
-    units: np.ndarray  # [n]
-    scales: np.ndarray  # [HORIZONS, channels]
-    precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
-    blocks: int
-    mean: np.ndarray  # score of a block [n]
-    covariance: np.ndarray  # from block to block [n, n]
-    modes: np.ndarray  # score of a block, run by run [runs, n]: another day mixes manoeuvres in other shares
-    information: np.ndarray  # diagonal of a block's information [n]
-    covered: np.ndarray  # how hard the car was driven [4] (`windows.regimes`)
-    unknown: np.ndarray  # covariance of what calibration left unknown, in units [n, n]
-    offset: np.ndarray  # median errors [HORIZONS, channels]
-    level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
-
-    def squares(self, e: np.ndarray) -> np.ndarray:
-        """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
-        return capped_squares((e - self.offset) / self.scales)
-
-    def as_data(self) -> dict[str, object]:
-        """Plain lists, the inverse of `normal_from_data`."""
-        return {key: value.tolist() if isinstance(value, np.ndarray) else value
-                for key, value in dataclasses.asdict(self).items()}  # fmt: skip
-
-
-def normal_from_data(data: Mapping[str, object]) -> Normal:
-    """What `Normal.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
-    arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
-    names = tuple(str(name) for name in arrays.pop("names"))  # type: ignore[attr-defined]
-    blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
-    try:
-        out = Normal(names, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()})
-    except OverflowError:
-        raise ValueError("normal holds a number that is out of range") from None
-    _check_normal(out)
-    return out
-
-
-def _check_normal(normal: Normal) -> None:
-    """ValueError where numbers are missing, not finite or of a wrong sign, or a name is no effect's."""
-    names, n, m = normal.names, len(normal.names), HORIZONS * len(PREDICTED)
-    unknown = [name for name in names if name not in CATALOGUE]
-    if unknown or not n or len(set(names)) < n:
-        raise ValueError(f"'names' must be different effects of the catalogue, not {shown(unknown or list(names))}")
-    shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m), "scales": (HORIZONS, len(PREDICTED))}
-    shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
-    shapes |= dict.fromkeys(("offset", "level"), shapes["scales"])
-    shapes["modes"] = (max(len(np.atleast_1d(normal.modes)), 1), n)
-    for key, shape in shapes.items():
-        if getattr(normal, key).shape != shape or not np.all(np.abs(getattr(normal, key)) < LARGEST_NUMBER):
-            raise ValueError(f"'{key}' must hold {shape} finite numbers")
-    for key in ("units", "scales"):
-        if np.min(getattr(normal, key)) <= 0.0:
-            raise ValueError(f"'{key}' must be above zero")
-    for key in ("information", "covered", "level"):
-        if np.min(getattr(normal, key)) < 0.0:
-            raise ValueError(f"'{key}' must be zero or more")
-    for key, least in (("precision", 0.0), ("covariance", -ROUNDED), ("unknown", -ROUNDED)):
-        matrix = getattr(normal, key)
-        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= least * np.max(np.abs(matrix)):
-            raise ValueError(f"'{key}' must be symmetric, without negative directions")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,6 +83,11 @@ class Day:
     @property
     def blocks(self) -> int:
         return int(self.block.max()) + 1
+
+    @property
+    def recordings(self) -> np.ndarray:
+        """Index [runs] of the recording that each run is a part of."""
+        return np.unique([run.recording for run in self.runs], return_inverse=True)[1]
 
     def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
         """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
@@ -209,7 +141,14 @@ def block_information(day: Day, scales: np.ndarray, precision: np.ndarray) -> np
     return np.asarray(np.einsum("wip,ij,wjq->pq", half, precision, half, optimize=True))
 
 
-def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray) -> Normal:
+class Learnt(NamedTuple):
+    """What a day of calibration shows of its car."""
+
+    normal: Normal
+    pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
+
+
+def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray) -> Learnt:
     """What is normal, from the day of calibration.
 
     Args:
@@ -229,14 +168,31 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     covariance = correlation * np.outer(deviation, deviation)
     seen = np.diag(information) > 0.0
     ratio = float(np.mean(np.diag(covariance)[seen] * len(score) / np.diag(information)[seen]))
-    unknown = np.linalg.inv(np.diag(1.0 / prior**2) + information / (max(ratio, 1.0) * CALIBRATED))
-    unknown = unknown + np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
+    temper = max(ratio, 1.0) * CALIBRATED
+    alone = np.linalg.inv(np.diag(1.0 / prior**2) + information / temper)
+    by_recording, blocks = scores_by_recording(day, score)
+    pulled = pulls(by_recording / temper, blocks, alone)
+    model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
+    unknown = alone + model_form + covariance_between(pulled)
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     offset = np.median(day.errors, axis=0)
     level = capped_squares((day.errors - offset) / scales).mean(axis=0)
-    return Normal(tuple(names), steps, scales, precision, len(score), score.mean(axis=0), covariance, modes,
-                  np.diag(information) / len(score), coverage(day.runs), unknown, offset, level)  # fmt: skip
+    normal = Normal(
+        names=tuple(names), units=steps, scales=scales, precision=precision, blocks=len(score),
+        mean=score.mean(axis=0), covariance=covariance, modes=modes, information=np.diag(information) / len(score),
+        covered=coverage(day.runs), unknown=unknown, offset=offset, level=level,
+    )  # fmt: skip
+    return Learnt(normal, pulled)
+
+
+def scores_by_recording(day: Day, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scores summed over each recording [K, n], and its number of blocks [K]; score: of the blocks [blocks, n]."""
+    of_block = np.zeros(day.blocks, dtype=int)
+    of_block[day.block] = day.recordings[day.run]
+    out = np.zeros((int(of_block.max()) + 1, score.shape[1]))
+    np.add.at(out, of_block, score)
+    return out, np.bincount(of_block)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -39,7 +39,7 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
             warnings.append(f"{run.name}: only {used} are used ({why or 'the rest is too short'})")
         for number, (a, b) in enumerate(parts):
             name = run.name if len(parts) == 1 else f"{run.name}_{number}"
-            kept.append(dataclasses.replace(run.rows(a, b), name=name))
+            kept.append(dataclasses.replace(run.rows(a, b), name=name, recording=run.name))
     _check_enough(runs, kept, vehicle)
     return kept, warnings
 

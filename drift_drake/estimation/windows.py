@@ -53,6 +53,7 @@ class WindowedRun:
     starts: np.ndarray  # [windows] rows
     fed: bool  # speeds are fed as measured: no torque is logged
     used: np.ndarray  # [5] bool: channels that are measured and predicted
+    recording: str = ""  # that the run is a part of
 
     @property
     def stride(self) -> int:
@@ -91,7 +92,9 @@ def windowed(run: Run, left_out: np.ndarray | None = None) -> WindowedRun:
         starts = starts[clean]
     start_y = np.stack([smoothed(y[:, i], run.period) for i in range(len(PREDICTED))], axis=1)
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
-    return WindowedRun(run.name, run.period, y, start_y, data.delta, data.tau, starts, fed, used)
+    return WindowedRun(
+        run.name, run.period, y, start_y, data.delta, data.tau, starts, fed, used, run.recording or run.name
+    )
 
 
 @compiled

@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
-from drift_drake.estimation.scores import Normal, learn_normal, make_day, units
+from drift_drake.estimation.scores import learn_normal, make_day, units
 from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
 from drift_drake.identification.held_out import HeldOut
+from drift_drake.identification.influence import influences
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -41,6 +43,7 @@ class PredictionFit:
     correlation: np.ndarray  # [n, n]
     held_out: HeldOut
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
+    influences: list[str]  # which recordings estimates hang on
 
 
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
@@ -104,15 +107,17 @@ def fit_by_prediction(
     car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    normal = learn_normal(make_day(runs, car.constants(), rest, seen, steps), seen, steps, prior)
+    learnt = learn_normal(make_day(runs, car.constants(), rest, seen, steps), seen, steps, prior)
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
-    covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
+    covariance = learnt.normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
     deviations = WIDER * np.sqrt(np.diag(covariance))
     correlation = covariance * WIDER**2 / np.outer(deviations, deviations)
+    recordings = sorted({run.recording for run in runs})
     return PredictionFit(
-        tuple(kept), fit, car, rest, normal, deviations, correlation, held_out,
+        tuple(kept), fit, car, rest, learnt.normal, deviations, correlation, held_out,
         tuple(name for name in candidates if name not in fit.names),
+        influences(recordings, [u.name for u in kept], learnt.pulled[:, at] * scale, deviations),
     )  # fmt: skip
 
 

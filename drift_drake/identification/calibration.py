@@ -4,8 +4,8 @@ import dataclasses
 from typing import Any
 
 from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import Everyday
-from drift_drake.estimation.scores import Normal
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.not_identified import Direction

@@ -8,8 +8,8 @@ from typing import Any
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
+from drift_drake.estimation.normal import Normal, normal_from_data
 from drift_drake.estimation.problem import Everyday
-from drift_drake.estimation.scores import Normal, normal_from_data
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.plain_files import number, read_json
 

@@ -45,7 +45,8 @@ class Run:
     [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows.
 
     `filled`: rows (bool) in which the screening has filled a bad sample, so that a column is no measurement there.
-    `trusted`: columns that are asked no questions, since somebody has looked at them.
+    `trusted`: columns that are asked no questions, since somebody has looked at them. `recording`: the name of the run
+    that this is a part of; empty for a whole one.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Run:
     psi: np.ndarray | None = None
     filled: np.ndarray | None = None
     trusted: tuple[str, ...] = ()
+    recording: str = ""
 
     def __post_init__(self) -> None:
         _check(self)
@@ -124,7 +126,7 @@ def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
     """
     name = _name(path)
     try:
-        return Run(name=name, trusted=trusted_columns(path.parent), **columns)
+        return Run(name=name, trusted=trusted_columns(path.parent), recording="", **columns)
     except InvalidLogError as error:
         raise InvalidLogError(f"{path}: {str(error).removeprefix(name + ': ')}") from None
 

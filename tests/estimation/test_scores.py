@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.estimation.normal import normal_from_data
 from drift_drake.estimation.scores import (
     BEYOND,
     CLIPPED,
@@ -17,7 +18,6 @@ from drift_drake.estimation.scores import (
     flat,
     huber_weights,
     make_day,
-    normal_from_data,
     scatter_of,
     summed,
 )

@@ -23,8 +23,8 @@ from drift_drake.diagnosis.answers.apply import Apply, run_apply
 from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import NUISANCES
-from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.windows import HORIZONS, PREDICTED
 from drift_drake.identification.calibration_file import read_trust
 from drift_drake.logs.importing.importer import import_recordings

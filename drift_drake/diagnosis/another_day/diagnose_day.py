@@ -21,8 +21,9 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
 from drift_drake.errors import unit_suffix
 from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
-from drift_drake.estimation.scores import Day, Normal, make_day
+from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable

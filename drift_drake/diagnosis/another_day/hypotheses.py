@@ -13,7 +13,8 @@ import numpy as np
 
 from drift_drake.diagnosis.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
 from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
-from drift_drake.estimation.scores import Day, Normal, Scatter, scatter_of, summed
+from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.scores import Day, Scatter, scatter_of, summed
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -11,8 +11,8 @@ from drift_drake.diagnosis.another_day.diagnose_day import search_of
 from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import make_problem
-from drift_drake.estimation.scores import Normal
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -7,8 +7,9 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.gap import STATES, squares
 from drift_drake.diagnosis.reports.report_figures import UNITS, reach_of
+from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.robust_fit import MAD
-from drift_drake.estimation.scores import Day, Normal
+from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun
 from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, stacked
 

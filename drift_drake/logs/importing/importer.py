@@ -159,7 +159,8 @@ def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tupl
     """One run, and what looks wrong in it."""
     sentences = check_columns(columns, PERIOD, mapping.wheelbase)
     try:
-        run = Run(name=name, trusted=mapping.trust, **{key: columns[key] for key in COLUMNS if key in columns})
+        present = {key: columns[key] for key in COLUMNS if key in columns}
+        run = Run(name=name, trusted=mapping.trust, recording="", **present)
     except InvalidLogError as error:
         raise InvalidLogError(" ".join([str(error), *sentences])) from None
     return run, sentences

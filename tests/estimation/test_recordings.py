@@ -1,0 +1,54 @@
+"""What recordings differ by, against linear regressions."""
+
+import numpy as np
+import pytest
+
+from drift_drake.estimation.recordings import covariance_between, pulls
+
+TRUTH = np.array([1.0, -2.0])
+BLOCKS = 20
+
+
+def recordings(rng: np.random.Generator, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Designs and measurements of linear recordings, each of which has its own magnitudes."""
+    designs = [rng.normal(size=(40, 2)) for _ in range(count)]
+    own = [TRUTH + 0.1 * rng.normal(size=2) for _ in range(count)]
+    return designs, [x @ q + 0.01 * rng.normal(size=40) for x, q in zip(designs, own, strict=True)]
+
+
+def regression(designs: list[np.ndarray], measured: list[np.ndarray]) -> np.ndarray:
+    return np.asarray(np.linalg.lstsq(np.concatenate(designs), np.concatenate(measured), rcond=None)[0])
+
+
+def pulled(designs: list[np.ndarray], measured: list[np.ndarray]) -> np.ndarray:
+    estimate = regression(designs, measured)
+    scores = np.array([-x.T @ (y - x @ estimate) for x, y in zip(designs, measured, strict=True)])
+    return pulls(scores, np.full(len(designs), BLOCKS), np.linalg.inv(sum(x.T @ x for x in designs)))
+
+
+def test_a_recording_pulls_as_leaving_it_out_shows() -> None:
+    designs, measured = recordings(np.random.default_rng(0), 40)
+    found = pulled(designs, measured)
+    for i in range(40):
+        without = regression(designs[:i] + designs[i + 1 :], measured[:i] + measured[i + 1 :])
+        # To first order in one of forty.
+        assert found[i] == pytest.approx(regression(designs, measured) - without, rel=0.1, abs=2e-4)
+
+
+def test_the_spread_of_estimates_over_populations_of_recordings_is_found() -> None:
+    rng = np.random.default_rng(1)
+    draws = [recordings(rng, 12) for _ in range(400)]
+    spread = np.var([regression(*draw) for draw in draws], axis=0)
+    stated = np.mean([np.diag(covariance_between(pulled(*draw))) for draw in draws], axis=0)
+    assert stated == pytest.approx(spread, rel=0.2)
+    # Rows that are taken as independent would say a tenth of that.
+    assert np.all(spread > 10.0 * 0.01**2 / (12 * 40))
+
+
+def test_one_recording_says_nothing_of_others() -> None:
+    assert np.all(covariance_between(pulls(np.array([[0.3, -0.2]]), np.array([BLOCKS]), np.eye(2))) == 0.0)
+
+
+def test_what_all_recordings_share_is_no_difference() -> None:
+    same = np.tile([0.3, -0.2], (3, 1))  # what the equations lack in every recording
+    assert pulls(same, np.full(3, BLOCKS), np.eye(2)) == pytest.approx(np.zeros((3, 2)))

@@ -83,6 +83,6 @@ def test_the_report_is_one_file(identified, tmp_path):
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert identified.calibration.case in text
     assert text.count('class="chart"') == 3
-    assert "Every direction is told" in text
+    assert "Every direction is identified" in text
     for outside in ("<script src", 'src="http', "url(http", "@import"):
         assert outside not in text

@@ -1,48 +1,68 @@
-"""A page in a headless browser: what it says on the console, what it has drawn, whether it is wider than its window."""
+"""A page in a headless browser: what it says on the console, what it has drawn, whether anything is cut or overlaps."""
 
+import html
+import json
 import re
 import shutil
 import subprocess
-from typing import NamedTuple
 
 import pytest
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-WIDTH = "<script>document.title = document.documentElement.scrollWidth - innerWidth</script></body>"
+WIDTHS = (1280, 390)  # [px] of a desktop's window and of a phone's
+MEASURE = """<script>setTimeout(() => {
+  const drawn = (chart, what) => chart.querySelectorAll(what).length;
+  const shown = text => text.textContent.trim() && text.getBoundingClientRect().width > 0;
+  const within = (a, b) =>
+    a.left > b.left - 1 && a.right < b.right + 1 && a.top > b.top - 1 && a.bottom < b.bottom + 1;
+  const wide = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left);
+  const high = (a, b) => Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+  const cut = [], overlaps = [];
+  const charts = [...document.querySelectorAll(".chart")].map(chart => {
+    const box = chart.getBoundingClientRect();
+    const texts = [...chart.querySelectorAll("text")].filter(shown);
+    const boxes = texts.map(text => [text.textContent.trim(), text.getBoundingClientRect()]);
+    for (const [i, [text, a]] of boxes.entries()) {
+      if (!within(a, box)) cut.push(text);
+      for (const [other, b] of boxes.slice(i + 1))
+        if (wide(a, b) > 2 && high(a, b) > 3) overlaps.push(text + " | " + other);
+    }
+    return { axes: new Set([...chart.querySelectorAll("g.subplot")].map(axes => axes.classList[1])).size,
+             drawn: drawn(chart, "g.trace.scatter") + drawn(chart, ".hm") };
+  });
+  const tooWide = document.documentElement.scrollWidth - innerWidth;
+  parent.postMessage(JSON.stringify({ charts, cut, overlaps, tooWide }), "*");
+}, 1500)</script></body>"""
+FRAME = """<!doctype html><body style="margin: 0">
+<script>addEventListener("message", event => {{ document.title = event.data; }})</script>
+<iframe style="border: 0" width="{width}" height="900" src="page.html"></iframe></body>"""
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine: apt install chromium")
 
 
-class Opened(NamedTuple):
-    """A page once its scripts have run."""
-
-    dom: str
-    console: list[str]
-    too_wide: int  # [px]
-
-
-def opened(path, width=500):
-    """Opens a file; 500 pixels are the least that a headless window has."""
-    page = path.with_name("measured.html")
-    page.write_text(path.read_text(encoding="utf-8").replace("</body>", WIDTH), encoding="utf-8")
+def opened(path, width):
+    """What a page looks like at a width [px] (in a frame: a headless window has 500 at least), and its console."""
+    folder = path.parent / f"opened_{width}"
+    folder.mkdir(exist_ok=True)
+    (folder / "page.html").write_text(path.read_text(encoding="utf-8").replace("</body>", MEASURE), encoding="utf-8")
+    (folder / "frame.html").write_text(FRAME.format(width=width), encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000", "--enable-logging=stderr"]
     done = subprocess.run(
-        [BROWSER, *options, f"--window-size={width},900", "--dump-dom", page.as_uri()],
+        [BROWSER, *options, "--window-size=1400,1000", "--dump-dom", (folder / "frame.html").as_uri()],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    return Opened(done.stdout, console, int(re.search(r"<title>(-?\d+)</title>", done.stdout)[1]))
+    return json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1])), console
 
 
 def check_charts(path):
-    """Every chart of a page is drawn, nothing is on the console, nothing sticks out of a narrow window."""
-    page = opened(path)
-    assert page.console == []
-    assert page.too_wide <= 0
-    charts = page.dom.split('<div class="chart')[1:]
-    assert charts
-    for chart in charts:
-        axes = len(set(re.findall(r'<g class="subplot (x\d*y\d*)"', chart)))
-        drawn = len(re.findall(r'<g class="trace scatter|<image|class="hm"', chart))
-        assert axes >= 1
-        assert drawn >= axes
+    """Every chart of a page is drawn, no text of it is cut or covered, nothing is on the console or sticks out."""
+    for width in WIDTHS:
+        page, console = opened(path, width)
+        assert console == []
+        assert page["tooWide"] <= 0
+        assert page["cut"] == []
+        assert page["overlaps"] == []
+        assert page["charts"]
+        for chart in page["charts"]:
+            assert 1 <= chart["axes"] <= chart["drawn"]

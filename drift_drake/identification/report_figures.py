@@ -10,6 +10,8 @@ from drift_drake.identification.held_out import HeldOut
 from drift_drake.pages.charts import NORMAL, Line, Panel, beside, finished, heat_map
 from drift_drake.pictures.style import CARS
 
+DECADE = 10.0  # of horizons, beyond which their axis is logarithmic
+
 
 def intervals(parameters: dict[str, Parameter]) -> Markup:
     """Every parameter's 95 % interval in its prior's (grey), around the first guess."""
@@ -25,8 +27,8 @@ def intervals(parameters: dict[str, Parameter]) -> Markup:
                 marker={"size": [0, 8, 0], "opacity": 1},
                 hovertemplate=f"{name}: {p.estimate:.4g} ({p.low:.4g} to {p.high:.4g})<extra></extra>",
             )  # fmt: skip
-    figure.update_yaxes(autorange="reversed")
-    figure.update_xaxes(title_text="from the first guess (effects: from zero) [deviations of the prior]")
+    figure.update_yaxes(autorange="reversed", dtick=1)
+    figure.update_xaxes(title_text="sigma of the prior")
     return finished(figure, 60 + 22 * len(parameters), legend=False, ticks=len(parameters))
 
 
@@ -40,7 +42,7 @@ def errors(held: HeldOut) -> Markup:
             for name, values, colour in (("first guess", held.before, NORMAL), ("calibrated", held.after, ""))
         ]
         panels.append(Panel(f"{state} [{UNITS[state]}]", lines, 140, log=True))  # fmt: skip
-    return beside(panels, "horizon [s]", log_x=True)
+    return beside(panels, "ahead [s]", log_x=horizons[-1] > DECADE * horizons[0])
 
 
 def correlations(names: list[str], matrix: list[list[float]]) -> Markup:

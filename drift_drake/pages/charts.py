@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -18,6 +19,7 @@ TALL, LOW = 150, 80  # [px] of a panel of values, and of one of what is left ove
 FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
 MARGIN = {"l": 48, "r": 12, "t": 34, "b": 40}
 HEAT = "YlOrBr"
+FEW_DECADES = 100.0  # a logarithmic axis of less has labels between the powers of ten
 MOST_POINTS = 4000  # of a line: a longer one is thinned
 
 
@@ -78,8 +80,9 @@ def beside(panels: Sequence[Panel], x_title: str, columns: int = 2, log_x: bool 
     for index, panel in enumerate(panels):
         row, column = index // columns + 1, index % columns + 1
         _draw(figure, panel, row, column)
-        figure.update_xaxes(title_text=x_title if row == rows else "", type="log" if log_x else "linear", row=row,
-                            col=column)  # fmt: skip
+        figure.update_xaxes(title_text=x_title if row == rows else "", row=row, col=column)
+        if log_x:
+            figure.update_xaxes(**_log_axis([line.x for line in panel.lines], at_points=True), row=row, col=column)
     return finished(figure, height)
 
 
@@ -132,13 +135,23 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
         figure.add_hrect(-panel.normal, panel.normal, fillcolor=NORMAL, opacity=0.35, line_width=0, row=row, col=column)
     figure.update_yaxes(range=panel.reach, row=row, col=column)
     if panel.log:
-        figure.update_yaxes(type="log", dtick=_decades(panel), row=row, col=column)
+        figure.update_yaxes(**_log_axis([line.y for line in panel.lines]), row=row, col=column)
 
 
-def _decades(panel: Panel) -> float | str:
-    """Labels at each power of ten, or at 1, 2 and 5 where there is hardly one."""
-    values = np.concatenate([np.asarray(line.y)[np.asarray(line.y) > 0.0] for line in panel.lines])
-    return "D2" if len(values) and np.max(values) < 20.0 * np.min(values) else 1
+def _log_axis(drawn: Sequence[Array], at_points: bool = False) -> dict[str, Any]:
+    """A logarithmic axis with labels in full: at the points, at powers of ten, or at 1, 2 and 5 where these are few."""
+    values = np.concatenate([np.asarray(part, dtype=float)[np.asarray(part) > 0.0] for part in drawn])
+    if not len(values):
+        return {"type": "log"}
+    low, high = float(np.min(values)), float(np.max(values))
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    ticks = np.unique(values) if at_points else decades
+    if not at_points and high < FEW_DECADES * low:
+        ticks = np.sort(np.concatenate([decades, 2.0 * decades, 5.0 * decades]))
+        ticks = ticks[(ticks > 0.8 * low) & (ticks < 1.25 * high)]
+    if not len(ticks):
+        ticks = np.array([low, high])
+    return {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:.2g}" for tick in ticks]}
 
 
 def _short(values: Array) -> Array:

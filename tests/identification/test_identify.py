@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from browser import check_charts, needs_browser
 
 from drift_drake.estimation.problem import make_problem
 from drift_drake.identification.by_likelihood import stretched
@@ -86,3 +87,10 @@ def test_the_report_is_one_file(identified, tmp_path):
     assert "Every direction is identified" in text
     for outside in ("<script src", 'src="http', "url(http", "@import"):
         assert outside not in text
+
+
+@needs_browser
+def test_the_reports_charts_are_drawn(identified, other_car, tmp_path):
+    for name, found in (("likelihood", identified), ("prediction", other_car.found)):
+        write_report(found, tmp_path / f"{name}.html")
+        check_charts(tmp_path / f"{name}.html")

@@ -54,19 +54,8 @@ class Answer:
 
     def sentence(self) -> str:
         """The verdict in one sentence."""
-        if self.verdict == "none" and "detection" in self.details:
-            return (
-                f"{self.case}: no gap beyond what is normal for this car (probability {self.posterior['none']:.2f})."
-                + (self._could_show())
-            )
         if self.verdict == "none":
-            worth = self.details.get("row_weight", 1.0)
-            if worth < 1.0:
-                return (
-                    f"{self.case}: no gap beyond the vehicle file's tolerances and the car's persistent model "
-                    f"mismatch, at a row weight of {worth:.2g} (probability {self.posterior['none']:.2f})."
-                )
-            return f"{self.case}: no gap beyond the vehicle file's tolerances and the sensors' noise."
+            return f"{self.case}: {self._no_gap()}.{self._could_show()}"
         if self.verdict == "unknown":
             return (
                 f"{self.case}: there is a gap that no catalogued effect explains "
@@ -81,6 +70,17 @@ class Answer:
             "that were not fitted."
         )
 
+    def _no_gap(self) -> str:
+        """Beyond what there is no gap."""
+        sure = f"(probability {self.posterior['none']:.2f})"
+        if self.details.get("criterion") == "prediction":
+            return f"no gap beyond what is normal for this car {sure}"
+        worth = self.details.get("row_weight", 1.0)
+        if worth < 1.0:
+            beyond = f"the car's persistent model mismatch, at a row weight of {worth:.2g} {sure}"
+            return f"no gap beyond the vehicle file's tolerances and {beyond}"
+        return "no gap beyond the vehicle file's tolerances and the sensors' noise"
+
     def _unfamiliar(self) -> str:
         """That most of the driving is harder than any that the car was calibrated on, where it is."""
         share = 1.0 - float(self.details.get("familiar", 1.0))
@@ -93,7 +93,7 @@ class Answer:
 
     def _could_show(self) -> str:
         """What the logs of a `none` would have shown, by effects that people ask for first."""
-        limits = self.details["detection"]
+        limits = self.details.get("detection", {})
         shown = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is not None]
         blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
         parts = [f"{name} {limits[name]['least']:.2g}{_unit(name)}" for name in shown]

@@ -8,6 +8,7 @@ import numpy as np
 
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.beliefs import beliefs_as_data
+from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.diagnosis.likelihood.nearest import nearest
 from drift_drake.diagnosis.posterior import (
     UNKNOWN,
@@ -68,7 +69,9 @@ class Judged:
     def as_data(self, problem: Problem, names: Sequence[str]) -> dict[str, Any]:
         """An answer's details; `names`: the effects that were considered."""
         fit, calibration = self.posterior.fit, self.calibration
-        beside = {}
+        beside: dict[str, Any] = {}
+        if self.posterior.verdict == "none":
+            beside["detection"] = isolability(problem, self.nothing, names, small=True).limits(problem.vehicle)
         if self.posterior.verdict == UNKNOWN:
             causes = hypothesis_name(fit.names)
             fitted = self.intervals(problem.vehicle)

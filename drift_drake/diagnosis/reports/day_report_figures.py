@@ -33,7 +33,7 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
         reach = reach_of(run.y[:, i], [line.y for line in predicted])
         panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach))
         misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
-        title = f"measured less predicted [{UNITS[state]}]; grey: normal (2 sigma)"
+        title = f"measured less predicted [{UNITS[state]}]"
         panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))
     return stacked(panels, "t [s]", {"gap sets in": onset[run.name]} if run.name in onset else {})
 

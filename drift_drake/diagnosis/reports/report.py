@@ -9,7 +9,7 @@ from drift_drake.diagnosis.manoeuvres import shown_by
 from drift_drake.diagnosis.posterior import UNKNOWN, hypothesis_name
 from drift_drake.diagnosis.ranges import REACH
 from drift_drake.diagnosis.reports import report_figures as figures
-from drift_drake.diagnosis.reports.limit_rows import LimitRow, limit_rows
+from drift_drake.diagnosis.reports.limit_rows import limit_rows
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed
@@ -80,13 +80,6 @@ def gap_charts(d: Diagnosis) -> dict[str, Any]:
     return charts
 
 
-def could_have_shown(d: Diagnosis) -> list[LimitRow]:
-    """Detection limits beside the car without effects."""
-    nothing = next(fit for fit, _ in d.found.hypotheses() if not fit.names)
-    found = isolability(d.problem, nothing, tuple(CATALOGUE), small=True)
-    return limit_rows(found.limits(d.problem.vehicle), d.problem.vehicle)
-
-
 def doubtful(d: Diagnosis, unnamed: list[str]) -> list[str]:
     """Effects that another drive should show: rivals that are still open, or what these logs cannot name."""
     if d.answer.verdict == "none":
@@ -99,7 +92,7 @@ def report_html(d: Diagnosis, source: Source | None = None) -> str:
     """The report's HTML; nothing is loaded from elsewhere."""
     answer = d.answer
     signatures = isolability(d.problem, d.fit, tuple(CATALOGUE))
-    limits = could_have_shown(d) if answer.verdict == "none" else []
+    limits = limit_rows(answer.details["detection"], d.problem.vehicle) if answer.verdict == "none" else []
     learnt = answer.details["learned"]
     return page_html(
         TEMPLATE,

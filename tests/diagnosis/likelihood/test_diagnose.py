@@ -99,7 +99,9 @@ def test_the_report_opens_in_a_browser(report):
 
 def as_verdict(diagnosis, verdict):
     answer = dataclasses.replace(diagnosis.answer, verdict=verdict, causes=[], magnitudes={})
-    answer = dataclasses.replace(answer, posterior={verdict: 1.0, **answer.posterior}, ambiguity=[verdict])
+    limits = {"mass_error": {"unit": "-", "least": 0.05, "taken_for": "none"}}
+    answer = dataclasses.replace(answer, posterior={verdict: 1.0, **answer.posterior}, ambiguity=[verdict],
+                                 details=answer.details | {"detection": limits})  # fmt: skip
     return report_html(dataclasses.replace(diagnosis, answer=answer))
 
 

@@ -146,6 +146,7 @@ class Learnt(NamedTuple):
 
     normal: Normal
     pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
+    between: np.ndarray  # covariance of the effects from that, in units [n, n]
 
 
 def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray) -> Learnt:
@@ -173,7 +174,8 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     by_recording, blocks = scores_by_recording(day, score)
     pulled = pulls(by_recording / temper, blocks, alone)
     model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
-    unknown = alone + model_form + covariance_between(pulled)
+    between = covariance_between(pulled)
+    unknown = alone + model_form + between
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     offset = np.median(day.errors, axis=0)
@@ -183,7 +185,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
         mean=score.mean(axis=0), covariance=covariance, modes=modes, information=np.diag(information) / len(score),
         covered=coverage(day.runs), unknown=unknown, offset=offset, level=level,
     )  # fmt: skip
-    return Learnt(normal, pulled)
+    return Learnt(normal, pulled, between)
 
 
 def scores_by_recording(day: Day, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

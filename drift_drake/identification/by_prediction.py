@@ -10,8 +10,8 @@ from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import learn_normal, make_day, units
 from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
+from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
-from drift_drake.identification.influence import influences
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -43,7 +43,7 @@ class PredictionFit:
     correlation: np.ndarray  # [n, n]
     held_out: HeldOut
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
-    influences: list[str]  # which recordings estimates hang on
+    differences: list[str]  # what recordings disagree about, in sentences
 
 
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
@@ -108,16 +108,18 @@ def fit_by_prediction(
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     learnt = learn_normal(make_day(runs, car.constants(), rest, seen, steps), seen, steps, prior)
+    normal = learnt.normal
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
-    covariance = learnt.normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
+    covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
     deviations = WIDER * np.sqrt(np.diag(covariance))
     correlation = covariance * WIDER**2 / np.outer(deviations, deviations)
     recordings = sorted({run.recording for run in runs})
     return PredictionFit(
-        tuple(kept), fit, car, rest, learnt.normal, deviations, correlation, held_out,
+        tuple(kept), fit, car, rest, normal, deviations, correlation, held_out,
         tuple(name for name in candidates if name not in fit.names),
-        influences(recordings, [u.name for u in kept], learnt.pulled[:, at] * scale, deviations),
+        differences(recordings, [u.name for u in kept], learnt.pulled[:, at], np.diag(learnt.between)[at],
+                    np.diag(normal.unknown)[at]),
     )  # fmt: skip
 
 

@@ -156,7 +156,7 @@ def stated_in_full(
         case=case, parameters=parameters, correlation=found.correlation.tolist(),
         not_identified=not_identified(shown, prior_of, covariance), tied=tied(shown, found.correlation),
         left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
-        seconds=0.0, warnings=[white.sentence(), *worse_states(found), *found.influences], criterion="prediction",
+        seconds=0.0, warnings=[white.sentence(), *worse_states(found), *found.differences], criterion="prediction",
         normal=found.normal,
     )  # fmt: skip
     tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)

@@ -1,0 +1,84 @@
+"""Symmetries of a diagnosis by prediction: mirrored logs, runs in another order, a day cut in two."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
+from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.windows import HORIZONS, PREDICTED
+from drift_drake.logs.importing.frames import MIRRORED
+from drift_drake.logs.table import COLUMNS, Run
+from drift_drake.vehicle.effects import Effects
+
+ODD = ("steering_offset", "gyro_bias", "sideslip_bias")  # effects that a mirror turns the sign of
+FEW = ("steering_delay", "gyro_bias", "mass_error")
+APART = 5.0  # standard deviations
+TWO_SIDED = 1.96
+
+
+def mirrored_run(run: Run) -> Run:
+    """The same drive seen in a mirror: left is right."""
+    columns = {name: run.column(name) for name in COLUMNS if name in MIRRORED}
+    return dataclasses.replace(run, **{name: None if a is None else -a for name, a in columns.items()})
+
+
+def mirrored_normal(normal: Normal) -> Normal:
+    """What is normal for the car that is the mirror's image of a car."""
+    channels = np.array([-1.0 if name in MIRRORED else 1.0 for name in PREDICTED])
+    of_errors = np.tile(channels, HORIZONS)
+    effects = np.array([-1.0 if name in ODD else 1.0 for name in normal.names])
+    both = np.outer(effects, effects)
+    return dataclasses.replace(
+        normal, offset=normal.offset * channels, precision=normal.precision * np.outer(of_errors, of_errors),
+        mean=normal.mean * effects, covariance=normal.covariance * both, modes=normal.modes * effects,
+        unknown=normal.unknown * both,
+    )  # fmt: skip
+
+
+def mirrored_effects(effects: Effects) -> Effects:
+    return effects._replace(**{name: -getattr(effects, name) for name in ODD})
+
+
+@pytest.fixture(scope="module")
+def biased_runs(other_car) -> list[Run]:
+    """A day whose yaw-rate sensor is off by 0.04 rad/s."""
+    return other_car.day({"gyro_bias": 0.04}, 4)
+
+
+@pytest.fixture(scope="module")
+def biased_day(biased_runs, diagnosed):
+    return diagnosed(biased_runs, "biased", FEW)
+
+
+def test_a_mirrored_day_has_the_mirrored_answer(other_car, biased_runs, biased_day):
+    car = other_car.found
+    other = diagnose_day(
+        [mirrored_run(run) for run in biased_runs], car.vehicle, mirrored_normal(other_car.normal),
+        mirrored_effects(car.effects), "mirrored", 1, catalogue=FEW,
+    ).answer  # fmt: skip
+    one = biased_day.answer
+    assert one.causes == other.causes == ["gyro_bias"]
+    assert one.posterior == pytest.approx(other.posterior, abs=1e-3)
+    a, b = one.magnitudes["gyro_bias"], other.magnitudes["gyro_bias"]
+    assert [a.estimate, a.low, a.high] == pytest.approx([-b.estimate, -b.high, -b.low], rel=1e-3)
+
+
+def test_the_order_of_runs_does_not_matter(biased_runs, biased_day, diagnosed):
+    again, one = diagnosed(biased_runs[::-1], "reversed", FEW).answer, biased_day.answer
+    assert again.posterior == pytest.approx(one.posterior, abs=1e-6)
+    assert again.magnitudes["gyro_bias"].estimate == pytest.approx(one.magnitudes["gyro_bias"].estimate, rel=1e-6)
+
+
+def test_a_day_cut_in_two_gives_compatible_magnitudes(biased_runs, biased_day, diagnosed):
+    parts = [
+        [run.rows(0, len(run) // 2) for run in biased_runs],
+        [run.rows(len(run) // 2, len(run)) for run in biased_runs],
+    ]
+    found = [diagnosed(part, "part", FEW).answer.magnitudes["gyro_bias"] for part in parts]
+    found.append(biased_day.answer.magnitudes["gyro_bias"])
+    for i, a in enumerate(found):
+        for b in found[:i]:
+            spread = np.hypot(a.high - a.low, b.high - b.low) / (2.0 * TWO_SIDED)
+            assert abs(a.estimate - b.estimate) < APART * spread

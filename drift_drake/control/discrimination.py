@@ -33,7 +33,7 @@ MEMORY = MEMORY_SCALE.size
 REFITS = 3  # Gauss-Newton steps of the rival's fit
 
 
-class Car(NamedTuple):
+class CarHypothesis(NamedTuple):
     """A car as a hypothesis has it."""
 
     constants: Constants
@@ -44,7 +44,7 @@ class Car(NamedTuple):
 class Rival(NamedTuple):
     """A hypothesis whose parameters may be fitted anew: what earlier logs say of them."""
 
-    car: Callable[[Array], Car]  # of parameters [p]
+    car: Callable[[Array], CarHypothesis]  # of parameters [p]
     theta: Array  # [p]
     precision: Array  # [p, p]
     differences: Array  # [p] steps for derivatives
@@ -103,7 +103,9 @@ class DiscriminationCost:
         alpha: weight.
     """
 
-    def __init__(self, model: RivalsStepModel, first: Car, rival: Rival, deviation: Array, alpha: float) -> None:
+    def __init__(
+        self, model: RivalsStepModel, first: CarHypothesis, rival: Rival, deviation: Array, alpha: float
+    ) -> None:
         self._model, self._rival, self._alpha = model, rival, alpha
         self._gain, self._bias = gains_and_biases(first.sensors)
         self._weight = 1.0 / np.asarray(deviation)

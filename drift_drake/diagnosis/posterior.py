@@ -16,7 +16,7 @@ CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibration:
+class PosteriorConstants:
     """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap.blind calibrate`."""
 
     temperature: float = 1.0  # log evidences are divided by it
@@ -31,7 +31,7 @@ class Calibration:
 
 
 @dataclasses.dataclass(frozen=True)
-class Posterior:
+class HypothesisPosterior:
     """Probabilities by name ("none", "unknown", "effect", "effect+effect"), largest first, and what they say."""
 
     probabilities: dict[str, float]
@@ -41,9 +41,9 @@ class Posterior:
     fit: Fit  # of the leading hypothesis other than unknown
 
 
-def read_calibration(path: Path = CALIBRATION_FILE) -> Calibration:
+def read_constants(path: Path = CALIBRATION_FILE) -> PosteriorConstants:
     """The constants that the package ships, or those of another file."""
-    return Calibration(**yaml.safe_load(path.read_text()))
+    return PosteriorConstants(**yaml.safe_load(path.read_text()))
 
 
 def hypothesis_name(names: Sequence[str]) -> str:
@@ -51,7 +51,7 @@ def hypothesis_name(names: Sequence[str]) -> str:
     return "+".join(sorted(names)) if names else NONE
 
 
-def log_prior(count: int, catalogue: int, c: Calibration) -> float:
+def log_prior(count: int, catalogue: int, c: PosteriorConstants) -> float:
     """Log prior of one hypothesis with `count` effects out of a catalogue of that size."""
     if count == 0:
         return float(np.log(c.prior_none))
@@ -60,7 +60,7 @@ def log_prior(count: int, catalogue: int, c: Calibration) -> float:
     return float(np.log(c.prior_pair / max(catalogue * (catalogue - 1) / 2, 1)))
 
 
-def implausibility(fit: Fit, c: Calibration) -> float:
+def implausibility(fit: Fit, c: PosteriorConstants) -> float:
     """Log evidence that deviations gain if they may be `implausible` tolerances off instead of one."""
     n = fit.theta[:TOLERANCES] / fit.exactness
     width = c.implausible
@@ -69,7 +69,7 @@ def implausibility(fit: Fit, c: Calibration) -> float:
 
 
 def probabilities_of(
-    evidence: dict[tuple[str, ...], float], gain: float, catalogue: int, c: Calibration
+    evidence: dict[tuple[str, ...], float], gain: float, catalogue: int, c: PosteriorConstants
 ) -> dict[str, float]:
     """Probabilities by name, largest first.
 
@@ -100,8 +100,8 @@ def ambiguity_set(probabilities: Mapping[str, float]) -> list[str]:
 
 
 def make_posterior(
-    hypotheses: Sequence[tuple[Fit, float]], unexplained: float, catalogue: int, c: Calibration
-) -> Posterior:
+    hypotheses: Sequence[tuple[Fit, float]], unexplained: float, catalogue: int, c: PosteriorConstants
+) -> HypothesisPosterior:
     """Probabilities of all fitted hypotheses and of `unknown`, and what they say.
 
     Args:
@@ -117,4 +117,4 @@ def make_posterior(
     known = next(name for name in probabilities if name != UNKNOWN)
     verdict = leader if leader in (NONE, UNKNOWN) else "effect"
     causes = by_name[leader].names if verdict == "effect" else ()
-    return Posterior(probabilities, ambiguity, verdict, causes, by_name[known])
+    return HypothesisPosterior(probabilities, ambiguity, verdict, causes, by_name[known])

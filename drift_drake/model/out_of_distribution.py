@@ -50,7 +50,7 @@ def statistics(distances: Array, window: int = WINDOW) -> Array:
     return result
 
 
-class Calibration(NamedTuple):
+class NullDistribution(NamedTuple):
     """The statistic in distribution: mean * chi-square(freedom) / freedom."""
 
     mean: float  # 4 where the predictive covariance is right
@@ -66,7 +66,7 @@ class Calibration(NamedTuple):
         return float(self.mean * chi2.isf(false_alarms / windows, self.freedom) / self.freedom)
 
 
-def calibrate(drives: Sequence[Array], window: int = WINDOW) -> Calibration:
+def calibrate(drives: Sequence[Array], window: int = WINDOW) -> NullDistribution:
     """The statistic's distribution over drives in distribution, each a sequence of d^2.
 
     Raises:
@@ -77,7 +77,7 @@ def calibrate(drives: Sequence[Array], window: int = WINDOW) -> Calibration:
     if len(values) < 2:
         raise ValueError(f"no drive is longer than the window of {window} samples; give longer drives")
     mean = float(values.mean())
-    return Calibration(mean, 2.0 * mean**2 / float(values.var(ddof=1)), window)
+    return NullDistribution(mean, 2.0 * mean**2 / float(values.var(ddof=1)), window)
 
 
 class OutOfDistributionDetector(LeafSystem):

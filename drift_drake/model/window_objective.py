@@ -27,7 +27,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 LONG = 40  # [samples] longest window that stays within one drive
 
 
-class Windows:
+class EpochWindows:
     """The samples on torch's side, and how an epoch cuts them into windows."""
 
     def __init__(self, samples: Samples, vehicle: VehicleParameters, physical: bool) -> None:
@@ -98,8 +98,8 @@ class WindowObjective:
         self, config: TrainingConfig, samples: Samples, watched: Samples | None, vehicle: VehicleParameters
     ) -> None:
         self._config = config
-        self._windows = Windows(concatenate([samples, mirrored(samples)]), vehicle, config.physical_inputs)
-        self._watched = None if watched is None else Windows(watched, vehicle, config.physical_inputs)
+        self._windows = EpochWindows(concatenate([samples, mirrored(samples)]), vehicle, config.physical_inputs)
+        self._watched = None if watched is None else EpochWindows(watched, vehicle, config.physical_inputs)
         self.scale = self._windows.y.std(dim=0)
 
     def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
@@ -127,7 +127,7 @@ class WindowObjective:
         return float(sum(float(loss) * count for loss, count in parts) / sum(count for _, count in parts))
 
     def _loss(
-        self, parameters: Parameters, windows: Windows, batch: list[NDArray[np.int64]]
+        self, parameters: Parameters, windows: EpochWindows, batch: list[NDArray[np.int64]]
     ) -> tuple[torch.Tensor, int]:
         # In the density of the physical units.
         index, mask = padded(batch)

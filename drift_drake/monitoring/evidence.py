@@ -33,7 +33,7 @@ class Beliefs:
     second: float = 1.0  # amplitude of each node in an unknown gap, one standard deviation
 
 
-class Problem(NamedTuple):
+class EvidenceProblem(NamedTuple):
     """What is judged: the nodes, and how the car may be off within its tolerances."""
 
     nodes: tuple[Node, ...]
@@ -58,7 +58,7 @@ class Verdict(NamedTuple):
     edge: float  # [blocks] the most probable of the ages
 
 
-def make_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarray | None = None) -> Problem:
+def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarray | None = None) -> EvidenceProblem:
     """The problem of nodes; without `excess`, innovations are white."""
     names = tuple(dict.fromkeys(node.name for node in nodes if node.name not in FORCES))
     member = np.array([[node.name == name for name in names] for node in nodes], dtype=float)
@@ -68,11 +68,11 @@ def make_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarra
     mean, deviation, signed = (np.array([getattr(node, key) for node in nodes]) for key in
                                ("mean", "deviation", "signed"))  # fmt: skip
     n = len(nodes)
-    return Problem(tuple(nodes), names, member, log_prior, mean, deviation, signed, tolerance,
+    return EvidenceProblem(tuple(nodes), names, member, log_prior, mean, deviation, signed, tolerance,
                    np.zeros((n, n)) if excess is None else excess)  # fmt: skip
 
 
-def residual_scores(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
+def residual_scores(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
     """Scores [m, n] less what the tolerances that the older rows show explain, and their covariance [m, n, n]."""
     t = np.flatnonzero(problem.tolerance > 0.0)
     prior = np.diag(1.0 / problem.tolerance[t] ** 2)
@@ -90,7 +90,7 @@ def residual_scores(problem: Problem, recent: Sums, older: Sums) -> tuple[np.nda
     return score, covariance
 
 
-def whitened(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
+def whitened(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
     """Whitened scores w [m, n], and their mean [m, n, n] by amplitudes: w = M a + white noise."""
     score, covariance = residual_scores(problem, recent, older)
     root = np.linalg.cholesky(covariance)
@@ -98,7 +98,7 @@ def whitened(problem: Problem, recent: Sums, older: Sums) -> tuple[np.ndarray, n
     return both[:, :, 0], both[:, :, 1:]
 
 
-def judge(problem: Problem, beliefs: Beliefs, history: History, block: float) -> Verdict:
+def judge(problem: EvidenceProblem, beliefs: Beliefs, history: History, block: float) -> Verdict:
     """The posterior at the end of a history of blocks of `block` seconds."""
     ages, recent = since(history)
     if not len(ages):
@@ -136,7 +136,7 @@ def _unknown(m: np.ndarray, w: np.ndarray, temper: float, deviation: float) -> n
 
 
 def _verdict(
-    problem: Problem, joint: np.ndarray, unknown: np.ndarray, amplitude: np.ndarray, precision: np.ndarray,
+    problem: EvidenceProblem, joint: np.ndarray, unknown: np.ndarray, amplitude: np.ndarray, precision: np.ndarray,
     ages: np.ndarray, block: float,
 ) -> Verdict:  # fmt: skip
     """Marginals of joint log posteriors [m, n] of ages and nodes, of `unknown` [m], against zero for none."""
@@ -161,6 +161,6 @@ def _verdict(
     return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge)
 
 
-def labels(problem: Problem) -> tuple[str, ...]:
+def labels(problem: EvidenceProblem) -> tuple[str, ...]:
     """Names of the posterior's entries."""
     return (NONE, *problem.names, UNKNOWN)

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drift_drake.monitoring.evidence import TWO_SIDED, Problem, whitened
+from drift_drake.monitoring.evidence import TWO_SIDED, EvidenceProblem, whitened
 from drift_drake.monitoring.history import Sums, no_sums
 
 Level = Literal["fleet", "car", "day"]
@@ -23,7 +23,7 @@ ODD = 4.0  # standard deviations of a day's misfit beyond its expectation, from 
 MOST = 200  # terms
 
 
-class Day(NamedTuple):
+class FleetDay(NamedTuple):
     """One day of one car."""
 
     car: str
@@ -45,7 +45,7 @@ class Term:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fleet:
+class FleetFindings:
     """What was found, and what no term explains."""
 
     cars: tuple[str, ...]
@@ -70,7 +70,7 @@ class _Choice(NamedTuple):
     days: np.ndarray  # [days] bool
 
 
-def compared(problem: Problem, days: Sequence[Day]) -> Fleet:
+def compared(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFindings:
     """What a fleet's days show.
 
     Raises:
@@ -94,10 +94,10 @@ def compared(problem: Problem, days: Sequence[Day]) -> Fleet:
     n = stack.w.shape[1]
     excess = (left - n) / np.sqrt(2.0 * n)
     outliers = {f"{day.car}/{day.name}": float(z) for day, z in zip(days, excess, strict=True) if z > ODD}
-    return Fleet(tuple(dict.fromkeys(day.car for day in days)), len(days), tuple(terms), outliers)
+    return FleetFindings(tuple(dict.fromkeys(day.car for day in days)), len(days), tuple(terms), outliers)
 
 
-def _stacked(problem: Problem, days: Sequence[Day]) -> _Stack:
+def _stacked(problem: EvidenceProblem, days: Sequence[FleetDay]) -> _Stack:
     recent = Sums(*(np.stack([getattr(day.sums, name) for day in days]) for name in Sums._fields))
     n = len(problem.nodes)
     w, m = whitened(problem, recent, no_sums(n, len(days)))
@@ -107,7 +107,7 @@ def _stacked(problem: Problem, days: Sequence[Day]) -> _Stack:
     return _Stack(w / root[:, None], m / root[:, None, None])
 
 
-def _groups(days: Sequence[Day]) -> list[tuple[Level, str, np.ndarray]]:
+def _groups(days: Sequence[FleetDay]) -> list[tuple[Level, str, np.ndarray]]:
     """Sets of days that a term may act on."""
     cars = np.array([day.car for day in days])
     out: list[tuple[Level, str, np.ndarray]] = []
@@ -127,7 +127,7 @@ def _residual(stack: _Stack, chosen: Sequence[_Choice], amplitude: np.ndarray) -
     return r
 
 
-def _fit(problem: Problem, stack: _Stack, chosen: Sequence[_Choice]) -> tuple[np.ndarray, np.ndarray]:
+def _fit(problem: EvidenceProblem, stack: _Stack, chosen: Sequence[_Choice]) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes of the chosen terms and their covariance."""
     columns = np.zeros((len(chosen), *stack.w.shape))
     for i, c in enumerate(chosen):
@@ -140,7 +140,7 @@ def _fit(problem: Problem, stack: _Stack, chosen: Sequence[_Choice]) -> tuple[np
 
 
 def _best(
-    problem: Problem, stack: _Stack, groups: Sequence[tuple[Level, str, np.ndarray]], chosen: Sequence[_Choice]
+    problem: EvidenceProblem, stack: _Stack, groups: Sequence[tuple[Level, str, np.ndarray]], chosen: Sequence[_Choice]
 ) -> tuple[_Choice | None, float]:
     """The term that gains most, and its log odds [nats] beside those that are in."""
     r = _residual(stack, chosen, _fit(problem, stack, chosen)[0])
@@ -162,7 +162,7 @@ def _best(
     return best, most
 
 
-def _term(problem: Problem, c: _Choice, amplitude: float, variance: float, log_odds: float) -> Term:
+def _term(problem: EvidenceProblem, c: _Choice, amplitude: float, variance: float, log_odds: float) -> Term:
     node = problem.nodes[c.node]
     half = TWO_SIDED * float(np.sqrt(variance))
     ends = sorted(node.magnitude_at(float(amplitude) + side * half) for side in (-1.0, 1.0))

@@ -93,7 +93,7 @@ def day_folders(folder: Path) -> dict[tuple[str, str], Path]:
     return out
 
 
-def lines(found: "fleet.Fleet") -> Sequence[str]:
+def lines(found: "fleet.FleetFindings") -> Sequence[str]:
     """What was found, a line each."""
     from drift_drake.vehicle.catalogue import CATALOGUE
 

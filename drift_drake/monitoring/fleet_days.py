@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
-from drift_drake.monitoring.evidence import Problem
-from drift_drake.monitoring.fleet import Day
+from drift_drake.monitoring.evidence import EvidenceProblem
+from drift_drake.monitoring.fleet import FleetDay
 from drift_drake.monitoring.history import Sums, no_sums
 from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.normal import block_sums
@@ -43,7 +43,9 @@ def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Seque
     return total
 
 
-def days_of(folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], workers: int) -> list[Day]:
+def days_of(
+    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], workers: int
+) -> list[FleetDay]:
     """All days, on so many processes."""
     job = functools.partial(day_sums, vehicle=vehicle, own=own, used=used)
     if workers == 1:
@@ -51,9 +53,9 @@ def days_of(folders: Folders, vehicle: VehicleParameters, own: Effects, used: Se
     else:
         with worker_processes(workers) as pool:
             sums = list(pool.map(job, folders.values()))
-    return [Day(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
+    return [FleetDay(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
 
 
-def problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> Problem:
+def problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> EvidenceProblem:
     """What is judged of days with these measured columns."""
     return make_monitor(vehicle, own, used).problem

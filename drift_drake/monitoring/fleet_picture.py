@@ -3,13 +3,13 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from drift_drake.monitoring.fleet import Fleet
+from drift_drake.monitoring.fleet import FleetFindings
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 ALL = "all cars"
 
 
-def draw_fleet(found: Fleet) -> Figure:
+def draw_fleet(found: FleetFindings) -> Figure:
     """Rows: all cars, and the cars that have something of their own; columns: effects; a cell: the magnitude."""
     effects = list(dict.fromkeys(term.effect for term in found.terms)) or ["none"]
     owners = [ALL, *dict.fromkeys(term.owner for term in found.terms if term.level != "fleet")]

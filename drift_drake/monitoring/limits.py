@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.diagnosis.ranges import SURE
-from drift_drake.monitoring.evidence import Beliefs, Problem, residual_scores
+from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, residual_scores
 from drift_drake.monitoring.history import Sums
 
 
@@ -16,7 +16,9 @@ class Limit(NamedTuple):
     named: float  # and from every other effect
 
 
-def limits(problem: Problem, beliefs: Beliefs, recent: Sums, older: Sums, seconds: float, alarm: float) -> list[Limit]:
+def limits(
+    problem: EvidenceProblem, beliefs: Beliefs, recent: Sums, older: Sums, seconds: float, alarm: float
+) -> list[Limit]:
     """Limits of each node.
 
     Args:

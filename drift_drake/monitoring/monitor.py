@@ -12,7 +12,7 @@ from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
-from drift_drake.monitoring.evidence import Beliefs, Problem, judge, labels, make_problem
+from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, evidence_problem, judge, labels
 from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
 from drift_drake.monitoring.nodes import Node, make_nodes
@@ -50,7 +50,7 @@ class Monitor:
 
     bank: Bank
     used: np.ndarray  # [9] channels
-    problem: Problem
+    problem: EvidenceProblem
     beliefs: Beliefs
     slowest: float  # [m/s] below which the equations are not judged
 
@@ -91,7 +91,7 @@ def make_monitor(
     levels = np.array([max(getattr(noise, name), 1e-6) for name in CHANNELS])
     bank = make_bank(nodes, vehicle, own, period, levels**2, (process_scale * PROCESS_NOISE) ** 2)
     mask = np.array([name in used for name in CHANNELS])
-    problem = make_problem(nodes, tolerances(nodes, vehicle))
+    problem = evidence_problem(nodes, tolerances(nodes, vehicle))
     return Monitor(bank, mask, problem, beliefs or Beliefs(), slowest(vehicle))
 
 

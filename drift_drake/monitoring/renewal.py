@@ -7,7 +7,7 @@ have one, those alone count from then on.
 
 import numpy as np
 
-from drift_drake.monitoring.evidence import Beliefs, Problem, Verdict, judge, whitened
+from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, Verdict, judge, whitened
 from drift_drake.monitoring.history import History, newest, since, until
 from drift_drake.monitoring.nodes import RATE_LIMIT
 
@@ -19,7 +19,7 @@ REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 
 
 def renewed(
-    problem: Problem, beliefs: Beliefs, history: History, verdict: Verdict, block: float
+    problem: EvidenceProblem, beliefs: Beliefs, history: History, verdict: Verdict, block: float
 ) -> tuple[History, Verdict]:
     """The history that counts, and the verdict on it, after a verdict that the car has changed."""
     recent = newest(history, RECENT / block, verdict.edge)
@@ -34,7 +34,7 @@ def renewed(
     return history, verdict
 
 
-def _nats(problem: Problem, recent: History, verdict: Verdict) -> float:
+def _nats(problem: EvidenceProblem, recent: History, verdict: Verdict) -> float:
     """Log likelihood of the leading effect with its magnitude against none, of a recent history."""
     _, sums = since(recent)
     w, m = (a[-1] for a in whitened(problem, sums, until(recent)))

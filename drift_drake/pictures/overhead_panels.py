@@ -17,7 +17,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 ENDS = {"spin": "x", "left the lane": "s", "time is up": "o"}  # outcome and its marker
 
 
-class Panel(NamedTuple):
+class OverheadPanel(NamedTuple):
     """One group of runs."""
 
     title: str
@@ -28,7 +28,7 @@ class Panel(NamedTuple):
 
 @styled
 def overhead_panels(
-    panels: Sequence[Panel], reference: Reference, parameters: VehicleParameters, columns: int = 2
+    panels: Sequence[OverheadPanel], reference: Reference, parameters: VehicleParameters, columns: int = 2
 ) -> Figure:
     """Draws groups of runs from above.
 

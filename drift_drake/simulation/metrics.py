@@ -7,7 +7,7 @@ import pandas as pd
 
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import PlanStatus
-from drift_drake.simulation.screening import Reading
+from drift_drake.simulation.screening import ReadingKind
 
 GRID = 0.5  # [m] along the path
 START = 0.1  # [s] until which there need not be a plan
@@ -68,7 +68,9 @@ def loop_faults(table: pd.DataFrame) -> dict[str, int]:
     if "reading" in table:
         kinds = table["reading"].to_numpy(dtype=int)
         counts |= {
-            f"{kind.name.lower()}_readings": int((kinds == kind).sum()) for kind in Reading if kind != Reading.GOOD
+            f"{kind.name.lower()}_readings": int((kinds == kind).sum())
+            for kind in ReadingKind
+            if kind != ReadingKind.GOOD
         }
     if "plan_status" not in table:
         return counts

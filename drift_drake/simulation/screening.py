@@ -23,7 +23,7 @@ PATIENCE = 0.5  # [s] after which a reading is believed however far it is from t
 PERSISTENT = 0.2  # [s] of readings that agree with each other, after which they are believed rather than the model
 
 
-class Reading(enum.IntEnum):
+class ReadingKind(enum.IntEnum):
     """What a reading is."""
 
     GOOD = 0
@@ -34,7 +34,7 @@ class Reading(enum.IntEnum):
     DISAGREEING = 5  # far from what the model makes of the last good one
 
 
-def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> Reading:
+def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
     """What a measured state [7] is.
 
     Args:
@@ -42,22 +42,22 @@ def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> Reading:
             right before it.
     """
     if not np.isfinite(reading).all():
-        return Reading.MISSING
+        return ReadingKind.MISSING
     if reading[1] <= 0.0 or reading[3] <= 0.0:
-        return Reading.STOPPED
+        return ReadingKind.STOPPED
     if (np.abs(reading) > LARGEST).any():
-        return Reading.JUMPED
+        return ReadingKind.JUMPED
     if np.isfinite(last).all() and elapsed <= PATIENCE:
         limit = NOISE + FASTEST * elapsed
         if (np.abs(reading - last)[:-1] > limit[:-1]).any():
-            return Reading.JUMPED
-    return Reading.FROZEN if repeats >= FROZEN else Reading.GOOD
+            return ReadingKind.JUMPED
+    return ReadingKind.FROZEN if repeats >= FROZEN else ReadingKind.GOOD
 
 
-class Judged(NamedTuple):
+class JudgedReading(NamedTuple):
     """A reading with the verdict on it, as it lies in a vector."""
 
-    kind: Reading
+    kind: ReadingKind
     estimate: Array  # [7] the reading where it is good, else what the model makes of the last good one
     streak: float = 0.0  # readings in a row that disagree with the model and agree with each other
     spread: float = 0.0  # [s] for which what is unmodelled has acted on the estimate
@@ -67,9 +67,9 @@ class Judged(NamedTuple):
         return np.concatenate([[float(self.kind), self.streak, self.spread], self.estimate])
 
     @classmethod
-    def of(cls, vector: Array) -> "Judged":
+    def of(cls, vector: Array) -> "JudgedReading":
         """The inverse of `vector`."""
-        return cls(Reading(int(vector[0])), np.array(vector[3:]), float(vector[1]), float(vector[2]))
+        return cls(ReadingKind(int(vector[0])), np.array(vector[3:]), float(vector[1]), float(vector[2]))
 
 
 class Screen(LeafSystem):
@@ -80,8 +80,8 @@ class Screen(LeafSystem):
     with each other, it is the car that has changed, or the model that is wrong: they are believed.
 
     Input ports: measured_state [7]; command [2], in force, without which the model is not asked.
-    Output ports: judged, a `Judged`; screened_state [7]; reading [1], a `Reading`; estimate [7], the reading where it
-    is good, else the model's prediction; counts [6] of each kind until now.
+    Output ports: judged, a `JudgedReading`; screened_state [7]; reading [1], a `ReadingKind`; estimate [7], the reading
+    where it is good, else the model's prediction; counts [6] of each kind until now.
     State in the Context, each `period`: time and values of the last good reading, the last reading and how often it
     was repeated, the last verdict and command, the counts.
     """
@@ -94,9 +94,9 @@ class Screen(LeafSystem):
         self._command = self.DeclareVectorInputPort("command", 2)
         self._good = self.DeclareDiscreteState(np.full(1 + size, np.nan))
         self._last = self.DeclareDiscreteState(np.full(1 + size, np.nan))  # [repeats, reading]
-        nothing = Judged(Reading.MISSING, np.full(size, np.nan)).vector()
+        nothing = JudgedReading(ReadingKind.MISSING, np.full(size, np.nan)).vector()
         self._before = self.DeclareDiscreteState(np.concatenate([[-np.inf], nothing, np.full(2, np.nan)]))
-        self._counts = self.DeclareDiscreteState(np.zeros(len(Reading)))
+        self._counts = self.DeclareDiscreteState(np.zeros(len(ReadingKind)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self._judged = self.DeclareVectorOutputPort(
             "judged", nothing.size, lambda context, output: output.SetFromVector(self._judge(context).vector())
@@ -109,43 +109,43 @@ class Screen(LeafSystem):
             self.DeclareVectorOutputPort(name, length, _setting(calc))
         self.DeclareStateOutputPort("counts", self._counts)
 
-    def _verdict(self, context: Context) -> Judged:
-        return Judged.of(self._judged.Eval(context))
+    def _verdict(self, context: Context) -> JudgedReading:
+        return JudgedReading.of(self._judged.Eval(context))
 
     def _screened(self, context: Context) -> Array:
         x = self._measured.Eval(context)
-        return x if self._verdict(context).kind == Reading.GOOD else np.full_like(x, np.nan)
+        return x if self._verdict(context).kind == ReadingKind.GOOD else np.full_like(x, np.nan)
 
     def _repeats(self, context: Context) -> float:
         last = context.get_discrete_state(self._last).value()
         same = np.array_equal(last[1:], self._measured.Eval(context))
         return float(last[0]) + 1.0 if same else 0.0
 
-    def _judge(self, context: Context) -> Judged:
+    def _judge(self, context: Context) -> JudgedReading:
         x, t = np.array(self._measured.Eval(context)), context.get_time()
         good, before = (context.get_discrete_state(index).value() for index in (self._good, self._before))
-        last = Judged.of(before[1:-2])
+        last = JudgedReading.of(before[1:-2])
         if t - before[0] < 0.5 * self._period:  # the same tick, after its update
             return last
         kind = judge(x, good[1:], t - good[0], int(self._repeats(context)))
         if self._innovation is None:
-            return Judged(kind, x if kind == Reading.GOOD else last.estimate)
+            return JudgedReading(kind, x if kind == ReadingKind.GOOD else last.estimate)
         u, u_next = before[-2:], self._in_force(context)
         predicted = self._innovation.predict(last.estimate, u, u_next)
         estimate = predicted if np.isfinite(predicted).all() else last.estimate
-        if kind != Reading.GOOD:
-            return Judged(kind, estimate, spread=last.spread + self._period)
+        if kind != ReadingKind.GOOD:
+            return JudgedReading(kind, estimate, spread=last.spread + self._period)
         # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the model
         # must not make it give way before they have lasted.
         spread = math.hypot(last.spread, self._period)
         if self._innovation.distance(x, predicted, spread) <= self._innovation.bound:
-            return Judged(kind, x)
+            return JudgedReading(kind, x)
         rival = self._innovation.predict(context.get_discrete_state(self._last).value()[1:], u, u_next)
         agrees = self._innovation.distance(x, rival, self._period) <= self._innovation.bound
         streak = last.streak + 1.0 if agrees else 1.0
         if streak * self._period >= PERSISTENT:
-            return Judged(Reading.GOOD, x)
-        return Judged(Reading.DISAGREEING, estimate, streak, spread)
+            return JudgedReading(ReadingKind.GOOD, x)
+        return JudgedReading(ReadingKind.DISAGREEING, estimate, streak, spread)
 
     def _in_force(self, context: Context) -> Array:
         return self._command.Eval(context) if self._command.HasValue(context) else np.full(2, np.nan)
@@ -155,7 +155,7 @@ class Screen(LeafSystem):
         discrete.get_mutable_vector(self._counts)[int(verdict.kind)] += 1.0
         discrete.set_value(self._last, np.concatenate([[self._repeats(context)], x]))
         discrete.set_value(self._before, np.concatenate([[t], verdict.vector(), self._in_force(context)]))
-        if verdict.kind == Reading.GOOD:
+        if verdict.kind == ReadingKind.GOOD:
             discrete.set_value(self._good, np.concatenate([[t], x]))
 
 

@@ -26,7 +26,7 @@ from drift_drake.model.bayesian_step import TIME_STEP
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.out_of_distribution import (
     WINDOW,
-    Calibration,
+    NullDistribution,
     OutOfDistributionDetector,
     calibrate,
     statistics,
@@ -166,7 +166,7 @@ def judge(results: list[dict[str, Any]], config: DetectionConfig) -> dict[str, A
 
 def report(summary: dict[str, Any], config: DetectionConfig) -> str:
     """The verdict as Markdown."""
-    calibration: Calibration = summary["calibration"]
+    calibration: NullDistribution = summary["calibration"]
     lines = [
         f"Threshold {summary['threshold']:.1f}, for at most {config.false_alarms:.0%} false alarms a drive. On the "
         f"calibration's drives the mean of d^2 over {config.window} samples is {calibration.mean:.1f} (4 where the "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.pictures.overhead_panels import Panel, overhead_panels
+from drift_drake.pictures.overhead_panels import OverheadPanel, overhead_panels
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import machine
@@ -200,7 +200,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
         drifted = int((group["completed"] & (group["drifting"] >= DRIFTED)).sum())
         title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} held the drift throughout"
         tables = [_read(folder, run) for _, run in group.iterrows()]
-        panels.append(Panel(title, tables, list(group["outcome"]), median))
+        panels.append(OverheadPanel(title, tables, list(group["outcome"]), median))
     write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
 
 

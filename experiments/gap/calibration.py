@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drift_drake.diagnosis.posterior import Calibration, probabilities_of
+from drift_drake.diagnosis.posterior import PosteriorConstants, probabilities_of
 from drift_drake.safe_files import write_text
 from experiments.gap.score import UNKNOWNS, true_name
 
@@ -21,13 +21,13 @@ UNKNOWN_SHARES = (0.0, 0.001, 0.003, 0.01)
 LEAST = 1e-4  # probability that the log score does not go below, so that one case does not decide
 
 
-def probabilities(record: dict[str, Any], c: Calibration) -> dict[str, float]:
+def probabilities(record: dict[str, Any], c: PosteriorConstants) -> dict[str, float]:
     """The posterior that some constants make of a case's evidences."""
     evidence = {tuple(name.split("+")) if name else (): e for name, e in record["evidence"].items()}
     return probabilities_of(evidence, record["unexplained"] + record["implausible"], record["catalogue"], c)
 
 
-def log_score(records: Sequence[Record], c: Calibration) -> float:
+def log_score(records: Sequence[Record], c: PosteriorConstants) -> float:
     """Mean log probability of the truth."""
     p = [probabilities(raw, c).get(true_name(label), 0.0) for label, raw in records]
     return float(np.mean(np.log(np.maximum(p, LEAST))))
@@ -44,11 +44,11 @@ def standard_errors(records: Sequence[Record]) -> np.ndarray:
     return np.array(out)
 
 
-def fitted_constants(records: Sequence[Record]) -> Calibration:
+def fitted_constants(records: Sequence[Record]) -> PosteriorConstants:
     """The constants with the best log score on a grid; intervals widened (never narrowed) to cover 95 %."""
-    best, best_score = Calibration(), -np.inf
+    best, best_score = PosteriorConstants(), -np.inf
     for t, cost, part in itertools.product(TEMPERATURES, UNKNOWN_COSTS, UNKNOWN_SHARES):
-        c = Calibration(temperature=t, unknown_cost=cost, unknown_share=part)
+        c = PosteriorConstants(temperature=t, unknown_cost=cost, unknown_share=part)
         score = log_score(records, c)
         if score > best_score + 1e-9:
             best, best_score = c, score
@@ -57,6 +57,6 @@ def fitted_constants(records: Sequence[Record]) -> Calibration:
     return dataclasses.replace(best, interval_factor=factor)
 
 
-def write_constants(c: Calibration, path: Path) -> None:
+def write_constants(c: PosteriorConstants, path: Path) -> None:
     """Writes the constants as YAML (`drift_drake/diagnosis/calibration.yaml` is such a file)."""
     write_text(path, yaml.safe_dump(dataclasses.asdict(c), sort_keys=False))

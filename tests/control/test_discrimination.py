@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from drift_drake.control.discrimination import Car, DiscriminationCost, Rival, RivalsStepModel, gains_and_biases
+from drift_drake.control.discrimination import (
+    CarHypothesis,
+    DiscriminationCost,
+    Rival,
+    RivalsStepModel,
+    gains_and_biases,
+)
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -15,10 +21,10 @@ SCALE = np.concatenate([[1.0, 10.0, 0.5, 10.0, 1.0, 0.5], np.tile([0.3, 100.0, 0
 INPUTS = np.array([0.3, 100.0, 0.3, 100.0])
 
 
-def car_of(name: str, magnitude: float) -> Car:
+def car_of(name: str, magnitude: float) -> CarHypothesis:
     effects = Effects(**{name: magnitude})
     biased = name in ("gyro_bias", "sideslip_bias", "wheel_radius_error")
-    return Car(VEHICLE.constants(), Effects() if biased else effects, effects)
+    return CarHypothesis(VEHICLE.constants(), Effects() if biased else effects, effects)
 
 
 def rival_of(name: str, magnitude: float, deviation: float) -> Rival:
@@ -28,7 +34,7 @@ def rival_of(name: str, magnitude: float, deviation: float) -> Rival:
     )  # fmt: skip
 
 
-def cost_of(first: Car, rival: Rival) -> DiscriminationCost:
+def cost_of(first: CarHypothesis, rival: Rival) -> DiscriminationCost:
     other = rival.car(rival.theta)
     (gain, bias), (other_gain, other_bias) = gains_and_biases(first.sensors), gains_and_biases(other.sensors)
     models = [EffectsStepModel(VEHICLE, car.effects).of_car(car.constants, car.effects) for car in (first, other)]

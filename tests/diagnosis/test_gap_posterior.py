@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.posterior import (
-    Calibration,
+    PosteriorConstants,
     implausibility,
     make_posterior,
     probabilities_of,
-    read_calibration,
+    read_constants,
 )
 from drift_drake.estimation.fit import Fit
 
@@ -22,20 +22,22 @@ def fitted(names, theta=None):
 
 
 def test_probabilities_sum_to_one_and_are_sorted():
-    p = probabilities_of({(): 0.0, ("aero_drag",): 3.0, PAIR: 4.0}, 0.0, CATALOGUE, Calibration())
+    p = probabilities_of({(): 0.0, ("aero_drag",): 3.0, PAIR: 4.0}, 0.0, CATALOGUE, PosteriorConstants())
     assert sum(p.values()) == pytest.approx(1.0)
     assert list(p.values()) == sorted(p.values(), reverse=True)
     assert set(p) == {"none", "aero_drag", "aero_drag+mass_error", "unknown"}
 
 
 def test_equal_evidence_prefers_fewer_effects():
-    p = probabilities_of({(): 0.0, ("aero_drag",): 0.0, PAIR: 0.0}, 0.0, CATALOGUE, Calibration())
+    p = probabilities_of({(): 0.0, ("aero_drag",): 0.0, PAIR: 0.0}, 0.0, CATALOGUE, PosteriorConstants())
     assert p["none"] > p["aero_drag"] > p["aero_drag+mass_error"]
 
 
 @pytest.mark.parametrize(("gain", "verdict"), [(0.0, "effect"), (1000.0, "unknown")])
 def test_what_is_left_unexplained_decides_between_effect_and_unknown(gain, verdict):
-    posterior = make_posterior([(fitted(("aero_drag",)), 5000.0), (fitted(()), 0.0)], gain, CATALOGUE, Calibration())
+    posterior = make_posterior(
+        [(fitted(("aero_drag",)), 5000.0), (fitted(()), 0.0)], gain, CATALOGUE, PosteriorConstants()
+    )
     assert posterior.verdict == verdict
     assert posterior.causes == (("aero_drag",) if verdict == "effect" else ())
     assert posterior.fit.names == ("aero_drag",)
@@ -43,7 +45,7 @@ def test_what_is_left_unexplained_decides_between_effect_and_unknown(gain, verdi
 
 def test_no_gap_is_none_and_the_ambiguity_set_holds_95_percent():
     hypotheses = [(fitted(("mass_error",)), 3.0), (fitted(("yaw_inertia_error",)), 3.0), (fitted(()), 0.0)]
-    posterior = make_posterior(hypotheses, -3.0, CATALOGUE, Calibration())
+    posterior = make_posterior(hypotheses, -3.0, CATALOGUE, PosteriorConstants())
     assert posterior.verdict == "none"
     assert sum(posterior.probabilities[name] for name in posterior.ambiguity) >= 0.95
     assert sum(posterior.probabilities[name] for name in posterior.ambiguity[:-1]) < 0.95
@@ -51,10 +53,10 @@ def test_no_gap_is_none_and_the_ambiguity_set_holds_95_percent():
 
 def test_deviations_far_beyond_tolerance_speak_for_unknown():
     theta = np.zeros(12)
-    assert implausibility(fitted((), theta), Calibration()) == 0.0
+    assert implausibility(fitted((), theta), PosteriorConstants()) == 0.0
     theta[6] = 15.0  # tolerances of friction
-    assert implausibility(fitted((), theta), Calibration()) > 80.0
+    assert implausibility(fitted((), theta), PosteriorConstants()) > 80.0
 
 
 def test_the_shipped_constants_can_be_read():
-    assert read_calibration().temperature >= 1.0
+    assert read_constants().temperature >= 1.0

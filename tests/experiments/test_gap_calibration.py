@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.posterior import Calibration, read_calibration
+from drift_drake.diagnosis.posterior import PosteriorConstants, read_constants
 from experiments.gap.blind import tier_list
 from experiments.gap.calibration import fitted_constants, log_score, write_constants
 
@@ -36,7 +36,7 @@ def test_constants_separate_unknown_from_known():
     some = records()
     found = fitted_constants(some)
     assert found.unknown_cost + found.unknown_share * 500.0 < 30.0
-    assert log_score(some, found) >= log_score(some, Calibration())
+    assert log_score(some, found) >= log_score(some, PosteriorConstants())
     assert log_score(some, found) > -0.3
 
 
@@ -46,9 +46,9 @@ def test_intervals_are_widened_to_cover():
 
 
 def test_constants_are_written_and_read(tmp_path):
-    constants = Calibration(temperature=1.5, unknown_cost=7.0)
+    constants = PosteriorConstants(temperature=1.5, unknown_cost=7.0)
     write_constants(constants, tmp_path / "c.yaml")
-    assert read_calibration(tmp_path / "c.yaml") == constants
+    assert read_constants(tmp_path / "c.yaml") == constants
 
 
 def test_tiers_come_in_their_shares():

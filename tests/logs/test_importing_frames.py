@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.logs.importing.frames import MIRRORED, Motion, at_centre_of_gravity, to_body, to_iso8855
+from drift_drake.logs.importing.frames import MIRRORED, PlanarMotion, at_centre_of_gravity, to_body, to_iso8855
 
 
 @pytest.mark.parametrize("frame", ["ned", "sae"])
@@ -38,10 +38,10 @@ def test_motion_of_the_centre_from_that_of_another_point():
 
     def seen(px, py):
         vx, vy = np.gradient(px, h), np.gradient(py, h)
-        return Motion(px, py, *to_body(psi, vx, vy), *to_body(psi, np.gradient(vx, h), np.gradient(vy, h)))
+        return PlanarMotion(px, py, *to_body(psi, vx, vy), *to_body(psi, np.gradient(vx, h), np.gradient(vy, h)))
 
     point = seen(x + along * np.cos(psi) - across * np.sin(psi), y + along * np.sin(psi) + across * np.cos(psi))
     r = np.gradient(psi, h)
     centre, expected = at_centre_of_gravity(point, (along, across), psi, r, np.gradient(r, h)), seen(x, y)
-    for name in Motion._fields:
+    for name in PlanarMotion._fields:
         np.testing.assert_allclose(getattr(centre, name)[5:-5], getattr(expected, name)[5:-5], atol=2e-5, err_msg=name)

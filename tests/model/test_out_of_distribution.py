@@ -15,7 +15,7 @@ from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.model.out_of_distribution import (
-    Calibration,
+    NullDistribution,
     OutOfDistributionDetector,
     calibrate,
     squared_distance,
@@ -48,7 +48,7 @@ def test_calibration_finds_the_freedom_of_independent_and_of_repeated_samples() 
 def test_the_threshold_keeps_its_promise() -> None:
     generator = np.random.default_rng(1)
     drives = [chi2.rvs(4, size=200, random_state=generator) for _ in range(1000)]
-    threshold = Calibration(mean=4.0, freedom=80.0, window=20).threshold(false_alarms=0.1, duration=20.0)
+    threshold = NullDistribution(mean=4.0, freedom=80.0, window=20).threshold(false_alarms=0.1, duration=20.0)
     alarms = np.mean([np.nanmax(statistics(drive)) > threshold for drive in drives])
     assert 0.01 < alarms < 0.1
 

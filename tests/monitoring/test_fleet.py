@@ -6,8 +6,8 @@ import pytest
 from drift_drake.cli import main
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.table import write_run
-from drift_drake.monitoring.evidence import make_problem
-from drift_drake.monitoring.fleet import Day, compared
+from drift_drake.monitoring.evidence import evidence_problem
+from drift_drake.monitoring.fleet import FleetDay, compared
 from drift_drake.monitoring.fleet_command import day_folders, lines
 from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
 from drift_drake.monitoring.fleet_picture import draw_fleet
@@ -18,18 +18,18 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.monitoring.drives import changed_drive
 
 NODES = make_nodes(["aero_drag", "mass_error", "steering_delay", "gyro_bias", "torque_gain_error"], VehicleParameters())
-PROBLEM = make_problem(NODES, np.zeros(len(NODES)))
+PROBLEM = evidence_problem(NODES, np.zeros(len(NODES)))
 NAMES = [node.name for node in NODES]
 
 
-def day(rng: np.random.Generator, car: str, name: str, amplitudes: dict[str, float]) -> Day:
+def day(rng: np.random.Generator, car: str, name: str, amplitudes: dict[str, float]) -> FleetDay:
     """A day whose innovations are white about known amplitudes."""
     g = rng.normal(size=(200, len(NODES)))
     truth = np.zeros(len(NODES))
     for effect, amplitude in amplitudes.items():
         truth[NAMES.index(effect)] = amplitude
     score = g.T @ (g @ truth + rng.normal(size=len(g)))
-    return Day(car, name, Sums(np.array(200.0), np.array(0.0), np.array(200.0), score, g.T @ g))
+    return FleetDay(car, name, Sums(np.array(200.0), np.array(0.0), np.array(200.0), score, g.T @ g))
 
 
 def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dict[str, dict[str, float]]):

@@ -3,16 +3,16 @@
 import pandas as pd
 import pytest
 
-from drift_drake.pictures.overhead_panels import Panel, overhead_panels
+from drift_drake.pictures.overhead_panels import OverheadPanel, overhead_panels
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
 def test_a_panel_a_group_with_marks_where_runs_ended(perfect_run: pd.DataFrame, eight: Reference) -> None:
     panels = [
-        Panel("lost: 0 of 2", [perfect_run, perfect_run.iloc[:200]], ["left the lane", "spin"], perfect_run),
-        Panel("held: 1 of 1", [perfect_run], ["completed"], perfect_run),
-        Panel("a third", [perfect_run], ["completed"], perfect_run),
+        OverheadPanel("lost: 0 of 2", [perfect_run, perfect_run.iloc[:200]], ["left the lane", "spin"], perfect_run),
+        OverheadPanel("held: 1 of 1", [perfect_run], ["completed"], perfect_run),
+        OverheadPanel("a third", [perfect_run], ["completed"], perfect_run),
     ]
     figure = overhead_panels(panels, eight, VehicleParameters())
     visible = [axes for axes in figure.axes if axes.get_visible()]

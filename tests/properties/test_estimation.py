@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drift_drake.diagnosis.likelihood.search import search
-from drift_drake.diagnosis.posterior import make_posterior, read_calibration
+from drift_drake.diagnosis.posterior import make_posterior, read_constants
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import cost_of, fit
 from drift_drake.estimation.problem import NUISANCES, Problem, filter_case, make_problem
@@ -79,7 +79,7 @@ def test_a_mirrored_case_has_the_mirrored_posterior() -> None:
     found = []
     for seen in (runs, [mirrored(run) for run in runs]):
         hypotheses = search(make_problem(seen, CAR), FEW, workers=1).hypotheses()
-        found.append(make_posterior(hypotheses, 0.0, len(FEW), read_calibration()))
+        found.append(make_posterior(hypotheses, 0.0, len(FEW), read_constants()))
     one, other = found
     assert one.causes == other.causes == tuple(truth)
     assert one.probabilities == pytest.approx(other.probabilities, abs=0.01)

@@ -10,7 +10,7 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.simulation.change import Change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
 from drift_drake.simulation.faults import Fault, friction_at, parse_fault
-from drift_drake.simulation.screening import FROZEN, Reading, Screen, judge
+from drift_drake.simulation.screening import FROZEN, ReadingKind, Screen, judge
 from drift_drake.simulation.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -153,17 +153,17 @@ def test_a_fault_is_written_in_short() -> None:
 @pytest.mark.parametrize(
     ("change", "kind"),
     [
-        ({}, Reading.GOOD),
-        ({0: np.nan}, Reading.MISSING),
-        ({6: np.inf}, Reading.MISSING),
-        ({1: 0.0}, Reading.STOPPED),
-        ({1: -3.0}, Reading.STOPPED),
-        ({0: 1e6}, Reading.JUMPED),
-        ({4: 3.0}, Reading.JUMPED),
-        ({6: 900.0}, Reading.GOOD),  # the path's start passed
+        ({}, ReadingKind.GOOD),
+        ({0: np.nan}, ReadingKind.MISSING),
+        ({6: np.inf}, ReadingKind.MISSING),
+        ({1: 0.0}, ReadingKind.STOPPED),
+        ({1: -3.0}, ReadingKind.STOPPED),
+        ({0: 1e6}, ReadingKind.JUMPED),
+        ({4: 3.0}, ReadingKind.JUMPED),
+        ({6: 900.0}, ReadingKind.GOOD),  # the path's start passed
     ],
 )
-def test_what_a_reading_is(change: dict[int, float], kind: Reading) -> None:
+def test_what_a_reading_is(change: dict[int, float], kind: ReadingKind) -> None:
     x = GOOD.copy()
     for channel, value in change.items():
         x[channel] = value
@@ -172,10 +172,10 @@ def test_what_a_reading_is(change: dict[int, float], kind: Reading) -> None:
 
 def test_a_reading_is_no_jump_after_a_while_unless_it_is_no_car_s() -> None:
     x = GOOD + np.array([0.0, 0.0, 0.0, 0.0, 50.0, 0.0, 0.0])
-    assert judge(x, GOOD, 0.1, 0) == Reading.JUMPED
-    assert judge(x, GOOD, 1.0, 0) == Reading.GOOD
-    assert judge(1e6 * x, GOOD, 1.0, 0) == Reading.JUMPED
-    assert judge(x, np.full(7, np.nan), 0.0, 0) == Reading.GOOD
+    assert judge(x, GOOD, 0.1, 0) == ReadingKind.JUMPED
+    assert judge(x, GOOD, 1.0, 0) == ReadingKind.GOOD
+    assert judge(1e6 * x, GOOD, 1.0, 0) == ReadingKind.JUMPED
+    assert judge(x, np.full(7, np.nan), 0.0, 0) == ReadingKind.GOOD
 
 
 def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
@@ -194,9 +194,9 @@ def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
     good = np.setdiff1d(np.arange(100), bad)
     np.testing.assert_array_equal(x[good], np.array([spoilt(PERIOD * k) for k in good]))
     assert [int(kinds[k, 0]) for k in (20, 40, 69, 70)] == [
-        Reading.MISSING,
-        Reading.JUMPED,
-        Reading.FROZEN,
-        Reading.GOOD,
+        ReadingKind.MISSING,
+        ReadingKind.JUMPED,
+        ReadingKind.FROZEN,
+        ReadingKind.GOOD,
     ]
     np.testing.assert_array_equal(counts[-1], [99 - len(bad), 5, 0, 1, len(frozen), 0])

@@ -18,7 +18,7 @@ from drift_drake.diagnosis.another_day.gross_gap import judged
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, hypothesis_name
+from drift_drake.diagnosis.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.errors import unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
@@ -62,7 +62,7 @@ class DayDiagnosis:
 def diagnose_day(
     runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
     own: Effects = Effects(),  # noqa: B008 (immutable)
-    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: Calibration | None = None,
+    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE),
 ) -> DayDiagnosis:  # fmt: skip
     """Diagnoses the runs of one day.
@@ -169,7 +169,7 @@ def search_of(
 
 
 def believed(
-    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: Calibration
+    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
 ) -> tuple[Ranked, Reduction]:
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
     kept = [none, *(as_change(h) for h in others if tells_from_zero(h))]

@@ -21,7 +21,7 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     effects_of,
 )
 from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
-from drift_drake.diagnosis.posterior import Calibration, hypothesis_name
+from drift_drake.diagnosis.posterior import PosteriorConstants, hypothesis_name
 from drift_drake.diagnosis.ranges import Range, clipped
 from drift_drake.estimation.reduction import FOLDS, Reduction
 from drift_drake.estimation.scores import Day
@@ -108,7 +108,7 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     return concluded(names, q, covariance, middle, ranges, 0.0)
 
 
-def judged(search: Search, constants: Calibration, progress: Callable[[float], None]) -> GrossGap:
+def judged(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
     """Probabilities of hypotheses by what they remove.
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`.

@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
-from drift_drake.diagnosis.posterior import UNKNOWN, Calibration, ambiguity_set, hypothesis_name, log_prior
+from drift_drake.diagnosis.posterior import UNKNOWN, PosteriorConstants, ambiguity_set, hypothesis_name, log_prior
 from drift_drake.diagnosis.ranges import Range, at_end
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-PRIORS = Calibration(prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12)  # of a day of a real car
+PRIORS = PosteriorConstants(
+    prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12
+)  # of a day of a real car
 WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
 SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
 SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
@@ -33,7 +35,7 @@ class Ranked:
 
 
 def ranked(
-    hypotheses: Sequence[Hypothesis], catalogue: int, constants: Calibration, scores: int = len(CATALOGUE),
+    hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, scores: int = len(CATALOGUE),
     doubt: float = 0.0,
 ) -> Ranked:  # fmt: skip
     """Probabilities of hypotheses and of `unknown`.
@@ -57,7 +59,7 @@ def ranked(
     return concluded_from(values, hypotheses, doubt)
 
 
-def prior(h: Hypothesis, catalogue: int, constants: Calibration) -> float:
+def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float:
     """Log prior of a hypothesis, but for a constant."""
     names = (*h.names, *h.beside)
     daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))

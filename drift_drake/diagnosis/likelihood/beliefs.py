@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.likelihood.isolability import isolability
-from drift_drake.diagnosis.posterior import NONE, Calibration, hypothesis_name, log_prior
+from drift_drake.diagnosis.posterior import NONE, PosteriorConstants, hypothesis_name, log_prior
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, Problem
@@ -55,7 +55,7 @@ def beliefs_as_data(
     hypotheses: Sequence[tuple[Fit, float]],
     probabilities: Mapping[str, float],
     catalogue: Sequence[str],
-    calibration: Calibration,
+    calibration: PosteriorConstants,
 ) -> dict[str, Any]:
     """The most probable hypotheses and the sensors as plain data; no hypotheses where all are improbable (`unknown`).
 
@@ -96,7 +96,7 @@ def root_of(covariance: np.ndarray) -> np.ndarray:
 
 
 def unseen(
-    problem: Problem, fit: Fit, leading: Belief, catalogue: Sequence[str], calibration: Calibration
+    problem: Problem, fit: Fit, leading: Belief, catalogue: Sequence[str], calibration: PosteriorConstants
 ) -> list[Belief]:
     """Effects beside the leading hypothesis that the logs leave open, the most probable first."""
     others = [name for name in catalogue if name not in fit.names]

@@ -12,9 +12,9 @@ from drift_drake.diagnosis.likelihood.judging import judge
 from drift_drake.diagnosis.likelihood.learned import learned
 from drift_drake.diagnosis.likelihood.search import Found, search
 from drift_drake.diagnosis.posterior import (
-    Calibration,
-    Posterior,
-    read_calibration,
+    HypothesisPosterior,
+    PosteriorConstants,
+    read_constants,
 )
 from drift_drake.diagnosis.where import locate
 from drift_drake.estimation.everyday import applied
@@ -42,7 +42,7 @@ class Diagnosis:
     answer: Answer
     problem: Problem
     found: Found
-    posterior: Posterior
+    posterior: HypothesisPosterior
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
@@ -55,7 +55,7 @@ def diagnose(
     case: str = "case",
     workers: int = 2,
     progress: Progress | None = None,
-    calibration: Calibration | None = None,
+    calibration: PosteriorConstants | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE),
     process_scale: float = 1.0,
     noise_scale: float = 1.0,
@@ -85,7 +85,7 @@ def diagnose(
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
     problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
-    judged = judge(problem, found.hypotheses(), len(names), calibration or read_calibration(), tell)
+    judged = judge(problem, found.hypotheses(), len(names), calibration or read_constants(), tell)
     tell("where it is", 0.93)
     lacking = judged.left[0] if not judged.best.names else misfit(problem, judged.nothing)
     before, floor = without_effects(problem, None), errors_of(problem, judged.best.theta, judged.best.names)

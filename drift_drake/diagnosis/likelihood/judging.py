@@ -12,8 +12,8 @@ from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.diagnosis.likelihood.nearest import nearest
 from drift_drake.diagnosis.posterior import (
     UNKNOWN,
-    Calibration,
-    Posterior,
+    HypothesisPosterior,
+    PosteriorConstants,
     hypothesis_name,
     implausibility,
     make_posterior,
@@ -37,10 +37,10 @@ class Judged:
 
     hypotheses: list[tuple[Fit, float]]  # with their evidence, the best first; without causes that remove nothing
     best: Fit
-    posterior: Posterior
+    posterior: HypothesisPosterior
     reduction: Reduction
     left: list[Regression]  # pulses and functions of state that the best hypothesis leaves
-    calibration: Calibration
+    calibration: PosteriorConstants
 
     @property
     def named(self) -> bool:
@@ -114,7 +114,7 @@ class Judged:
 
 
 def judge(
-    problem: Problem, hypotheses: list[tuple[Fit, float]], count: int, calibration: Calibration,
+    problem: Problem, hypotheses: list[tuple[Fit, float]], count: int, calibration: PosteriorConstants,
     tell: Callable[[str, float], None],
 ) -> Judged:  # fmt: skip
     """Judges hypotheses, the best first, by their evidence, by what they leave, and on what they were not fitted to.
@@ -139,7 +139,7 @@ def judge(
     return Judged(hypotheses, best, posterior, shrinks, left, calibration)
 
 
-def _shrinks(problem: Problem, posterior: Posterior, best: Fit) -> Reduction:
+def _shrinks(problem: Problem, posterior: HypothesisPosterior, best: Fit) -> Reduction:
     return reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
 
 
@@ -158,7 +158,7 @@ def refine_noise(problem: Problem, fit: Fit) -> Problem:
     return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
 
 
-def magnitude_interval(fit: Fit, name: str, calibration: Calibration, vehicle: VehicleParameters) -> Interval:
+def magnitude_interval(fit: Fit, name: str, calibration: PosteriorConstants, vehicle: VehicleParameters) -> Interval:
     """95 % interval of a magnitude, within its bounds."""
     q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
     low, high = bounds(name, vehicle)

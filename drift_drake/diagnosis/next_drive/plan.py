@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.control.discrimination import (
-    Car,
+    CarHypothesis,
     DiscriminationCost,
     Rival,
     RivalsStepModel,
@@ -249,7 +249,7 @@ def solve(
             yield x[:, :6], u
 
 
-def between(own: Car, other: Car) -> tuple[np.ndarray, np.ndarray]:
+def between(own: CarHypothesis, other: CarHypothesis) -> tuple[np.ndarray, np.ndarray]:
     """(gain, bias) from the state of one hypothesis to that which the other takes its sensors' reading for."""
     (own_gain, own_bias), (gain, bias) = gains_and_biases(own.sensors), gains_and_biases(other.sensors)
     return own_gain / gain, (own_bias - bias) / gain
@@ -271,9 +271,9 @@ def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
     problem = Problem([], vehicle, vehicle.constants(), tolerance, np.ones(9), np.ones(9), own=own)
     whiten = np.linalg.inv(belief.root)
 
-    def car_of(theta: np.ndarray) -> Car:
+    def car_of(theta: np.ndarray) -> CarHypothesis:
         constants, effects = car(problem, theta, belief.names)
-        return Car(constants, stand_ins(effects), effects)
+        return CarHypothesis(constants, stand_ins(effects), effects)
 
     count = len(NUISANCES)
     ends = [bounds(name, problem.vehicle) for name in belief.names]

@@ -26,7 +26,7 @@ def to_iso8855(name: str, values: Array, frame: str) -> Array:
     return -values if frame != "iso8855" and name in MIRRORED else values
 
 
-class Motion(NamedTuple):
+class PlanarMotion(NamedTuple):
     """Planar motion of a point of the body: position [m] and velocity, acceleration in the body frame, arrays [n]."""
 
     x: Array
@@ -42,10 +42,12 @@ def to_body(psi: Array, x: Array, y: Array) -> tuple[Array, Array]:
     return x * np.cos(psi) + y * np.sin(psi), -x * np.sin(psi) + y * np.cos(psi)
 
 
-def at_centre_of_gravity(point: Motion, offset: tuple[float, float], psi: Array, r: Array, r_dot: Array) -> Motion:
+def at_centre_of_gravity(
+    point: PlanarMotion, offset: tuple[float, float], psi: Array, r: Array, r_dot: Array
+) -> PlanarMotion:
     """The motion of the centre of gravity of a rigid body from that of the point `offset` (x, y) [m] ahead and left."""
     along, across = offset
-    return Motion(
+    return PlanarMotion(
         x=point.x - along * np.cos(psi) + across * np.sin(psi),
         y=point.y - along * np.sin(psi) - across * np.cos(psi),
         vx=point.vx + r * across,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.frames import Motion, at_centre_of_gravity, to_body
+from drift_drake.logs.importing.frames import PlanarMotion, at_centre_of_gravity, to_body
 from drift_drake.logs.importing.smoothing import smooth
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def captured_motion(
     position, heading = smooth(t, np.stack([x, y], axis=1), highest), smooth(t, psi, highest)
     psi, r, r_dot = heading.value[:, 0], heading.rate[:, 0], heading.acceleration[:, 0]
     (x, y), (x_dot, y_dot), (x_ddot, y_ddot) = position.value.T, position.rate.T, position.acceleration.T
-    point = Motion(x, y, *to_body(psi, x_dot, y_dot), *to_body(psi, x_ddot, y_ddot))
+    point = PlanarMotion(x, y, *to_body(psi, x_dot, y_dot), *to_body(psi, x_ddot, y_ddot))
     centre = at_centre_of_gravity(point, measured_point, psi, r, r_dot)
     v = np.hypot(centre.vx, centre.vy)
     speed_std = float(np.median(position.std[:, 1]))

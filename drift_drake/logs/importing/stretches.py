@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.frames import Motion, at_centre_of_gravity
+from drift_drake.logs.importing.frames import PlanarMotion, at_centre_of_gravity
 from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
 from drift_drake.logs.importing.motion_capture import captured_motion
 from drift_drake.logs.importing.recording import Readings
@@ -87,7 +87,9 @@ def from_velocity(columns: dict[str, Array], point: tuple[float, float]) -> dict
     vx, vy = columns["vx"], columns.get("vy")
     zero = np.zeros_like(vx)
     r = columns.get("r", zero)
-    centre = at_centre_of_gravity(Motion(zero, zero, vx, zero if vy is None else vy, zero, zero), point, zero, r, zero)
+    centre = at_centre_of_gravity(
+        PlanarMotion(zero, zero, vx, zero if vy is None else vy, zero, zero), point, zero, r, zero
+    )
     moved = {"vx": centre.vx, "v": np.abs(centre.vx)}
     if vy is not None:
         moved |= {"vy": centre.vy, "v": np.hypot(centre.vx, centre.vy), "beta": np.arctan2(centre.vy, centre.vx)}

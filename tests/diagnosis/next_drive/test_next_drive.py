@@ -18,7 +18,7 @@ from drift_drake.diagnosis.likelihood.beliefs import (
 )
 from drift_drake.diagnosis.next_drive.foresight import Commands, foresee, probability_of_truth, readings
 from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins
-from drift_drake.diagnosis.posterior import Calibration
+from drift_drake.diagnosis.posterior import PosteriorConstants
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.interval import Interval
@@ -56,7 +56,7 @@ def test_beliefs_survive_their_plain_data(problem):
     names = ("aero_drag", "mass_error")
     fit = Fit(names, np.full(size, 0.1), 0.0, root @ root.T, 0.0, 1.0, 1)
     known = problem.replace(own=Effects(road_grade=0.02))
-    data = beliefs_as_data(known, [(fit, 0.0)], {"aero_drag+mass_error": 0.8}, list(CATALOGUE), Calibration())
+    data = beliefs_as_data(known, [(fit, 0.0)], {"aero_drag+mass_error": 0.8}, list(CATALOGUE), PosteriorConstants())
     sensing, beliefs = beliefs_from_data(json.loads(json.dumps(data)))
     assert sensing.own == known.own
     kept = [*range(len(NUISANCES)), size - 2, size - 1]
@@ -70,7 +70,7 @@ def test_where_all_hypotheses_are_improbable_there_are_no_beliefs(problem):
     size = problem.nuisances + 2
     names = ("aero_drag", "mass_error")
     fit = Fit(names, np.full(size, 0.1), 0.0, np.eye(size), 0.0, 1.0, 1)
-    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 1e-9}, list(CATALOGUE), Calibration())
+    data = beliefs_as_data(problem, [(fit, 0.0)], {"aero_drag+mass_error": 1e-9}, list(CATALOGUE), PosteriorConstants())
     assert beliefs_from_data(data)[1] == []
 
 
@@ -83,7 +83,7 @@ def test_what_a_log_cannot_show_is_a_rival_too(problem):
         nothing,
         belief_of(nothing, 0.9),
         ["steering_rate_limit", "aero_drag"],
-        Calibration(),
+        PosteriorConstants(),
     )
     # The wheel never had to be fast; drag is plain in any drive.
     assert [b.name for b in found] == ["steering_rate_limit"]
@@ -149,7 +149,7 @@ def test_a_vehicle_file_with_other_effects_than_the_answers_is_refused(problem: 
         (Fit((name,), np.full(size, 0.1), 0.0, np.eye(size), 0.0, 1.0, 1), 0.0) for name in ("aero_drag", "mass_error")
     ]
     known = problem.replace(own=Effects(road_grade=0.02))
-    data = beliefs_as_data(known, pair, {"aero_drag": 0.5, "mass_error": 0.5}, list(CATALOGUE), Calibration())
+    data = beliefs_as_data(known, pair, {"aero_drag": 0.5, "mass_error": 0.5}, list(CATALOGUE), PosteriorConstants())
     answer = Answer("a", "none", [], {}, ["none"], {}, {}, Interval(0, 0, 0), 1.0, {}, {"beliefs": data}, [])
     message = r"a: the answer .* \(road_grade 0\.02\) that are not this file's \(none\); give the file"
     with pytest.raises(UnplannableError, match=message):

@@ -9,7 +9,7 @@
 5. `quality`: beside the shipped model on held-out vehicles (`experiments.model.quality`).
 
 What is done is listed in build.json with its seconds and is not done again: start again to go on. The same seed gives
-the same numbers on the same machine and library versions; elsewhere torch's sums round otherwise, so quality is compared.
+the same numbers on the same machine and library versions; elsewhere torch's sums round otherwise: compare the quality.
 """
 
 import dataclasses

@@ -97,7 +97,10 @@ def try_outputs(outputs: Mapping[str, Path | None], inputs: Iterable[str | Path]
             raise OutputError(f"{option} {path}: is a folder; give the name of a file")
         if _special(path):
             continue
-        real = Path(os.path.realpath(path))
+        try:
+            real = Path(os.path.realpath(path))
+        except (OSError, ValueError) as error:
+            raise OutputError(f"{option} {_sentence(path, error)}") from None
         if real in taken:
             raise OutputError(f"{option} {path}: is {taken[real]} too; give another file")
         taken[real] = f"that of {option}"

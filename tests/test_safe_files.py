@@ -79,6 +79,7 @@ def test_outputs_are_tried_before_the_work(tmp_path: Path, capsys: pytest.Captur
     for outputs, says in (
         ({"--out": tmp_path}, "is a folder"),
         ({"--out": file / "x.json"}, "cannot be written"),
+        ({"--out": tmp_path / "\0"}, "cannot be written"),
         ({"--json": tmp_path / "a", "--report": tmp_path / "a"}, "is that of --json too"),
         ({"--out": file}, "is an input too"),
     ):

@@ -123,7 +123,7 @@ class VehicleParameters:
             return 0.0
         from drift_drake.vehicle.tyre import TYRES  # which needs Drake, as a vehicle file need not
 
-        if self.tyre not in TYRES:
+        if self.tyre not in list(TYRES):  # a file may hold anything, what has no hash too
             raise InvalidVehicleError(
                 f"tyre is {shown(self.tyre)}; give one of {', '.join(TYRES)}, or install the package that has it"
             )

@@ -37,7 +37,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
-VEHICLE = VehicleParameters().to_dict() | {"effects": {"steering_lag": 0.05, "aero_drag": 1.0}}
+VEHICLE = VehicleParameters().to_dict() | {"tyre": "brush", "effects": {"steering_lag": 0.05, "aero_drag": 1.0}}
 COUNT = len(NUISANCES)
 ANSWER: dict[str, Any] = {
     "case": "a", "verdict": "effect", "causes": ["steering_lag"], "posterior": {"steering_lag": 0.9, "unknown": 0.1},

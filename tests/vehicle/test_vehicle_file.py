@@ -25,6 +25,7 @@ def test_a_file_without_effects_has_none(tmp_path):
         ("effects: 3", "'effects' must hold"),
         ("effects: {warp: 1.0}", "unknown effect warp"),
         ("effects: {steering_lag: fast}", "effects.steering_lag is 'fast'"),
+        ("tyre: [brush]", r"tyre is \['brush'\]; give one of brush"),
     ],
 )
 def test_bad_effects_get_one_sentence(tmp_path, line, says):

@@ -78,8 +78,8 @@ def compared(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFinding
     """
     if not days:
         raise ValueError("a fleet needs at least one day")
-    stack = _stacked(problem, days)
-    groups = _groups(days)
+    raw, groups = _stacked(problem, days), _groups(days)
+    stack = _tempered(problem, raw, [])
     chosen: list[_Choice] = []
     odds: list[float] = []
     while len(chosen) < MOST:
@@ -88,6 +88,8 @@ def compared(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFinding
             break
         chosen.append(best)
         odds.append(gain)
+        if best.level == "fleet":
+            stack = _tempered(problem, raw, [c for c in chosen if c.level == "fleet"])
     amplitude, covariance = _fit(problem, stack, chosen)
     terms = [_term(problem, c, amplitude[i], covariance[i, i], odds[i]) for i, c in enumerate(chosen)]
     left = np.sum(_residual(stack, chosen, amplitude) ** 2, axis=1)
@@ -99,12 +101,20 @@ def compared(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFinding
 
 def _stacked(problem: EvidenceProblem, days: Sequence[FleetDay]) -> _Stack:
     recent = Sums(*(np.stack([getattr(day.sums, name) for day in days]) for name in Sums._fields))
-    n = len(problem.nodes)
-    w, m = whitened(problem, recent, no_sums(n, len(days)))
-    a, b = np.einsum("dij,dij->dj", m, m), np.einsum("dij,di->dj", m, w)
+    return _Stack(*whitened(problem, recent, no_sums(len(problem.nodes), len(days))))
+
+
+def _tempered(problem: EvidenceProblem, raw: _Stack, shared: Sequence[_Choice]) -> _Stack:
+    """Scores less sure by the error of what effects do, the more they explain; not by what all cars have.
+
+    How well a shared term fits is seen on all of them.
+    """
+    r = _residual(raw, shared, _fit(problem, raw, shared)[0])
+    n = raw.w.shape[1]
+    a, b = np.einsum("dij,dij->dj", raw.m, raw.m), np.einsum("dij,di->dj", raw.m, r)
     explained = np.max(0.5 * b**2 / np.maximum(a, 1e-12), axis=1)
     root = np.sqrt(1.0 + 2.0 * SHAPE**2 * explained / n)
-    return _Stack(w / root[:, None], m / root[:, None, None])
+    return _Stack(raw.w / root[:, None], raw.m / root[:, None, None])
 
 
 def _groups(days: Sequence[FleetDay]) -> list[tuple[Level, str, np.ndarray]]:

@@ -14,6 +14,7 @@ from drift_drake.logs.table import InvalidLogError, run_paths
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.workers import worker_processes
 
 if TYPE_CHECKING:
     from drift_drake.monitoring import fleet
@@ -61,7 +62,11 @@ def run_fleet(command: Fleet) -> None:
     used = shared_columns(folders)
     if left := [name for name in WATCHED if name not in used]:
         print(f"left out, since not every run has it: {', '.join(left)}", file=sys.stderr)
-    days = days_of(folders, vehicle, own, used, command.workers)
+    if command.workers == 1:
+        days = days_of(folders, vehicle, own, used)
+    else:
+        with worker_processes(command.workers) as pool:
+            days = days_of(folders, vehicle, own, used, pool)
     found = compared(problem_of(vehicle, own, used), days)
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 
 from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
@@ -13,7 +14,6 @@ from drift_drake.monitoring.normal import block_sums
 from drift_drake.monitoring.watch import WATCHED, monitor_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import worker_processes
 
 Folders = Mapping[tuple[str, str], Path]
 
@@ -44,15 +44,11 @@ def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Seque
 
 
 def days_of(
-    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], workers: int
+    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], pool: Executor | None = None
 ) -> list[FleetDay]:
-    """All days, on so many processes."""
+    """All days; a pool's workers, on other machines perhaps, read the same folders. Without one, one after another."""
     job = functools.partial(day_sums, vehicle=vehicle, own=own, used=used)
-    if workers == 1:
-        sums = [job(path) for path in folders.values()]
-    else:
-        with worker_processes(workers) as pool:
-            sums = list(pool.map(job, folders.values()))
+    sums = (map if pool is None else pool.map)(job, folders.values())
     return [FleetDay(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
 
 

@@ -2,21 +2,26 @@
 
     python -m experiments.monitoring.fleets OUT --cars 30 --own 5
 
-Each car has deviations within its file's tolerances too, and two drives a day. Writes the logs and truth.json; then
-`drift-drake fleet OUT --vehicle OUT/vehicle.yaml`.
+Each car has deviations within its file's tolerances too, and two drives a day. Writes the logs, truth.json and what
+the fleet's model finds, found.json; a cluster's machines (`--executor.executor dask`) share the folder OUT.
 """
 
 import dataclasses
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 
 from drift_drake.logs.table import write_run
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.effects import make_effects
+from drift_drake.monitoring.fleet import FleetFindings, compared
+from drift_drake.monitoring.fleet_command import day_folders, lines
+from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
+from drift_drake.run_folder import is_done, write_json
+from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.executors import ExecutorConfig, make_executor
 from experiments.gap.cases import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 
@@ -39,10 +44,32 @@ class Config:
     duration: float = 8.0
     """[s] of a drive."""
     seed: int = 0
+    executor: ExecutorConfig = dataclasses.field(default_factory=ExecutorConfig)
 
 
 def main(config: Config) -> None:
-    """Writes the fleet."""
+    """Writes the fleet, if it is not there, and what is found of it."""
+    if not is_done(config.out / "truth.json"):
+        write_fleet(config)
+    truth = json.loads((config.out / "truth.json").read_text())
+    folders, vehicle, own = day_folders(config.out), VehicleParameters(), Effects()
+    used = shared_columns(folders)
+    with make_executor(config.executor) as pool:
+        found = compared(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, pool))
+    write_json(config.out / "found.json", found)
+    print("\n".join([*lines(found), verdict(found, truth)]))
+
+
+def verdict(found: FleetFindings, truth: dict[str, Any]) -> str:
+    """How many of the true effects are named, and how many others are."""
+    true = {("", name) for name in truth["shared"]}
+    true |= {(car, name) for car, effects in truth["own"].items() for name in effects}
+    named = {(term.owner, term.effect) for term in found.terms}
+    return f"{len(true & named)} of {len(true)} named, {len(named - true)} others"
+
+
+def write_fleet(config: Config) -> None:
+    """The logs and what is true of them."""
     vehicle = VehicleParameters()
     rng = np.random.default_rng([config.seed, 9])
     odd = rng.choice(config.cars, size=config.own, replace=False)

@@ -83,7 +83,7 @@ def test_days_are_compared_by_what_all_runs_have_each_at_its_own_rate(tmp_path):
     used = shared_columns(folders)
     assert used == ("r", "v", "omega_r", "ax", "ay")
     vehicle, own = VehicleParameters(), Effects()
-    found = compared(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, 1))
+    found = compared(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
     assert not found.terms
     assert not found.outliers
 
@@ -97,3 +97,11 @@ def test_mistakes_are_one_sentence(tmp_path, capsys):
     assert "a/run_0.csv: has no column tau_cmd" in capsys.readouterr().err
     assert main([*command, "--workers", "0"]) == 2
     assert "--workers 0: give 1 or more" in capsys.readouterr().err
+
+
+def test_what_all_cars_have_hides_no_cars_own():
+    """A strong shared effect is seen on all cars, so that it makes none of them doubtful."""
+    weak = {"car_3": {"torque_gain_error": 0.45}}
+    alone, beside = fleet({}, weak, {}), fleet({"aero_drag": 4.0}, weak, {})
+    for found in (alone, beside):
+        assert ("car_3", "torque_gain_error") in {(term.owner, term.effect) for term in found.terms}

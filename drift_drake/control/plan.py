@@ -66,3 +66,10 @@ def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, fl
     delta, tau, next_delta, next_tau = (float(value) for value in plan[2 * k + 1 : 2 * k + 5])
     part, delta_step, tau_step = steps - k, next_delta - delta, next_tau - tau
     return delta + part * delta_step, tau + part * tau_step, delta_step / dt, tau_step / dt
+
+
+def interpolate_knots(knots: Array, t: float) -> Array:
+    """Value [2] at time t [s] of knots [K, 2] that lie 0.1 s apart; the last is held on."""
+    position = min(max(t / DT, 0.0), len(knots) - 1.0)
+    k = min(int(position), len(knots) - 2)
+    return np.asarray(knots[k] + (position - k) * (knots[k + 1] - knots[k]))

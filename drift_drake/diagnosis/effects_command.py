@@ -5,7 +5,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from drift_drake.diagnosis.manoeuvres import shown_by
+from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from pydrake.systems.controllers import LinearQuadraticRegulator
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.control.plan import Plan, no_plan
+from drift_drake.control.plan import Plan, interpolate_knots, no_plan
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -66,13 +66,6 @@ class HoldDriver(LeafSystem):
         error = self._measured.Eval(context)[:4] - self._target
         wanted = self._command + interpolate_knots(self._wander, start + HOLD_PERIOD) - self._gain @ error
         discrete.set_value(self._plan, Plan(start, np.array([last, np.clip(wanted, self._low, self._high)])).vector())
-
-
-def interpolate_knots(knots: Array, t: float) -> Array:
-    """Value [2] at time t [s] of knots [K, 2] that lie 0.1 s apart; the last is held on."""
-    position = min(max(t / KNOT_SPACING, 0.0), len(knots) - 1.0)
-    k = min(int(position), len(knots) - 2)
-    return np.asarray(knots[k] + (position - k) * (knots[k + 1] - knots[k]))
 
 
 def dither(duration: float, generator: np.random.Generator) -> Array:

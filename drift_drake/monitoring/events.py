@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.posterior import UNKNOWN
+from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.errors import unit_suffix
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.renewal import ALARM, NAMED, TRUSTED

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import log_ndtr
 
-from drift_drake.diagnosis.posterior import NONE, UNKNOWN
+from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.monitoring.history import History, Sums, since, until
 from drift_drake.monitoring.nodes import FORCES, Node
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.diagnosis.ranges import SURE
+from drift_drake.diagnosis.shared.ranges import SURE
 from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, residual_scores
 from drift_drake.monitoring.history import Sums
 

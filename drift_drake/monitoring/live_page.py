@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from drift_drake.diagnosis.posterior import UNKNOWN
+from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.monitoring.events import sentence
 from drift_drake.safe_files import write_text
 

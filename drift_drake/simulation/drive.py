@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
-from drift_drake.drives.drivers import interpolate_knots
+from drift_drake.control.plan import interpolate_knots
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car

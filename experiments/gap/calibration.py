@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drift_drake.diagnosis.posterior import PosteriorConstants, probabilities_of
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, probabilities_of
 from drift_drake.safe_files import write_text
 from experiments.gap.score import UNKNOWNS, true_name
 
@@ -58,5 +58,5 @@ def fitted_constants(records: Sequence[Record]) -> PosteriorConstants:
 
 
 def write_constants(c: PosteriorConstants, path: Path) -> None:
-    """Writes the constants as YAML (`drift_drake/diagnosis/calibration.yaml` is such a file)."""
+    """Writes the constants as YAML (`drift_drake/diagnosis/shared/calibration.yaml` is such a file)."""
     write_text(path, yaml.safe_dump(dataclasses.asdict(c), sort_keys=False))

@@ -28,7 +28,7 @@ from drift_drake.diagnosis.answers.answer import UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer, solve
-from drift_drake.diagnosis.posterior import UNKNOWN
+from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions

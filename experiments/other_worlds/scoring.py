@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from drift_drake.diagnosis.posterior import NONE, UNKNOWN
+from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.vehicle.catalogue import CATALOGUE
 from experiments.gap.score import said
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.posterior import (
+from drift_drake.diagnosis.shared.posterior import (
     PosteriorConstants,
     implausibility,
     make_posterior,

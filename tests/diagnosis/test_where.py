@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.where import _correlation, locate, region_names, region_of
+from drift_drake.diagnosis.shared.where import _correlation, locate, region_names, region_of
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, STATES, start_rows

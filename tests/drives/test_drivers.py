@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from drift_drake.control.plan import interpolate_knots
 from drift_drake.drives.drivers import (
     DITHER_STEERING,
     DITHER_TORQUE,
     HoldDriver,
     dither,
     hold_gain,
-    interpolate_knots,
     manual_script,
     wander,
 )

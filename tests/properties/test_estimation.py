@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drift_drake.diagnosis.likelihood.search import search
-from drift_drake.diagnosis.posterior import make_posterior, read_constants
+from drift_drake.diagnosis.shared.posterior import make_posterior, read_constants
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import cost_of, fit
 from drift_drake.estimation.problem import NUISANCES, Problem, filter_case, make_problem

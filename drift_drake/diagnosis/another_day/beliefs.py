@@ -13,7 +13,7 @@ from drift_drake.diagnosis.another_day.detection_limits import DetectionLimit
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.another_day.posterior import Ranked, deviation
 from drift_drake.diagnosis.likelihood.beliefs import LEAST_PROBABILITY, MOST_FITTED, MOST_UNSEEN
-from drift_drake.diagnosis.posterior import PosteriorConstants, hypothesis_name, log_prior
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name, log_prior
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE
 from drift_drake.estimation.scores import BETWEEN_DAYS

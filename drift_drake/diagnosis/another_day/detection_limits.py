@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Curve, Search
-from drift_drake.diagnosis.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range
+from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 

@@ -18,7 +18,7 @@ from drift_drake.diagnosis.another_day.gross_gap import judged
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
+from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.errors import unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal

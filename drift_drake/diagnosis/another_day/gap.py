@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
-from drift_drake.diagnosis.where import LEAST_SHARE, ONSET, region_of, regions, shares
+from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
 from drift_drake.estimation.windows import HORIZONS, STRIDE

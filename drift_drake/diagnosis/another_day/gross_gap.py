@@ -21,8 +21,8 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     effects_of,
 )
 from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
-from drift_drake.diagnosis.posterior import PosteriorConstants, hypothesis_name
-from drift_drake.diagnosis.ranges import Range, clipped
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
+from drift_drake.diagnosis.shared.ranges import Range, clipped
 from drift_drake.estimation.reduction import FOLDS, Reduction
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import STRIDE, thinned

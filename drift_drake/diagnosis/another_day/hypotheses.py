@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.diagnosis.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
 from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.scores import Day, Scatter, scatter_of, summed

@@ -6,8 +6,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
-from drift_drake.diagnosis.posterior import UNKNOWN, PosteriorConstants, ambiguity_set, hypothesis_name, log_prior
-from drift_drake.diagnosis.ranges import Range, at_end
+from drift_drake.diagnosis.shared.posterior import (
+    UNKNOWN,
+    PosteriorConstants,
+    ambiguity_set,
+    hypothesis_name,
+    log_prior,
+)
+from drift_drake.diagnosis.shared.ranges import Range, at_end
 from drift_drake.estimation.interval import Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 

@@ -20,7 +20,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.logs.quality import RunQuality
+    from drift_drake.logs.screening.quality import RunQuality
     from drift_drake.logs.table import Run
     from drift_drake.vehicle.effects import Effects
     from drift_drake.vehicle.parameters import VehicleParameters
@@ -77,7 +77,7 @@ def run_check(command: Check) -> None:
     try_outputs({"--json": command.json}, inputs)
     runs = read_case(command.logs)
     with ended_at_once():
-        from drift_drake.logs.quality import quality
+        from drift_drake.logs.screening.quality import quality
 
     found, remarks = quality(runs)
     checked = Checked(case_name(command.logs), found, remarks)
@@ -97,7 +97,7 @@ def with_vehicle(
     """
     with ended_at_once():
         from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
-        from drift_drake.diagnosis.where import region_names, region_of
+        from drift_drake.diagnosis.shared.where import region_names, region_of
         from drift_drake.estimation.usable import usable
         from drift_drake.identification.calibration_file import CarTrust, read_trust
         from drift_drake.logs.screening.suspicions import suspicions
@@ -144,7 +144,7 @@ def sentences(checked: Checked) -> list[str]:
 
 def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     """What the logs would show, what they could not, and what to drive for that."""
-    from drift_drake.diagnosis.manoeuvres import shown_by
+    from drift_drake.diagnosis.shared.manoeuvres import shown_by
 
     if not detection:
         return []

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.likelihood.isolability import isolability
-from drift_drake.diagnosis.posterior import NONE, PosteriorConstants, hypothesis_name, log_prior
+from drift_drake.diagnosis.shared.posterior import NONE, PosteriorConstants, hypothesis_name, log_prior
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, Problem

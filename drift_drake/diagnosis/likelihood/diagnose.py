@@ -11,12 +11,12 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge
 from drift_drake.diagnosis.likelihood.learned import learned
 from drift_drake.diagnosis.likelihood.search import Found, search
-from drift_drake.diagnosis.posterior import (
+from drift_drake.diagnosis.shared.posterior import (
     HypothesisPosterior,
     PosteriorConstants,
     read_constants,
 )
-from drift_drake.diagnosis.where import locate
+from drift_drake.diagnosis.shared.where import locate
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import Regression, misfit

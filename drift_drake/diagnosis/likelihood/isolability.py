@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
+from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
 from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
 from drift_drake.estimation.prior import scale, starts
 from drift_drake.estimation.problem import Problem, filter_case, observe_case

@@ -10,7 +10,7 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.beliefs import beliefs_as_data
 from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.diagnosis.likelihood.nearest import nearest
-from drift_drake.diagnosis.posterior import (
+from drift_drake.diagnosis.shared.posterior import (
     UNKNOWN,
     HypothesisPosterior,
     PosteriorConstants,

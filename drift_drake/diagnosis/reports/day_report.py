@@ -7,11 +7,11 @@ import numpy as np
 from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-from drift_drake.diagnosis.manoeuvres import shown_by
-from drift_drake.diagnosis.posterior import UNKNOWN
-from drift_drake.diagnosis.ranges import REACH
 from drift_drake.diagnosis.reports import day_report_figures as figures
 from drift_drake.diagnosis.reports.limit_rows import LimitRow, limit_rows
+from drift_drake.diagnosis.shared.manoeuvres import shown_by
+from drift_drake.diagnosis.shared.posterior import UNKNOWN
+from drift_drake.diagnosis.shared.ranges import REACH
 from drift_drake.estimation.windows import HORIZONS, STRIDE, regimes
 from drift_drake.pages.page import GLOSSARY, Source, page_html
 from drift_drake.safe_files import write_text

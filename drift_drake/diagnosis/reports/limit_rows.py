@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 
-from drift_drake.diagnosis.ranges import RATE_LIMIT, REACH
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
 from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -5,11 +5,11 @@ from typing import Any
 
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.diagnosis.likelihood.isolability import Isolability, isolability
-from drift_drake.diagnosis.manoeuvres import shown_by
-from drift_drake.diagnosis.posterior import UNKNOWN, hypothesis_name
-from drift_drake.diagnosis.ranges import REACH
 from drift_drake.diagnosis.reports import report_figures as figures
 from drift_drake.diagnosis.reports.limit_rows import limit_rows
+from drift_drake.diagnosis.shared.manoeuvres import shown_by
+from drift_drake.diagnosis.shared.posterior import UNKNOWN, hypothesis_name
+from drift_drake.diagnosis.shared.ranges import REACH
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed

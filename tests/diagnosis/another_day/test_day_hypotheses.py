@@ -25,7 +25,7 @@ from drift_drake.diagnosis.another_day.posterior import (
     ranked,
     tells_from_zero,
 )
-from drift_drake.diagnosis.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
+from drift_drake.diagnosis.shared.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import effect_range

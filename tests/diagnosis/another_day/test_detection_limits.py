@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits, distances
 from drift_drake.diagnosis.another_day.hypotheses import Curve
-from drift_drake.diagnosis.ranges import AGAINST_NONE, RATE_LIMIT, REACH, SURE, range_of
+from drift_drake.diagnosis.shared.ranges import AGAINST_NONE, RATE_LIMIT, REACH, SURE, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -18,7 +18,7 @@ from drift_drake.diagnosis.likelihood.beliefs import (
 )
 from drift_drake.diagnosis.next_drive.foresight import Commands, foresee, probability_of_truth, readings
 from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins
-from drift_drake.diagnosis.posterior import PosteriorConstants
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.interval import Interval

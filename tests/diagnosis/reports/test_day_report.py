@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
-from drift_drake.diagnosis.manoeuvres import SHOWN_BY, shown_by
-from drift_drake.diagnosis.ranges import RATE_LIMIT, REACH
 from drift_drake.diagnosis.reports.day_report import coverage_rows, report_html, write_day_report
 from drift_drake.diagnosis.reports.limit_rows import limit_rows
+from drift_drake.diagnosis.shared.manoeuvres import SHOWN_BY, shown_by
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
 from drift_drake.pages.page import Source
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

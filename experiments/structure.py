@@ -1,0 +1,159 @@
+"""The package's structure, from its imports: rooms, what a command, a log and an effect pass through, and a picture.
+
+    python -m experiments.structure --out docs/structure.png
+    python -m experiments.structure --commit 7d596cc --command cli
+
+Rooms are the folders of `drift_drake`. An arrow from one room to another says that a module of the first imports one
+of the second; arrows that follow from others are left out of the picture.
+"""
+
+import ast
+import dataclasses
+import io
+import statistics
+import subprocess
+import tarfile
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import pygraphviz
+import tyro
+
+PACKAGE = "drift_drake"
+ROOT = Path(__file__).parents[1]
+CATALOGUE = f"{PACKAGE}/vehicle/effects.py"  # whose class `Effects` has an effect a field
+
+
+@dataclasses.dataclass(frozen=True)
+class StructureConfig:
+    """What is looked at."""
+
+    commit: str | None = None
+    """Of this repository; the working tree without."""
+    command: str = "diagnosis/command"
+    """Module of the command that is followed."""
+    out: Path | None = None
+    """Picture of the rooms (PNG or SVG)."""
+
+
+class Tree:
+    """The modules of a package by their place in it (`vehicle/plant`), each with its syntax tree and imports."""
+
+    def __init__(self, root: Path) -> None:
+        files = sorted((root / PACKAGE).rglob("*.py"))
+        self.text = {str(path.relative_to(root / PACKAGE).with_suffix("")): path.read_text() for path in files}
+        self.trees = {name: ast.parse(text) for name, text in self.text.items()}
+        self.imports = {name: set(self._imported(tree)) - {name} for name, tree in self.trees.items()}
+
+    def _imported(self, tree: ast.AST) -> Iterable[str]:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == PACKAGE:
+                place = "/".join(node.module.split(".")[1:])
+                inside = [f"{place}/{alias.name}".lstrip("/") for alias in node.names]
+                yield from ([place] if place in self.text else [name for name in inside if name in self.text])
+
+    def reached(self, start: str) -> set[str]:
+        """Modules that a module imports, and those that they import."""
+        found, next_ones = {start}, [start]
+        while next_ones:
+            new = self.imports[next_ones.pop()] - found
+            found |= new
+            next_ones += new
+        return found
+
+    def effects(self) -> list[str]:
+        """Names of the catalogue's effects."""
+        tree = ast.parse(self.text["vehicle/effects"])
+        (fields,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Effects")
+        return [n.target.id for n in fields.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
+
+    def naming(self, word: str) -> set[str]:
+        """Modules that have a word as a name, a keyword, an attribute or a whole string."""
+        keys = ("id", "attr", "arg", "value")
+        trees = self.trees.items()
+        return {name for name, tree in trees if any(getattr(n, k, None) == word for n in ast.walk(tree) for k in keys)}
+
+    def functions(self) -> list[int]:
+        """Lengths of all functions [lines]."""
+        kinds = ast.FunctionDef | ast.AsyncFunctionDef
+        nodes = [n for tree in self.trees.values() for n in ast.walk(tree) if isinstance(n, kinds)]
+        return [(n.end_lineno or n.lineno) - n.lineno + 1 for n in nodes]
+
+
+def room(module: str) -> str:
+    """The folder of a module: two deep at most."""
+    return "/".join(module.split("/")[:-1][:2]) or "."
+
+
+def rooms(tree: Tree) -> dict[str, set[str]]:
+    """Rooms, and those that each imports from."""
+    out: dict[str, set[str]] = {room(name): set() for name in tree.text}
+    for name, imported in tree.imports.items():
+        out[room(name)] |= {room(other) for other in imported} - {room(name)}
+    return out
+
+
+def mutual(graph: dict[str, set[str]]) -> list[tuple[str, str]]:
+    """Pairs of rooms that import from each other."""
+    return sorted((a, b) for a in graph for b in graph[a] if a < b and a in graph[b])
+
+
+def numbers(tree: Tree, command: str) -> dict[str, object]:
+    """What is said of a structure, in words and numbers."""
+    reached, runs = tree.reached(command), {n for n in tree.text if "logs/table" in tree.imports[n]}
+    lines, lengths = [text.count("\n") for text in tree.text.values()], tree.functions()
+    named = [len(tree.naming(effect)) for effect in tree.effects()]
+    return {
+        "modules": len(tree.text),
+        "lines": sum(lines),
+        "rooms": len(rooms(tree)),
+        "pairs of rooms that import from each other": len(mutual(rooms(tree))),
+        "most modules in one room": max(sum(room(n) == r for n in tree.text) for r in rooms(tree)),
+        "longest file": max(lines),
+        "functions above 60 lines": sum(length > 60 for length in lengths),
+        f"modules behind `{command}`": len(reached),
+        f"rooms behind `{command}`": len({room(n) for n in reached}),
+        "modules that take a log (`logs/table`)": len(runs),
+        "modules that name one effect, median": statistics.median(named),
+        "modules that name one effect, most": max(named),
+    }
+
+
+def draw(tree: Tree, path: Path) -> None:
+    """Rooms as boxes with their modules counted, the ones that others rest on at the bottom."""
+    graph = pygraphviz.AGraph(directed=True, rankdir="TB", nodesep=0.15, ranksep=0.35, dpi=110)
+    graph.node_attr.update(shape="box", style="rounded,filled", fillcolor="#E4EAF1", color="#8A929C", fontname="sans")
+    graph.edge_attr.update(color="#8A929C", arrowsize=0.6)
+    for name, imported in rooms(tree).items():
+        if name == ".":
+            continue
+        graph.add_node(name, label=f"{name}\\n{sum(room(n) == name for n in tree.text)}")
+        for other in imported - {"."}:
+            graph.add_edge(name, other)
+    graph.tred().draw(str(path), prog="dot")
+
+
+def tree_of(config: StructureConfig) -> Tree:
+    """The package as it is, or as it was at a commit."""
+    if config.commit is None:
+        return Tree(ROOT)
+    archive = subprocess.run(["git", "archive", config.commit, PACKAGE], cwd=ROOT, capture_output=True, check=True)
+    with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
+        files.extractall(folder, filter="data")
+        return Tree(Path(folder))
+
+
+def main(config: StructureConfig) -> None:
+    """Prints the numbers, and draws the picture if one is asked for."""
+    tree = tree_of(config)
+    for name, number in numbers(tree, config.command).items():
+        print(f"{name}: {number}")
+    for one, other in mutual(rooms(tree)):
+        print(f"  both ways: {one}, {other}")
+    if config.out is not None:
+        draw(tree, config.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(StructureConfig, description=__doc__))

@@ -261,3 +261,18 @@ def test_a_look_names_what_the_file_lacks(tmp_path):
     text = mapping_text(look(tmp_path / "one.csv"))
     assert "Nothing here looks like delta_cmd" in text
     assert yaml.safe_load(text)["signals"]["v"] == {"column": "speed", "unit": "m/s"}
+
+
+def test_an_angle_that_cannot_be_radians_is_guessed_in_degrees(tmp_path):
+    t = np.arange(300) * 0.01
+    stamps = 1.7e9 + t
+    table = {
+        "time": stamps,
+        "yaw_rate": 0.2 * np.sin(t),
+        "speed": np.full(300, 12.0),
+        "steering_wheel": 90.0 * np.sin(t),
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "lap.csv", index=False)
+    found = look(tmp_path / "lap.csv")
+    assert found.mapping["signals"]["delta_cmd"]["unit"] == "deg"
+    assert "time: 1700000000 to 1700000002.99" in mapping_text(found)

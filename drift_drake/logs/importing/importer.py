@@ -162,7 +162,7 @@ def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tupl
         present = {key: columns[key] for key in COLUMNS if key in columns}
         run = Run(name=name, trusted=mapping.trust, recording="", **present)
     except InvalidLogError as error:
-        raise InvalidLogError(" ".join([str(error), *sentences])) from None
+        raise InvalidLogError(" ".join([f"{error}.", *sentences]).removesuffix(".")) from None
     return run, sentences
 
 

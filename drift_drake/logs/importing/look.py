@@ -47,6 +47,7 @@ ALIASES = {"°": "deg", "°/s": "deg/s", "Nm": "N m", "m/s2": "m/s^2", "m/s²": 
 STEPS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST = 0.5  # [s] between two readings, in the unit of time that is guessed
 RATES = 3.0  # a clock is taken to be regular within this factor
+LARGEST = {"delta_cmd": 4.0 * np.pi, "beta": np.pi}  # [rad] of a steering wheel, of a spinning car
 NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
 MOST_LISTED = 60
 
@@ -164,7 +165,10 @@ def _described(topic: TopicSummary) -> list[str]:
     clock = f"{topic.rate:.4g} Hz, {topic.span:.1f} s by {topic.clock}" if topic.clock else "no clock found"
     lines = [f"# {topic.name or 'table'}: {topic.rows} rows, {clock}"]
     for column in topic.columns[:MOST_LISTED]:
-        extent = f"{column.low:.6g} to {column.high:.6g}" if column.low is not None else "no numbers"
+        extent = "no numbers"
+        if column.low is not None and column.high is not None:
+            digits = 6 if f"{column.low:.6g}" != f"{column.high:.6g}" else 15  # absolute stamps
+            extent = f"{column.low:.{digits}g} to {column.high:.{digits}g}"
         lines.append(f"#   {column.name}{f' [{column.unit}]' if column.unit else ''}: {extent}")
     if len(topic.columns) > MOST_LISTED:
         lines.append(f"#   and {len(topic.columns) - MOST_LISTED} more")
@@ -235,7 +239,7 @@ def _short(name: str, count: int) -> str:
 
 
 def _unit(key: str, column: str, topic: Topic) -> str:
-    """The unit that the file states, or the name says, or else SI."""
+    """The unit that the file states, or the name says, or else SI; degrees for an angle that cannot be radians."""
     allowed = units_of(key)
     stated = topic.units.get(column, "").strip()
     in_name = re.search(r"[\[(]([^\])]+)[\])]\s*$", column)
@@ -245,4 +249,6 @@ def _unit(key: str, column: str, topic: Topic) -> str:
     for pattern, unit in SUFFIXES.items():
         if unit in allowed and re.search(pattern, column.lower()):
             return unit
+    if key in LARGEST and np.nanmax(np.abs(topic.table[column].to_numpy(dtype=float))) > LARGEST[key]:
+        return "deg"
     return DIMENSIONS[QUANTITIES[key]][0]

@@ -1,7 +1,10 @@
 """The wheel alone, in a fresh environment outside the checkout: what it holds, and its commands."""
 
 import ast
+import gzip
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -16,6 +19,7 @@ from drift_drake.demo.command import commands
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "drift_drake"
+OUTSIDE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # which may name the checkout
 
 
 @pytest.fixture(scope="session")
@@ -40,15 +44,14 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     venv.create(home, with_pip=False)
     python = home / "bin" / "python"
     install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index"]
-    subprocess.run([*install, str(wheel)], check=True)
+    subprocess.run([*install, str(wheel)], check=True, env=OUTSIDE)
     (packages,) = home.glob("lib/python*/site-packages")
     (packages / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return home / "bin"
 
 
 def run(installed: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run([str(installed / "drift-drake"), *words], cwd=folder, env=environment, capture_output=True,
+    return subprocess.run([str(installed / "drift-drake"), *words], cwd=folder, env=OUTSIDE, capture_output=True,
                           text=True)  # fmt: skip
 
 
@@ -95,3 +98,35 @@ def test_the_demo_runs_from_the_wheel(installed: Path, tmp_path: Path) -> None:
     assert "sample: front_stiffness_error" in done.stdout
     assert "completed after" in done.stdout
     assert all((tmp_path / "demo" / name).stat().st_size > 10_000 for name in ("report.html", "drive/replay.html"))
+
+
+def readme_commands() -> list[list[str]]:
+    """Words of the command lines in the README's code blocks."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    lines = "\n".join(re.findall(r"```\n(.*?)```", text, re.DOTALL)).splitlines()
+    return [shlex.split(line)[1:] for line in lines if line.startswith("drift-drake ")]
+
+
+@pytest.mark.slow
+def test_the_readmes_commands_run_from_the_wheel(installed: Path, tmp_path: Path) -> None:
+    """On the sample log and the starter vehicle, in the README's order: each leaves what the next one reads."""
+    assert run(installed, tmp_path, "init", "car.yaml").returncode == 0
+    (tmp_path / "logs" / "monday").mkdir(parents=True)
+    for name in ("run_0", "run_1"):
+        with gzip.open(PACKAGE / "data" / "sample_log" / f"{name}.csv.gz", "rb") as packed:
+            (tmp_path / "logs" / "monday" / f"{name}.csv").write_bytes(packed.read())
+    names = [words[0] for words in readme_commands()]
+    assert {"check", "diagnose", "apply", "replay"} <= set(names)
+    for words in readme_commands():
+        done = run(installed, tmp_path, *words)
+        assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
+    assert (tmp_path / "corrected.yaml").read_text() != (tmp_path / "car.yaml").read_text()
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("answer.html", "replay.html"))
+
+
+@pytest.mark.slow
+def test_the_readmes_snippet_runs_from_the_wheel(installed: Path, tmp_path: Path) -> None:
+    (snippet,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    done = subprocess.run([str(installed / "python"), "-c", snippet], cwd=tmp_path, env=OUTSIDE,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.stdout.startswith("completed "), done.stdout + done.stderr

@@ -105,18 +105,18 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
             str(sorted(label["strange"] or label["effects"])): share([said(a) == "unknown"])
             for label, a in of(*UNKNOWNS)
         },
-        "mistakes": [
-            {
-                "case": label["case"],
-                "tier": label["tier"],
-                "truth": label["effects"] | label["strange"],
-                "said": said(a),
-            }
-            for label, a in pairs
-            if said(a) != true_name(label)
-        ],
+        "mistakes": mistakes(pairs),
     }
     return result
+
+
+def mistakes(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
+    """The cases that were not answered right, what was true, and what was said."""
+    return [
+        {"case": label["case"], "tier": label["tier"], "truth": label["effects"] | label["strange"], "said": said(a)}
+        for label, a in pairs
+        if said(a) != true_name(label)
+    ]
 
 
 def coverage(pairs: Sequence[Pair]) -> dict[str, Any]:

@@ -7,6 +7,12 @@ import numpy as np
 
 MODELS = ("prior", "Once-OCP", "Once-Info", "Twice-Info", "random steering", "slalom")
 STATES = ("r", "v", "beta", "omega_r")
+MODEL_KEYS = (
+    "total", "full_weight_total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta", "predicted", "obtained",
+)  # fmt: skip
+ROUND_KEYS = (
+    "predicted", "obtained", "total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta", "plan_seconds",
+)  # fmt: skip
 PAPER = {  # Table I: ||Lambda_i^{-1}||_2 by state, and their sum
     "prior": (3.05, 27.47, 1.89, 1.57, 33.98),
     "Once-OCP": (1.43, 1.36, 0.56, 0.43, 3.79),
@@ -49,74 +55,59 @@ def stop_round(rounds: list[dict[str, Any]], stop_below: float) -> int:
     return len(rounds)
 
 
+def _of_model(entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Best, median and worst of one model over its vehicles."""
+    model: dict[str, Any] = {"vehicles": len(entries)}
+    for i, state in enumerate(STATES):
+        for name, key in (("norm", "norms"), ("one_step", "one_step"), ("rollout", "rollout")):
+            model[f"{name}_{state}"] = _spread([found[key][i] for found in entries])
+    model |= {key: _spread([found[key] for found in entries]) for key in MODEL_KEYS if key in entries[0]}
+    return model | _endings(entries) if "ending" in entries[0] else model
+
+
+def _of_round(rounds: list[dict[str, Any]]) -> dict[str, Any]:
+    """The same of one round, for the vehicles that drove it."""
+    spreads: dict[str, Any] = {key: _spread([one[key] for one in rounds]) for key in ROUND_KEYS}
+    return spreads | {"vehicles": len(rounds)} | _endings(rounds)
+
+
+def _endings(drives: list[dict[str, Any]]) -> dict[str, int]:
+    return {
+        "not driven to the end": sum(drive["ending"] != "time" for drive in drives),
+        "left the lane": sum(drive["left_lane"] for drive in drives),
+    }
+
+
+def _counts(results: list[dict[str, Any]]) -> dict[str, int]:
+    better: dict[str, Callable[[dict[str, Any]], bool]] = {
+        "Twice-Info's total norm below Once-OCP's": lambda r: r["rounds"][1]["total"] < r["Once-OCP"]["total"],
+        "Twice-Info's yaw-rate norm below Once-OCP's": lambda r: r["rounds"][1]["norms"][0] < r["Once-OCP"]["norms"][0],
+        "Twice-Info's one-step error in drifts the lowest of the four": lambda r: _lowest(r, "one_step_scaled"),
+        "Twice-Info's 2 s rollout error in drifts the lowest of the four": lambda r: _lowest(r, "rollout_scaled"),
+    }
+    return {text: _count(results, holds) for text, holds in better.items()}
+
+
 def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any]:
     """Best, median and worst over vehicles, counts, and the rounds."""
-    summary: dict[str, Any] = {"vehicles": len(results), "models": {}, "rounds": []}
-    for name in MODELS:
-        entries = [found for found in (entry(result, name) for result in results) if found is not None]
-        model: dict[str, Any] = {"vehicles": len(entries)}
-        for i, state in enumerate(STATES):
-            model[f"norm_{state}"] = _spread([found["norms"][i] for found in entries])
-            model[f"one_step_{state}"] = _spread([found["one_step"][i] for found in entries])
-            model[f"rollout_{state}"] = _spread([found["rollout"][i] for found in entries])
-        for key in (
-            "total",
-            "full_weight_total",
-            "one_step_scaled",
-            "rollout_scaled",
-            "max_e",
-            "max_beta",
-            "predicted",
-            "obtained",
-        ):
-            if key in entries[0]:
-                model[key] = _spread([found[key] for found in entries])
-        if "ending" in entries[0]:
-            model["not driven to the end"] = sum(found["ending"] != "time" for found in entries)
-            model["left the lane"] = sum(found["left_lane"] for found in entries)
-        summary["models"][name] = model
-    summary["counts"] = {
-        "Twice-Info's total norm below Once-OCP's": _count(
-            results, lambda r: r["rounds"][1]["total"] < r["Once-OCP"]["total"]
+    by_model = {name: [e for e in (entry(result, name) for result in results) if e is not None] for name in MODELS}
+    twice = [result for result in results if len(result["rounds"]) > 1]
+    most = max(len(result["rounds"]) for result in results)
+    driven = [[result["rounds"][k] for result in results if len(result["rounds"]) > k] for k in range(most)]
+    return {
+        "vehicles": len(results),
+        "models": {name: _of_model(entries) for name, entries in by_model.items()},
+        "rounds": [_of_round(rounds) for rounds in driven],
+        "counts": _counts(results),
+        "prior total over Twice-Info's": _spread([r["prior"]["total"] / r["rounds"][1]["total"] for r in twice]),
+        "the same, every sample in full": _spread(
+            [r["prior"]["total"] / r["rounds"][1]["full_weight_total"] for r in twice]
         ),
-        "Twice-Info's yaw-rate norm below Once-OCP's": _count(
-            results, lambda r: r["rounds"][1]["norms"][0] < r["Once-OCP"]["norms"][0]
-        ),
-        "Twice-Info's one-step error in drifts the lowest of the four": _count(
-            results, lambda r: _lowest(r, "one_step_scaled")
-        ),
-        "Twice-Info's 2 s rollout error in drifts the lowest of the four": _count(
-            results, lambda r: _lowest(r, "rollout_scaled")
-        ),
+        "stopping": {
+            "rule": f"stop before a round whose predicted gain is below {stop_below:g} of all gained before",
+            "rounds driven": [stop_round(result["rounds"], stop_below) for result in results],
+        },
     }
-    summary["prior total over Twice-Info's"] = _spread(
-        [r["prior"]["total"] / r["rounds"][1]["total"] for r in results if len(r["rounds"]) > 1]
-    )
-    summary["the same, every sample in full"] = _spread(
-        [r["prior"]["total"] / r["rounds"][1]["full_weight_total"] for r in results if len(r["rounds"]) > 1]
-    )
-    for k in range(max(len(result["rounds"]) for result in results)):
-        rounds = [result["rounds"][k] for result in results if len(result["rounds"]) > k]
-        keys = (
-            "predicted",
-            "obtained",
-            "total",
-            "one_step_scaled",
-            "rollout_scaled",
-            "max_e",
-            "max_beta",
-            "plan_seconds",
-        )
-        found: dict[str, Any] = {key: _spread([one[key] for one in rounds]) for key in keys}
-        found["vehicles"] = len(rounds)
-        found["not driven to the end"] = sum(one["ending"] != "time" for one in rounds)
-        found["left the lane"] = sum(one["left_lane"] for one in rounds)
-        summary["rounds"].append(found)
-    summary["stopping"] = {
-        "rule": f"stop before a round whose predicted gain is below {stop_below:g} of all gained before",
-        "rounds driven": [stop_round(result["rounds"], stop_below) for result in results],
-    }
-    return summary
 
 
 def summarise_halves(vehicles: list[dict[str, dict[str, float]]]) -> dict[str, Any]:
@@ -141,8 +132,7 @@ def _cell(spread: dict[str, float], digits: int = 3) -> str:
     return f"{spread['median']:.{digits}g} ({spread['best']:.{digits}g} to {spread['worst']:.{digits}g})"
 
 
-def markdown(summary: dict[str, Any]) -> str:
-    """The report."""
+def _norms(summary: dict[str, Any]) -> list[str]:
     lines = [
         f"Covariance norms, median (range) over {summary['vehicles']} vehicles; the paper's in the last column",
         "",
@@ -153,8 +143,11 @@ def markdown(summary: dict[str, Any]) -> str:
         cells = [_cell(model[f"norm_{state}"]) for state in STATES]
         paper = f"{PAPER[name][-1]:g}" if name in PAPER else ""
         lines.append(f"| {name} | {' | '.join(cells)} | {_cell(model['total'])} | {paper} |")
-    lines += [
-        "",
+    return lines
+
+
+def _errors(summary: dict[str, Any]) -> list[str]:
+    lines = [
         "Error in held-out drifts (one step in units of the model's noise; 2 s rollouts in units of the inputs' scale)",
         "and the true vehicle's largest excursions",
         "",
@@ -169,8 +162,11 @@ def markdown(summary: dict[str, Any]) -> str:
             else "| | |"
         )
         lines.append(f"| {name} | {_cell(model['one_step_scaled'])} | {_cell(model['rollout_scaled'])} | {safety} |")
-    lines += [
-        "",
+    return lines
+
+
+def _rounds(summary: dict[str, Any]) -> list[str]:
+    lines = [
         "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | left the lane | "
         "broken off | CPU time of the vehicle's own plan [s] |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
@@ -181,8 +177,11 @@ def markdown(summary: dict[str, Any]) -> str:
         cells += [str(found[key]) for key in ("left the lane", "not driven to the end")]
         cells += [_cell(found["plan_seconds"]) if k > 0 else ""]  # the first plan is all vehicles'
         lines.append(f"| {k + 1} | {' | '.join(cells)} |")
-    lines += [
-        "",
+    return lines
+
+
+def _halves(summary: dict[str, Any]) -> list[str]:
+    lines = [
         "Error in drifts on half of a vehicle's own drives, also after learning from the other half",
         "",
         "| model | one step | 2 s rollout | below Once-Info: one step | 2 s |",
@@ -192,19 +191,24 @@ def markdown(summary: dict[str, Any]) -> str:
         cells = [_cell(kinds[kind]) for kind in ("one_step", "rollout")]
         cells += [str(kinds[kind]["below Once-Info"]) for kind in ("one_step", "rollout")]
         lines.append(f"| {name} | {' | '.join(cells)} |")
+    return lines
+
+
+def _sentences(summary: dict[str, Any]) -> list[str]:
     driven = summary["stopping"]["rounds driven"]
-    lines += [""]
-    lines += [f"- {text}: {count} of {summary['vehicles']}" for text, count in summary["counts"].items()]
-    lines += [
+    times = (f"{n} {v:.1f}" + (" s" if n != "load average" else "") for n, v in summary["plan_seconds"].items())
+    lines = [f"- {text}: {count} of {summary['vehicles']}" for text, count in summary["counts"].items()]
+    return [
+        *lines,
         f"- the prior's total norm over Twice-Info's: {_cell(summary['prior total over Twice-Info' + chr(39) + 's'])}",
         "- the same, had every sample counted in full, as in the paper's recursion: "
         + _cell(summary["the same, every sample in full"]),
         f"- {summary['stopping']['rule']}: {min(driven)} to {max(driven)} rounds, {np.median(driven):g} in the median",
-        "- CPU time of a plan: "
-        + ", ".join(
-            f"{name} {value:.1f}" + (" s" if name != "load average" else "")
-            for name, value in summary["plan_seconds"].items()
-        ),
-        "",
+        "- CPU time of a plan: " + ", ".join(times),
     ]
-    return "\n".join(lines)
+
+
+def markdown(summary: dict[str, Any]) -> str:
+    """The report."""
+    parts = (_norms, _errors, _rounds, _halves, _sentences)
+    return "".join("\n".join([*part(summary), "", ""]) for part in parts).removesuffix("\n")

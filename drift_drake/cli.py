@@ -64,6 +64,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DriftDrakeError as error:
         print(f"drift-drake: {one_line(error)}", file=sys.stderr)
         return BAD_INPUT
+    except OSError as error:  # a path that the system refuses: too long a name, a folder that may not be read
+        if error.filename is None:
+            raise
+        print(f"drift-drake: {shown(str(error.filename))}: cannot be used ({error.strerror}); give another path",
+              file=sys.stderr)  # fmt: skip
+        return BAD_INPUT
     except (KeyboardInterrupt, TerminatedError) as end:
         how, code = ENDS[signal.SIGINT if isinstance(end, KeyboardInterrupt) else signal.SIGTERM]
         print(f"drift-drake: {how}; files are as they were before, or complete", file=sys.stderr)

@@ -41,6 +41,16 @@ def vehicle_path(tmp_path):
     return path
 
 
+@pytest.mark.parametrize("command", ["init LONG", "check LONG", "fleet LONG --vehicle CAR", "effects --json LONG",
+                                     "diagnose LONG --vehicle CAR", "import LONG --look"])  # fmt: skip
+def test_a_path_that_the_system_refuses_is_one_sentence(command, vehicle_path, capsys):
+    long = "x" * 3000
+    assert main(command.replace("LONG", long).replace("CAR", str(vehicle_path)).split()) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert "File name too long" in said
+    assert said.count("\n") == 1
+
+
 def test_apply_writes_a_vehicle_with_the_effect(tmp_path, vehicle_path, capsys):
     (tmp_path / "answer.json").write_text(json.dumps(ANSWER))
     out = tmp_path / "corrected.yaml"

@@ -46,7 +46,7 @@ ANSWER: dict[str, Any] = {
     "seconds": 1.0, "tolerances": dict.fromkeys(NUISANCES[:3], 0.5), "warnings": ["w"],
     "details": {
         "row_weight": 1.0, "with": {"steering_offset": 0.01}, "at_least": ["steering_lag"], "familiar": 0.8,
-        "provenance": {"vehicle_sha256": "0" * 64, "folder": "/a"},
+        "provenance": {"folder": "/a", "version": "0"},
         "beliefs": {
             "noise": [0.01] * len(CHANNELS), "used": [True] * len(CHANNELS), "process": [0.1] * len(CHANNELS),
             "row_weight": 1.0, "own": {"aero_drag": 1.0},

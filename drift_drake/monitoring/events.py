@@ -63,7 +63,8 @@ def sentence(event: Mapping[str, Any]) -> str:
     since = f"since {event['onset']:.1f} s"
     if event["event"] == "change":
         return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
-    return f"{t} {_cause(event)}, {since}"
+    others = f"; or {', '.join(event['or'])}, which would look alike" if event.get("or") else ""
+    return f"{t} {_cause(event)}, {since}{others}"
 
 
 def _cause(event: Mapping[str, Any]) -> str:

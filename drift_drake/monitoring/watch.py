@@ -8,8 +8,10 @@ import numpy as np
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.noise import white_noise_level
 from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import Events
-from drift_drake.monitoring.monitor import Monitor, advance, make_monitor
+from drift_drake.monitoring.history import unpacked
+from drift_drake.monitoring.monitor import Monitor, State, advance, make_monitor
 from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -61,4 +63,13 @@ def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.n
         state = advance(monitor, state, row.y, row.command, row.t)
         if state.clock[0] > 1.0 and state.clock[1] == 0.0:
             reported, events = reported.after(monitor, state.verdict, row.t)
-            yield row.t, state.verdict, events
+            yield row.t, state.verdict, [with_group(monitor, state, event) for event in events]
+
+
+def with_group(monitor: Monitor, state: State, event: dict[str, Any]) -> dict[str, Any]:
+    """The event of a cause with the effects that it could be mistaken for (`ambiguity`), where there are any."""
+    if event["event"] != "cause":
+        return event
+    history = unpacked(state.history, len(monitor.problem.nodes))
+    others = mistakable(monitor.problem, history, float(state.clock[2]), event["cause"])
+    return event | {"or": list(others)} if others else event

@@ -174,7 +174,7 @@ def table(results: Sequence[dict[str, Any]]) -> str:
         "| --- " * 9 + "|",
     ]
     keys = dict.fromkeys((r["plant"], r["change"], r["mode"]) for r in results)
-    for key in sorted(keys, key=lambda k: (k[0] != "nominal", list(CHANGES).index(k[1]))):
+    for key in sorted(keys, key=lambda k: (k[0] != "nominal", list(CHANGES).index(k[1]), list(POLICIES).index(k[2]))):
         some = [r for r in results if (r["plant"], r["change"], r["mode"]) == key]
         lines.append(f"| {' | '.join(key)} | {row(some)} |")
     return "\n".join(lines)
@@ -191,7 +191,7 @@ def row(some: Sequence[dict[str, Any]]) -> str:
     told = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
     right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)
     slow = np.median([r["slow"] for r in some])
-    return " | ".join([*cells, f"{slow:.0%}", f"{np.median(told):.1f}", f"{right} of {len(some)}"])
+    return " | ".join([*cells, f"{slow:.0%}", f"{np.median(told):.1f}".replace("inf", "-"), f"{right} of {len(some)}"])
 
 
 def main(config: Config) -> None:

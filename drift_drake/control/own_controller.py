@@ -95,11 +95,11 @@ class ControllerSystem(LeafSystem):
         except (ArithmeticError, NoPlanError):
             return None
         start = now + self._delay
-        u = commands(found, start + DT * np.arange(self._horizon + 1.0))
+        u = commands_at(found, start + DT * np.arange(self._horizon + 1.0))
         return Plan(start, u) if np.isfinite(u).all() else None
 
 
-def commands(found: Plan | ArrayLike, times: Array) -> Array:
+def commands_at(found: Plan | ArrayLike, times: Array) -> Array:
     """Commands [N, 2] at times [N] of what a controller gave.
 
     Raises:

@@ -75,6 +75,6 @@ def traced(problem: Problem) -> Problem:
     return problem.replace(runs=runs)
 
 
-def coarse(problem: Problem) -> Problem:
+def with_more_process_noise(problem: Problem) -> Problem:
     """The same problem with more process noise: innovations then depend less on the past."""
     return traced(problem.replace(process=problem.process * COARSE**2))

@@ -59,7 +59,7 @@ class Fit:
         return dict(zip(self.names, (float(q) for q in sigma), strict=True))
 
 
-def limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def parameter_limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of all parameters; of nuisances, that no constant of the car may fall below a tenth of its file's."""
     pairs = [problem.range_of(name) for name in names]
     low, high = np.full(problem.nuisances, -30.0), np.full(problem.nuisances, 30.0)
@@ -85,7 +85,7 @@ def sensitivity(
     """
     base = observe_case(problem, gains, theta, names)
     out = np.zeros((len(base), len(theta)))
-    _, high = limits(problem, names)
+    _, high = parameter_limits(problem, names)
     first = problem.nuisances
     for column in [*range(len(NUISANCES)), *range(first, len(theta))]:
         if only is not None and column not in only:
@@ -134,7 +134,7 @@ def normal_step(
     prior = prior_precision(problem, len(theta))
     hessian = jacobian.T @ jacobian + np.diag(prior)
     gradient = jacobian.T @ e + prior * theta
-    low, high = limits(problem, names)
+    low, high = parameter_limits(problem, names)
     free = np.ones(len(theta), dtype=bool)
     step = np.zeros(len(theta))
     for _ in range(MOST_AT_BOUNDS):
@@ -177,7 +177,7 @@ def minimise(
     Args:
         enough: gain [nats] below which it stops; jacobian: derivatives near the start, if they are known.
     """
-    theta = np.clip(theta, *limits(problem, names))
+    theta = np.clip(theta, *parameter_limits(problem, names))
     gains = filter_case(problem, theta, names)
     jacobian = sensitivity(problem, gains, theta, names) if jacobian is None else jacobian
     at = Linearised(theta, gains, cost_of(problem, gains, theta), jacobian)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, fit
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
@@ -51,7 +51,7 @@ def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:
 
 def errors_of(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> list[np.ndarray]:
     """Squared prediction errors [starts, horizons, states] of each run, capped."""
-    rough = coarse(problem)
+    rough = with_more_process_noise(problem)
     gains = filter_case(rough, theta, names)
     return [np.minimum(predictions(rough, theta, names, i, gains).squares, WORST) for i in range(len(problem.runs))]
 

@@ -62,7 +62,7 @@ def huber_weights(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(1.0, CLIPPED / np.maximum(size, 1e-9)))
 
 
-def flat(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
+def flat_scores(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     """Clipped errors in robust scales [windows, HORIZONS * channels]."""
     return np.asarray((e / scales * huber_weights(e, scales)).reshape(len(e), -1))
 
@@ -114,7 +114,7 @@ def make_day(
     return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run, weights)
 
 
-def coverage(runs: Sequence[WindowedRun]) -> np.ndarray:
+def drive_coverage(runs: Sequence[WindowedRun]) -> np.ndarray:
     """How hard the car was driven [4] (`windows.regimes`)."""
     return np.asarray(np.quantile(np.concatenate([regimes(run) for run in runs]), COVERED, axis=0) * np.array(GRACE))
 
@@ -127,7 +127,7 @@ def familiarity(runs: Sequence[WindowedRun], covered: np.ndarray) -> np.ndarray:
 
 def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """Scores [blocks, n] of errors e."""
-    weighted = day.weights[:, None] * flat(e, scales)
+    weighted = day.weights[:, None] * flat_scores(e, scales)
     score = np.einsum("wip,wi->wp", day.jacobian, weighted @ precision, optimize=True)
     out = np.zeros((day.blocks, score.shape[1]))
     np.add.at(out, day.block, score)
@@ -157,7 +157,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
         prior: standard deviations [n] of the effects, in their units, before those logs.
     """
     scales = robust_scales(day.errors)
-    f = flat(day.errors, scales)
+    f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
     score = block_scores(day, day.errors, scales, precision)
     information = block_information(day, scales, precision)
@@ -183,7 +183,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     normal = Normal(
         names=tuple(names), units=steps, scales=scales, precision=precision, blocks=len(score),
         mean=score.mean(axis=0), covariance=covariance, modes=modes, information=np.diag(information) / len(score),
-        covered=coverage(day.runs), unknown=unknown, offset=offset, level=level,
+        covered=drive_coverage(day.runs), unknown=unknown, offset=offset, level=level,
     )  # fmt: skip
     return Learnt(normal, pulled, between)
 

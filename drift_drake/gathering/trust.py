@@ -42,7 +42,7 @@ class Familiar(NamedTuple):
         return math.exp(self.mean + quantile * self.deviation * math.sqrt(1.0 + 1.0 / self.vehicles))
 
 
-def distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
+def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
     """Squared Mahalanobis distances [n] of a drive's samples, each by the belief that has learnt those before it."""
     out = np.empty(len(samples.vehicle))
     for i in range(len(out)):

@@ -4,16 +4,16 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.fit import limits
+from drift_drake.estimation.fit import parameter_limits
 from drift_drake.estimation.problem import Problem, flat, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
-from drift_drake.identification.held_out import compare, judged, squares_of, without_fold
+from drift_drake.identification.held_out import compare, held_out_error, squares_of, without_fold
 from drift_drake.identification.not_identified import not_identified, tied
-from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, seen, widened
+from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, shown_effects, widened
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -37,12 +37,12 @@ def identify_by_likelihood(
     """Calibrates a car on usable runs; see `identify.identify`."""
     given = [name for name in CATALOGUE if getattr(effects, name) != 0.0 and name != "steering_offset"]
     asked = list(dict.fromkeys([*given, *names]))
-    chosen, warnings = seen_effects(runs, seen(asked, runs))
+    chosen, warnings = seen_effects(runs, shown_effects(asked, runs))
     wide = widened(vehicle, known)
     problem = make_problem(runs, wide, stated=stated)
     problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
     first = first_guess(problem, chosen, effects)
-    best = search(problem, chosen, first, tell)
+    best = least_deaf_fit(problem, chosen, first, tell)
     tell("all rows", 0.8)
     found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
     held = compare(
@@ -97,7 +97,7 @@ def guess_as_stated(
     return np.concatenate([first[: problem.nuisances], magnitudes]), own
 
 
-def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
+def least_deaf_fit(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
     """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
 
     A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
@@ -109,7 +109,7 @@ def search(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Prog
     kept = without_fold(problem)
 
     def error(at: Estimate) -> float:
-        return float(np.sqrt(judged(squares_of(problem, at.theta, at.names, held=False))))
+        return float(np.sqrt(held_out_error(squares_of(problem, at.theta, at.names, held=False))))
 
     tell("fit 1", 0.0)
     direct = estimate(kept, names, first, DEAFNESS[0])
@@ -166,7 +166,7 @@ def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> 
 
 def end_warnings(found: Estimate, parameters: Mapping[str, Parameter]) -> list[str]:
     """Warnings of unknowns at the ends of what is believed possible, zero aside."""
-    low, high = limits(found.problem, found.names)
+    low, high = parameter_limits(found.problem, found.names)
     at = places(found.problem, found.names)
     return [
         f"{name} is at the end of what is believed possible ({parameters[name].estimate:.3g}): doubt it, or change its "

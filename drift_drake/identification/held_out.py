@@ -54,7 +54,7 @@ def squares_of(problem: Problem, theta: np.ndarray, names: Sequence[str], held: 
     ]
 
 
-def judged(squares: Sequence[np.ndarray]) -> float:
+def held_out_error(squares: Sequence[np.ndarray]) -> float:
     """Mean square error half a second ahead, over the states."""
     return float(np.nanmean(np.concatenate(squares)[:, JUDGED]))
 

@@ -22,7 +22,7 @@ from drift_drake.identification.calibration import Calibration, Identification, 
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
-from drift_drake.identification.unknowns import check_names
+from drift_drake.identification.unknowns import check_effect_names
 from drift_drake.identification.white import WHITE, Whiteness, whiteness
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
@@ -72,7 +72,7 @@ def identify(
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
-    check_names(known, names)
+    check_effect_names(known, names)
     doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
     runs, warnings = usable(runs, vehicle)
     warnings = doubts + warnings

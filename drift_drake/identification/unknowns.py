@@ -30,7 +30,7 @@ LARGEST_SPLIT = 0.5
 FIRST_SHARE = 0.1  # of its range that an effect starts from where the vehicle file has none
 
 
-def check_names(known: Sequence[str], effects: Sequence[str]) -> None:
+def check_effect_names(known: Sequence[str], effects: Sequence[str]) -> None:
     """Raises InvalidVehicleError, with the names to choose from, where one is none of a parameter or an effect."""
     for name in known:
         if name not in PARAMETERS:
@@ -51,7 +51,7 @@ def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParamete
     return vehicle.replace(tolerance=dataclasses.replace(vehicle.tolerance, **changes))
 
 
-def seen(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
+def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
     """Effects that the logs' columns can show."""
     torque = all(run.tau_cmd is not None for run in runs)
     return [name for name in effects if torque or name not in WITH_TORQUE]

@@ -19,7 +19,7 @@ from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Net
 from drift_drake.model.posterior import block_diagonal, state_blocks
 from drift_drake.model.quality import choose_sample_weight
 from drift_drake.model.samples import DRIFTING, Samples, concatenate, content_hash, load_samples
-from drift_drake.model.torch_network import Parameters, initial_parameters, parameters_of
+from drift_drake.model.torch_network import Parameters, initial_parameters, trainable_numbers
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
@@ -171,7 +171,7 @@ def _started(
             f"{config.start}: its nominal car is not the one that training is set up for; give that car's file as "
             "--vehicle, or start from another checkpoint"
         )
-    numbers = parameters_of(model, scale)
+    numbers = trainable_numbers(model, scale)
     if numbers["w1"].shape != fresh["w1"].shape:
         raise InvalidCheckpointError(
             f"{config.start}: its network has {len(numbers['w1'])} inputs, training is set up for {len(fresh['w1'])}; "

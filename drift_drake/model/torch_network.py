@@ -47,7 +47,7 @@ def initial_parameters(generator: torch.Generator, physical: bool = False, coupl
     return {name: value.requires_grad_() for name, value in parameters.items()}
 
 
-def parameters_of(model: BayesianModel, scale: torch.Tensor) -> Parameters:
+def trainable_numbers(model: BayesianModel, scale: torch.Tensor) -> Parameters:
     """The trainable numbers of a model: the inverse of `meta_training.to_model`.
 
     Args:
@@ -74,7 +74,7 @@ def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor
     return torch.addmm(parameters["b_out"].reshape(-1), hidden, w_out).reshape(-1, STATE_COUNT, FEATURE_COUNT)
 
 
-def prior_precision(parameters: Parameters) -> torch.Tensor:
+def coupled_precision(parameters: Parameters) -> torch.Tensor:
     """Lambda_0 [4, 16, 16], or [64, 64] where it couples the states."""
     factor = parameters["precision_factor"]
     return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(factor.shape[-1], dtype=factor.dtype)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
+from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features
 from drift_drake.model.training_config import LANE_ROUND, TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -136,7 +136,7 @@ def predictive_nll(
     count = len(phi)
     own = torch.diag_embed((weight[..., None] * phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1))  # [b, 16, 16, 4, 4]
     told = own.permute(0, 3, 1, 4, 2).reshape(count, MEAN_COUNT, MEAN_COUNT)
-    factor = torch.linalg.cholesky(prior_precision(parameters) + told)
+    factor = torch.linalg.cholesky(coupled_precision(parameters) + told)
     projected = (weight * torch.einsum("bitf,bit->bif", phi, error)).reshape(count, MEAN_COUNT, 1)
     shift = torch.cholesky_solve(projected, factor).reshape(count, STATE_COUNT, FEATURE_COUNT)
     mean = parameters["prior_mean"] + sigma * shift

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, padded, prior_precision, torch_features
+from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -78,7 +78,7 @@ def window_nll(parameters: Parameters, phi: torch.Tensor, y: torch.Tensor, mask:
     squares = (error * error).sum(dim=-1)
     if not adaptive:
         return count * log_variance + squares * torch.exp(-log_variance)
-    prior = prior_precision(parameters)
+    prior = coupled_precision(parameters)
     prior_factor = torch.linalg.cholesky(prior)
     posterior_factor = torch.linalg.cholesky(prior + phi.transpose(-1, -2) @ phi)
     projected = torch.linalg.solve_triangular(

@@ -43,7 +43,7 @@ def steady_straight(v: float) -> DriftEquilibrium:
     return DriftEquilibrium(v=v, beta=0.0, r=0.0, omega_r=v, delta=0.0, tau=0.0, curvature=0.0)
 
 
-def mirrored(state: DriftEquilibrium) -> DriftEquilibrium:
+def other_side(state: DriftEquilibrium) -> DriftEquilibrium:
     """The same steady state to the other side."""
     return state._replace(
         beta=-state.beta, r=-state.r, delta=-state.delta, curvature=-state.curvature

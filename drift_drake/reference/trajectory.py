@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from drift_drake.reference.chain import GRID_SPACING, Chain, Leg, chain, mirrored, steady_straight
+from drift_drake.reference.chain import GRID_SPACING, Chain, Leg, chain, other_side, steady_straight
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.path import Path
 from drift_drake.reference.transition import Transition, plan_transition
@@ -218,7 +218,7 @@ def figure_8(parameters: VehicleParameters, radius: float = 18.0, sideslip: floa
         NoTransitionError: the car cannot go from one drift to the other over the transition.
     """
     left = drift_equilibrium(parameters, radius, -sideslip)
-    right = mirrored(left)
+    right = other_side(left)
     arc = _closing_arc(left.curvature, plan_transition(parameters, left, right, transition))
     legs = [Leg(left, 0.5 * arc, transition), Leg(right, arc, transition), Leg(left, 0.5 * arc, 0.0)]
     # Laid out with the left-hand circle about the origin, then moved so that the circles' centres lie on the x axis,
@@ -254,7 +254,7 @@ def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float =
     left = drift_equilibrium(parameters, radius, -sideslip)
     entry = steady_straight(left.v)
     turned = _turning(plan_transition(parameters, entry, left, initiation))
-    change = _turning(plan_transition(parameters, left, mirrored(left), transition))
+    change = _turning(plan_transition(parameters, left, other_side(left), transition))
     if not 0.5 * swing > turned:
         raise ValueError(
             f"swing is {swing:g} rad; the initiation turns through {turned:.2f} rad, give more than twice that"
@@ -264,7 +264,7 @@ def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float =
         Leg(steady_straight(entry_speed), ENTRY_LENGTH, ACCELERATION_LENGTH),
         Leg(entry, ENTRY_LENGTH, initiation),
         Leg(left, radius * (0.5 * swing - turned), transition),
-        *(Leg(left if index % 2 == 0 else mirrored(left), arc, transition) for index in range(1, count)),
+        *(Leg(left if index % 2 == 0 else other_side(left), arc, transition) for index in range(1, count)),
     ]
     return _reference(chain(parameters, legs, (0.0, 0.0, 0.0)), half_width, 1.0)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pydrake.systems.framework import Context
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.simulation.faults import Fault, friction_at, patches
+from drift_drake.simulation.faults import Fault, patch_friction, patches
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -53,7 +53,7 @@ def with_patches(change: Change | None, effects: Effects, faults: Sequence[Fault
     changes = []
     for t in sorted(times):
         now = effects if change is None or t < change.time else change.effects
-        friction = friction_at(t, faults) * (1.0 + now.friction_level) - 1.0
+        friction = patch_friction(t, faults) * (1.0 + now.friction_level) - 1.0
         changes.append(Change(t, now._replace(friction_level=friction)))
     return changes
 

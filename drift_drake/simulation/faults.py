@@ -98,6 +98,6 @@ def patches(faults: Sequence[Fault]) -> list[Fault]:
     return [fault for fault in faults if fault.kind in PLANT_KINDS]
 
 
-def friction_at(t: float, faults: Sequence[Fault]) -> float:
+def patch_friction(t: float, faults: Sequence[Fault]) -> float:
     """Share of the friction that patches leave at a time [s]."""
     return math.prod(1.0 + fault.size for fault in patches(faults) if fault.active(t))

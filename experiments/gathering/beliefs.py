@@ -10,7 +10,7 @@ import numpy as np
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.gathering.trust import distances
+from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
@@ -65,7 +65,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     if not job.wanted & {"once_info", "twice_info"}:
         return Taught(beliefs, None)
     first = samples_of(job.info, seed)
-    surprise = float(np.mean(distances(learnt, prior, first)))
+    surprise = float(np.mean(squared_distances(learnt, prior, first)))
     beliefs["once_info"] = once = learn(learnt, prior, first)
     if "twice_info" in job.wanted:
         try:

@@ -23,7 +23,7 @@ from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import plan_drive
 from drift_drake.gathering.recipe import Recipe
-from drift_drake.gathering.trust import REFUSED, distances, familiar_from, keep_familiar
+from drift_drake.gathering.trust import REFUSED, familiar_from, keep_familiar, squared_distances
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
@@ -60,7 +60,7 @@ def surprises(config: LaneTrust, learnt: BayesianModel) -> dict[Population, Arra
         for index in tqdm(range(config.first, last), desc=population, unit="vehicle"):
             effects = draw_effects(population, index, config.vehicle_seed)
             table = gather(info, effects, parameters, gathering, index)[0]
-            values.append(float(np.mean(distances(learnt, prior, samples_from_log(table, None, 0, 0)))))
+            values.append(float(np.mean(squared_distances(learnt, prior, samples_from_log(table, None, 0, 0)))))
         found[population] = np.array(values)
     return found
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.control.mpc import NoPlanError
-from drift_drake.control.own_controller import Controller, InvalidPlanError, commands
+from drift_drake.control.own_controller import Controller, InvalidPlanError, commands_at
 from drift_drake.control.plan import Plan
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.adapter import BayesianAdapter
@@ -71,7 +71,7 @@ def test_a_run_replays_to_the_bit(reference: Reference) -> None:
 
 def test_a_mistake_is_said_and_not_counted() -> None:
     with pytest.raises(InvalidPlanError, match=r"shape \(3,\); let evaluate return a Plan"):
-        commands([0.0, 1.0, 2.0], np.zeros(1))
+        commands_at([0.0, 1.0, 2.0], np.zeros(1))
 
 
 def test_one_thing_plans(reference: Reference) -> None:

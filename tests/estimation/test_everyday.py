@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.estimation.everyday import applied, coarse, traced
+from drift_drake.estimation.everyday import applied, traced, with_more_process_noise
 from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT
 from drift_drake.estimation.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -52,8 +52,8 @@ def test_forces_that_do_not_carry_over_are_left_out(problem, everyday):
 
 
 def test_the_trace_follows_the_filter(problem, everyday):
-    rough = coarse(traced(problem.replace(everyday=everyday)))
-    assert mean_square(rough) < mean_square(coarse(problem))
+    rough = with_more_process_noise(traced(problem.replace(everyday=everyday)))
+    assert mean_square(rough) < mean_square(with_more_process_noise(problem))
     assert mean_square(rough) < 1.0
 
 

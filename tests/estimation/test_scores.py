@@ -13,9 +13,9 @@ from drift_drake.estimation.scores import (
     MODEL_FORM,
     block_of,
     block_scores,
-    coverage,
+    drive_coverage,
     familiarity,
-    flat,
+    flat_scores,
     huber_weights,
     make_day,
     scatter_of,
@@ -46,7 +46,7 @@ def test_blocks_are_of_one_run_each_and_follow_without_gaps(runs):
 
 def test_clipped_errors_are_no_larger_than_the_clip():
     e, scales = np.random.default_rng(0).standard_cauchy((50, 5, 5)), np.full((5, 5), 2.0)
-    size = np.sqrt(np.mean(flat(e, scales).reshape(e.shape) ** 2, axis=1))
+    size = np.sqrt(np.mean(flat_scores(e, scales).reshape(e.shape) ** 2, axis=1))
     assert size.max() <= CLIPPED * (1.0 + 1e-9)
     small = 0.1 * np.ones((1, 5, 5))
     np.testing.assert_array_equal(huber_weights(small, scales), 1.0)
@@ -96,7 +96,7 @@ def test_a_score_is_the_slope_of_half_the_squared_errors(other_car, day):
     # Small errors, none of which is clipped.
     mild = dataclasses.replace(day, errors=0.05 * np.clip(day.errors / normal.scales, -3.0, 3.0) * normal.scales)
     scores = summed(mild, normal, mild.errors)
-    f = flat(mild.errors, normal.scales)
+    f = flat_scores(mild.errors, normal.scales)
 
     def cost(q):
         moved = f + day.jacobian @ q
@@ -109,7 +109,7 @@ def test_a_score_is_the_slope_of_half_the_squared_errors(other_car, day):
 
 
 def test_windows_beyond_what_calibration_drove_count_less(runs):
-    covered = coverage(runs)
+    covered = drive_coverage(runs)
     hard = np.concatenate([regimes(run) for run in runs])
     weights = familiarity(runs, covered)
     np.testing.assert_array_equal(weights[np.all(hard <= covered, axis=1)], 1.0)

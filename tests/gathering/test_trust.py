@@ -12,7 +12,7 @@ from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_drive
-from drift_drake.gathering.trust import Familiar, distances, familiar_from, familiar_to, keep_familiar
+from drift_drake.gathering.trust import Familiar, familiar_from, familiar_to, keep_familiar, squared_distances
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.features import features, network_inputs
@@ -42,7 +42,7 @@ def drive(info: Trajectory, effects: Effects) -> Samples:
 def test_each_sample_is_judged_by_what_those_before_it_taught(model: BayesianModel, info: Trajectory) -> None:
 
     samples = drive(info, draw_effects("validation", 0, 0))
-    found = distances(model, model.prior(), samples)
+    found = squared_distances(model, model.prior(), samples)
     last = samples.where(np.array([len(found) - 1]))
     before = learn(model, model.prior(), samples.where(np.arange(len(found) - 1)))
     phi = features(model.network, network_inputs(last.x, last.u, last.u_next))[0]
@@ -52,9 +52,9 @@ def test_each_sample_is_judged_by_what_those_before_it_taught(model: BayesianMod
 
 
 def test_a_car_far_beyond_those_trained_on_surprises(model: BayesianModel, info: Trajectory) -> None:
-    usual = [float(np.mean(distances(model, model.prior(), drive(info, draw_effects("validation", i, 0)))))
+    usual = [float(np.mean(squared_distances(model, model.prior(), drive(info, draw_effects("validation", i, 0)))))
              for i in range(4)]  # fmt: skip
-    slow = float(np.mean(distances(model, model.prior(), drive(info, make_effects({"steering_lag": 0.2})))))
+    slow = float(np.mean(squared_distances(model, model.prior(), drive(info, make_effects({"steering_lag": 0.2})))))
     assert slow > 2.0 * max(usual)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from importing_bench import WHEELBASE, rows
 
-from drift_drake.logs.importing.checks import check_columns
+from drift_drake.logs.importing.checks import column_doubts
 
 DEGREES = 180.0 / np.pi
 
@@ -89,18 +89,18 @@ DEFECTS = {
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_sound_log_gets_no_sentence(noise):
     sound = rows(noise=noise)
-    assert check_columns(sound, 0.01, WHEELBASE) == []
-    assert check_columns(sound, 0.01) == []
-    assert check_columns(velocity(sound), 0.01, WHEELBASE) == []
-    assert check_columns(without(dict, *ONLY_MOTION)(sound), 0.01, WHEELBASE) == []
-    assert check_columns(sound | {"az": np.full(len(sound["t"]), 9.8)}, 0.01) == []
+    assert column_doubts(sound, 0.01, WHEELBASE) == []
+    assert column_doubts(sound, 0.01) == []
+    assert column_doubts(velocity(sound), 0.01, WHEELBASE) == []
+    assert column_doubts(without(dict, *ONLY_MOTION)(sound), 0.01, WHEELBASE) == []
+    assert column_doubts(sound | {"az": np.full(len(sound["t"]), 9.8)}, 0.01) == []
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 @pytest.mark.parametrize("name", DEFECTS)
 def test_a_defect_gets_its_sentence_and_no_other(name, noise):
     change, sentence = DEFECTS[name]
-    found = check_columns(change(rows(noise=noise, seed=1)), 0.01, WHEELBASE)
+    found = column_doubts(change(rows(noise=noise, seed=1)), 0.01, WHEELBASE)
     assert len(found) == 1, found
 
     assert re.search(sentence, found[0]), found[0]
@@ -133,7 +133,7 @@ def drift(noise):
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_drift_gets_no_sentence(noise):
-    assert check_columns(drift(noise), 0.01, WHEELBASE) == []
+    assert column_doubts(drift(noise), 0.01, WHEELBASE) == []
 
 
 def test_a_whole_recording_mirrored_agrees_with_itself():
@@ -141,7 +141,7 @@ def test_a_whole_recording_mirrored_agrees_with_itself():
         name: -values if name in ("y", "psi", "r", "beta", "ay", "delta_cmd") else values
         for name, values in rows(noise=1.0).items()
     }
-    assert check_columns(mirrored, 0.01, WHEELBASE) == []
+    assert column_doubts(mirrored, 0.01, WHEELBASE) == []
 
 
 def test_little_motion_says_nothing():
@@ -150,4 +150,4 @@ def test_little_motion_says_nothing():
     still = {name: 0.001 * generator.standard_normal(count) for name in ("r", "beta", "psi", "x", "y", "delta_cmd")}
     still |= {"v": 10.0 + 0.001 * generator.standard_normal(count), "ax": 0.1 * generator.standard_normal(count)}
     still |= {"x": 0.1 * np.arange(count)}
-    assert check_columns(still, 0.01) == []
+    assert column_doubts(still, 0.01) == []

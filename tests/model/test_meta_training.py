@@ -26,7 +26,7 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
 from drift_drake.model.meta_training import DRIFT_COUNT, drifts_of, train  # noqa: E402
-from drift_drake.model.torch_network import initial_parameters, parameters_of, torch_features  # noqa: E402
+from drift_drake.model.torch_network import initial_parameters, torch_features, trainable_numbers  # noqa: E402
 from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
 from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
 
@@ -174,7 +174,7 @@ def test_a_weight_of_one_is_gone_on_from(config: TrainingConfig) -> None:
     model = train(dataclasses.replace(config, epochs=0))
     weights = np.array([0.2, 1.0, 0.5, 0.1])
     scale = torch.ones(STATE_COUNT, dtype=torch.float64)
-    logit = parameters_of(dataclasses.replace(model, sample_weight=weights), scale)["logit_weight"]
+    logit = trainable_numbers(dataclasses.replace(model, sample_weight=weights), scale)["logit_weight"]
     np.testing.assert_allclose(torch.sigmoid(logit).detach().numpy(), weights, atol=1e-5)
 
 

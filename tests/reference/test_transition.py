@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drift_drake.reference.chain import mirrored, steady_straight
+from drift_drake.reference.chain import other_side, steady_straight
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.transition import NoTransitionError, plan_transition
 from drift_drake.vehicle.bicycle import derivatives
@@ -12,7 +12,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 NOMINAL = VehicleParameters()
 LEFT = drift_equilibrium(NOMINAL, 18.0, -0.6)
-RIGHT = mirrored(LEFT)
+RIGHT = other_side(LEFT)
 
 
 def worst_departure(transition, stretch: float = 0.25) -> np.ndarray:

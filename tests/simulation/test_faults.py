@@ -9,7 +9,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from drift_drake.errors import InvalidOptionError
 from drift_drake.simulation.change import Change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
-from drift_drake.simulation.faults import Fault, friction_at, parse_fault
+from drift_drake.simulation.faults import Fault, parse_fault, patch_friction
 from drift_drake.simulation.screening import FROZEN, ReadingKind, Screen, judge
 from drift_drake.simulation.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import Effects
@@ -108,7 +108,7 @@ def test_a_saturated_actuator_has_a_share_of_its_range() -> None:
 
 def test_patches_change_the_friction_between_their_edges() -> None:
     faults = [parse_fault("friction_patch:1:2:-0.5"), parse_fault("friction_patch:2:2:-0.2")]
-    assert [friction_at(t, faults) for t in (0.0, 1.0, 2.5, 3.5, 4.0)] == pytest.approx([1.0, 0.5, 0.4, 0.8, 1.0])
+    assert [patch_friction(t, faults) for t in (0.0, 1.0, 2.5, 3.5, 4.0)] == pytest.approx([1.0, 0.5, 0.4, 0.8, 1.0])
     changes = with_patches(Change(2.5, Effects(friction_level=0.1)), Effects(), faults)
     assert [change.time for change in changes] == [1.0, 2.0, 2.5, 3.0, 4.0]
     levels = [change.effects.friction_level for change in changes]

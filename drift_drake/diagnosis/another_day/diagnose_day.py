@@ -14,7 +14,7 @@ import numpy as np
 from drift_drake.diagnosis.another_day.beliefs import day_beliefs
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
-from drift_drake.diagnosis.another_day.gross_gap import judged
+from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
@@ -86,9 +86,9 @@ def diagnose_day(
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     none, others = hypotheses_of(search, tell)
     tell("how far it shrinks", 0.8)
-    found, shrinks = believed(search, none, others, constants)
+    found, shrinks = ranked_hypotheses(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        beyond = judged(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
+        beyond = judged_by_errors(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
         found, shrinks = beyond.ranked, beyond.reduction
         warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
@@ -138,7 +138,7 @@ def details_of(
         "at_least": at_bound(h, search.ranges) if named else [],
         "with": brought_along(h, search.day) if named else {},
         "errors": errors_by_state(search),
-        "nearest": nearest(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+        "nearest": nearest_hypothesis(h, causes, shrinks) if found.verdict == UNKNOWN else {},
     }
 
 
@@ -168,7 +168,7 @@ def search_of(
     return Search(day, normal, vehicle, names, workers)
 
 
-def believed(
+def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
 ) -> tuple[Ranked, Reduction]:
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
@@ -215,7 +215,7 @@ def gross(search: Search, h: Hypothesis) -> float:
     return float(np.max(np.median(e, axis=0)) / MEDIAN_OF_NORMAL)
 
 
-def nearest(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
+def nearest_hypothesis(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
     """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
     return {
         "hypothesis": hypothesis_name(h.names),

@@ -58,7 +58,7 @@ def nats(search: Search, misfit: float) -> float:
     return 0.5 * PER_BLOCK * search.day.blocks * float(np.log(max(misfit, 1e-12)))
 
 
-def misfit(search: Search, names: Sequence[str], q: Sequence[float] | np.ndarray, kept: Kept = None) -> float:
+def mean_misfit(search: Search, names: Sequence[str], q: Sequence[float] | np.ndarray, kept: Kept = None) -> float:
     """Mean misfit once effects are added, over the windows that are kept [windows] (bool)."""
     of = misfits(search, search.day.errors_with(effects_of(names, np.asarray(q), 0.0, search.day), 1))
     return float(np.mean(of if kept is None else of[kept]))
@@ -70,7 +70,7 @@ def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.nda
     reach = np.array([r.high for r in ranges])
 
     def cost(x: np.ndarray) -> float:
-        return misfit(search, names, [clipped(float(u), r) for u, r in zip(x * reach, ranges, strict=True)], kept)
+        return mean_misfit(search, names, [clipped(float(u), r) for u, r in zip(x * reach, ranges, strict=True)], kept)
 
     at = np.array(start) / reach
     inwards = np.where(at > 0.5 * (np.array([r.low for r in ranges]) / reach + 1.0), -1.0, 1.0)
@@ -94,7 +94,7 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     k = len(q)
 
     def at(*shifts: float) -> float:
-        return nats(search, misfit(search, names, q + np.array(shifts) * steps))
+        return nats(search, mean_misfit(search, names, q + np.array(shifts) * steps))
 
     middle, unit = at(*np.zeros(k)), np.eye(k)
     ups, downs = [at(*row) for row in unit], [at(*-row) for row in unit]
@@ -108,7 +108,7 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     return concluded(names, q, covariance, middle, ranges, 0.0)
 
 
-def judged(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
+def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
     """Probabilities of hypotheses by what they remove.
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`.
@@ -117,7 +117,7 @@ def judged(search: Search, constants: PosteriorConstants, progress: Callable[[fl
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     pairs = grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share))
     none = search.none()
-    level = nats(search, misfit(search, (), ()))
+    level = nats(search, mean_misfit(search, (), ()))
     known = [h for h in (*singles, *pairs) if tells_from_zero(h)]
     known.append(dataclasses.replace(none, nats=level, log_evidence=-level))
     values = {hypothesis_name(h.names): h.log_evidence + prior(h, len(search.ranges), constants) for h in known}
@@ -135,7 +135,7 @@ def grown_singles(
     def start_of(name: str) -> tuple[float, float]:
         r = search.ranges[name]
         magnitudes = grid(r, SIGNED_GRID) if r.low < 0.0 else [max(q * r.high, r.least) for q in UNSIGNED_GRID]
-        tried = [(clipped(q, r), misfit(search, [name], [clipped(q, r)])) for q in magnitudes]
+        tried = [(clipped(q, r), mean_misfit(search, [name], [clipped(q, r)])) for q in magnitudes]
         return min(tried, key=lambda item: item[1])
 
     names = list(search.ranges)
@@ -160,7 +160,7 @@ def grown_pairs(
         for other in (name for name in starts if name != seed):
             r = search.ranges[other]
             shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
-            tried += [(misfit(search, [seed, other], [starts[seed][0], q]), other, q)
+            tried += [(mean_misfit(search, [seed, other], [starts[seed][0], q]), other, q)
                       for q in (clipped(q, r) for q in grid(r, shares))]  # fmt: skip
         return one_each(sorted(tried))[:PARTNERS]
 

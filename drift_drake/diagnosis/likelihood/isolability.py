@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
-from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, limits, prior_precision, sensitivity
+from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, sensitivity
 from drift_drake.estimation.prior import scale, starts
 from drift_drake.estimation.problem import Problem, filter_case, observe_case
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -68,7 +68,7 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = 
         theta = fit.theta if known else np.append(fit.theta, begin)
         at = now.index(name) + problem.nuisances
         step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)
-        step = step if theta[at] + step <= limits(problem, now)[1][at] else -step
+        step = step if theta[at] + step <= parameter_limits(problem, now)[1][at] else -step
         moved = theta.copy()
         moved[at] += step
         difference = observe_case(problem, gains, moved, now) - observe_case(problem, gains, theta, now)

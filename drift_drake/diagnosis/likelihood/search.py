@@ -14,15 +14,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import (
     MAGNITUDE_STEP,
     Fit,
     conclude,
     cost_of,
-    limits,
     minimise,
     normal_step,
+    parameter_limits,
     prior_precision,
     sensitivity,
 )
@@ -78,7 +78,7 @@ class Base:
     jacobian: np.ndarray
 
 
-def believed(problem: Problem, exactness: float) -> Problem:
+def with_exact_file(problem: Problem, exactness: float) -> Problem:
     """The same problem with the vehicle file believed exact to so many tolerances."""
     return problem.replace(exactness=exactness)
 
@@ -93,14 +93,14 @@ def predict(problem: Problem, base: Base, name: str, start: float, exactnesses: 
     """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
     names, theta = (*base.names, name), np.append(base.theta, start)
     step = MAGNITUDE_STEP * scale(name, problem.vehicle)
-    step = step if start + step <= limits(problem, names)[1][-1] else -step
+    step = step if start + step <= parameter_limits(problem, names)[1][-1] else -step
     e = observe_case(problem, base.gains, theta, names)
     moved = theta.copy()
     moved[-1] += step
     jacobian = np.column_stack([base.jacobian, (observe_case(problem, base.gains, moved, names) - e) / step])
     out = []
     for exactness in exactnesses:
-        held = believed(problem, exactness)
+        held = with_exact_file(problem, exactness)
         delta, gain = normal_step(held, jacobian, e, theta, names, 1e-3)
         cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(theta)) @ theta**2) - gain
         out.append(Candidate(names, theta + delta, cost if np.isfinite(cost) else np.inf))
@@ -160,7 +160,7 @@ def additions(
     results = [job.result() for job in jobs]
     out = []
     for i, exactness in enumerate(exactnesses):
-        held = believed(problem, exactness)
+        held = with_exact_file(problem, exactness)
         promising = best_of([result[i] for result in results])[:keep]
         out.append(best_of(list(pool.map(lambda c, h=held: relinearise(h, base, c), promising))))
     return out
@@ -179,12 +179,12 @@ def full(problem: Problem, names: Names, theta: np.ndarray) -> dict[tuple[Names,
     A vehicle file that is believed exact is given up where the quadratic around the first fit puts it far behind.
     """
     names, theta = canonical(names, theta)
-    held = believed(problem, EXACTNESSES[0])
-    start = minimise(coarse(held), names, theta, iterations=5, enough=1.0)
+    held = with_exact_file(problem, EXACTNESSES[0])
+    start = minimise(with_more_process_noise(held), names, theta, iterations=5, enough=1.0)
     at = minimise(held, names, start.theta)
     out = {(names, EXACTNESSES[0]): conclude(held, names, at)}
     for exactness in EXACTNESSES[1:]:
-        tight = believed(problem, exactness)
+        tight = with_exact_file(problem, exactness)
         e = flat(problem, at.gains.innovations)
         step, gain = normal_step(tight, at.jacobian, e, at.theta, names, 0.0)
         loss = cost_of(tight, at.gains, at.theta) - gain - at.cost
@@ -218,7 +218,7 @@ def leading(fits: dict[tuple[Names, float], Fit]) -> Fit:
 def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None) -> Found:
     """Fits `none`, the most promising singles of `names` and the most promising pairs."""
     tell = progress or (lambda _stage, _share: None)
-    rough = coarse(problem)
+    rough = with_more_process_noise(problem)
     start = np.zeros(problem.nuisances)
     with ThreadPoolExecutor(workers) as pool:
         tell("single effects", 0.0)
@@ -250,7 +250,7 @@ def search_pairs(
     problem: Problem, names: Sequence[str], fits: dict[tuple[Names, float], Fit], pool: ThreadPoolExecutor
 ) -> dict[tuple[Names, float], Fit]:
     """Full fits of the most promising pairs that contain one of the best singles."""
-    rough = coarse(problem)
+    rough = with_more_process_noise(problem)
     best = leading(fits)
     adequate = best.mean_square < ADEQUATE
     exactnesses: tuple[float, ...] = EXACTNESSES

@@ -9,7 +9,7 @@ from scipy.stats import norm
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.estimation.commands import without_actuators
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
-from drift_drake.estimation.fit import limits, sensitivity
+from drift_drake.estimation.fit import parameter_limits, sensitivity
 from drift_drake.estimation.horizons import roll_out
 from drift_drake.estimation.problem import (
     NUISANCES,
@@ -84,7 +84,7 @@ def nats_behind(
     problem, theta = problem_of(vehicle, sensing, drive, y), parameters_of(rival)
     first = len(NUISANCES)
     free = np.array([*range(first), *range(first + 2, len(theta))])
-    low, high = (bound[free] for bound in limits(problem, rival.names))
+    low, high = (bound[free] for bound in parameter_limits(problem, rival.names))
     whiten = np.linalg.inv(rival.root)
     gains = filter_case(problem, theta, rival.names)
 

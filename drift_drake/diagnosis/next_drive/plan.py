@@ -215,7 +215,7 @@ def solve(
     """Plans (states [N+1, 6], inputs [N+1, 2]) of the OCP from each first guess that leads to one within the lane."""
     first, rival = (as_rival(vehicle, sensing.own, belief) for belief in pair)
     own, other = first.car(first.theta), rival.car(rival.theta)
-    gain, bias = (np.array(q) for q in between(own, other))
+    gain, bias = (np.array(q) for q in state_map(own, other))
     step_models = [EffectsStepModel(vehicle, c.effects).of_car(c.constants, c.effects) for c in (own, other)]
     model = RivalsStepModel(step_models[0], step_models[1], gain, bias)
     cost = DiscriminationCost(model, own, rival, stage_deviation(sensing), config.alpha)
@@ -249,7 +249,7 @@ def solve(
             yield x[:, :6], u
 
 
-def between(own: CarHypothesis, other: CarHypothesis) -> tuple[np.ndarray, np.ndarray]:
+def state_map(own: CarHypothesis, other: CarHypothesis) -> tuple[np.ndarray, np.ndarray]:
     """(gain, bias) from the state of one hypothesis to that which the other takes its sensors' reading for."""
     (own_gain, own_bias), (gain, bias) = gains_and_biases(own.sensors), gains_and_biases(other.sensors)
     return own_gain / gain, (own_bias - bias) / gain

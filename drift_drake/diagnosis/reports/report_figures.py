@@ -9,7 +9,7 @@ from markupsafe import Markup
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.diagnosis.likelihood.isolability import Isolability
 from drift_drake.estimation.commands import without_actuators
-from drift_drake.estimation.everyday import coarse
+from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, roll_out, start_rows
@@ -39,7 +39,7 @@ def cars_of(d: Diagnosis) -> Cars:
 
 def half_second_ahead(problem: Problem, fit: Fit, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows [starts] and measurements [starts, 4] that a car predicts half a second ahead, from its filter's states."""
-    rough = coarse(problem)
+    rough = with_more_process_noise(problem)
     run = rough.runs[index]
     constants, effects = car(rough, fit.theta, fit.names)
     states = np.empty((len(run.y), SIZE))

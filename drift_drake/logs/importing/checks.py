@@ -47,7 +47,7 @@ TITLES = {
 }
 
 
-def check_columns(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
+def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
     """Sentences on what looks wrong, none where all agrees.
 
     Columns are held against each other in the order of trust: positions, heading, yaw rate, speed, sideslip,

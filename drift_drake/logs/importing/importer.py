@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.checks import TITLES, check_columns
+from drift_drake.logs.importing.checks import TITLES, column_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
@@ -157,7 +157,7 @@ def _columns(
 
 def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tuple[Run, list[str]]:
     """One run, and what looks wrong in it."""
-    sentences = check_columns(columns, PERIOD, mapping.wheelbase)
+    sentences = column_doubts(columns, PERIOD, mapping.wheelbase)
     try:
         present = {key: columns[key] for key in COLUMNS if key in columns}
         run = Run(name=name, trusted=mapping.trust, recording="", **present)

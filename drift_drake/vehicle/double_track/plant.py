@@ -42,7 +42,7 @@ def motion_of(x: Any, u: Any, wrench: Any, p: DoubleTrackConstants, q: Effects) 
 
 
 @jitable
-def rates_of(
+def double_track_rates(
     x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects
 ) -> tuple[tuple[Any, ...], OwnStates]:
     """Rates of `PLANT_STATES` and of the car's own states."""
@@ -55,7 +55,7 @@ def rates_of(
 def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
     front, rear = TireConstants(*fixed_tuple(p[25:36], 11)), TireConstants(*fixed_tuple(p[36:47], 11))
     constants = DoubleTrackConstants(*(fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
-    first, own = rates_of(x, u, wrench, curvature, constants, Effects(*fixed_tuple(q, COUNT)))
+    first, own = double_track_rates(x, u, wrench, curvature, constants, Effects(*fixed_tuple(q, COUNT)))
     rates = np.empty(23)
     for i, value in enumerate(first):
         rates[i] = value
@@ -131,7 +131,7 @@ class DoubleTrackCarPlant(PathPlant):
             constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
             derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
             return
-        rates, own = rates_of(x, u, wrench, curvature, *self._car(context))
+        rates, own = double_track_rates(x, u, wrench, curvature, *self._car(context))
         derivatives.get_mutable_vector().SetFromVector([*rates, *own])
 
     def calc_acceleration(self, context: Any, output: Any) -> None:

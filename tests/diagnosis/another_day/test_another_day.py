@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.another_day import diagnose_day as another_day
-from drift_drake.diagnosis.another_day.diagnose_day import believed, brought_along
+from drift_drake.diagnosis.another_day.diagnose_day import brought_along, ranked_hypotheses
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
 from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
 from drift_drake.diagnosis.answers.answer import read_answer
@@ -118,10 +118,10 @@ def test_a_cause_that_cannot_be_told_from_zero_is_none(late_day, monkeypatch):
     monkeypatch.setattr(another_day, "reduction", shrinking({("gyro_bias",): 0.9}))
     monkeypatch.setattr(another_day, "gross", lambda *_: 1.0)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 40.0, -40.0)
-    found, _ = believed(late_day.search, none, [hypothesis("gyro_bias", 0.03, deviation=0.02)], PRIORS)
+    found, _ = ranked_hypotheses(late_day.search, none, [hypothesis("gyro_bias", 0.03, deviation=0.02)], PRIORS)
     assert found.leading.names == ()
     assert "gyro_bias" not in found.probabilities
-    found, _ = believed(late_day.search, none, [hypothesis("gyro_bias", 0.03)], PRIORS)
+    found, _ = ranked_hypotheses(late_day.search, none, [hypothesis("gyro_bias", 0.03)], PRIORS)
     assert found.verdict == "effect"
 
 
@@ -131,9 +131,9 @@ def test_causes_that_remove_nothing_are_none_however_many(late_day, monkeypatch)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 60.0, -60.0)
     useless = [hypothesis(name, 0.03, nats=float(i)) for i, name in
                enumerate(("gyro_bias", "sideslip_bias", "road_grade", "cg_shift", "aero_drag"))]  # fmt: skip
-    found, _ = believed(late_day.search, none, [*useless, hypothesis("mass_error", 0.1, nats=20.0)], PRIORS)
+    found, _ = ranked_hypotheses(late_day.search, none, [*useless, hypothesis("mass_error", 0.1, nats=20.0)], PRIORS)
     assert found.leading.names == ("mass_error",)
-    found, shrinks = believed(late_day.search, none, useless, PRIORS)
+    found, shrinks = ranked_hypotheses(late_day.search, none, useless, PRIORS)
     assert found.leading.names == ()
     assert shrinks.estimate == 0.0
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.another_day import gross_gap
-from drift_drake.diagnosis.another_day.gross_gap import FAR, fewer_windows, judged, misfit, misfits
+from drift_drake.diagnosis.another_day.gross_gap import FAR, fewer_windows, judged_by_errors, mean_misfit, misfits
 from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
 
 
 @pytest.fixture(scope="module")
 def late(late_day):
-    return judged(late_day.search, PRIORS, lambda _: None)
+    return judged_by_errors(late_day.search, PRIORS, lambda _: None)
 
 
 def test_the_cause_is_named_with_its_magnitude(late):
@@ -29,7 +29,7 @@ def test_what_it_leaves_on_held_out_blocks_is_unknowns(late):
 
 
 def test_a_gap_that_no_effect_removes_is_unknown(strange_day):
-    found = judged(strange_day.search, PRIORS, lambda _: None)
+    found = judged_by_errors(strange_day.search, PRIORS, lambda _: None)
     assert found.ranked.verdict == "unknown"
     assert found.reduction.estimate < 0.5
 
@@ -53,14 +53,15 @@ def test_a_fit_stays_within_its_range_and_is_no_worse_than_its_start(late_day):
     names = ("mass_error", "steering_delay")
     q = gross_gap.fitted(search, names, (0.1, 0.05))
     assert all(search.ranges[n].low <= x <= search.ranges[n].high for n, x in zip(names, q, strict=True))
-    assert misfit(search, names, q) <= misfit(search, names, (0.1, 0.05))
+    assert mean_misfit(search, names, q) <= mean_misfit(search, names, (0.1, 0.05))
 
 
 def test_the_covariance_is_the_inverse_of_the_second_derivatives(late_day, monkeypatch):
     """Of a quadratic, to the bit of what differences give."""
     search, hessian = late_day.search, np.array([[4000.0, 300.0], [300.0, 500.0]])
     middle = np.array([0.05, -0.1])
-    monkeypatch.setattr(gross_gap, "misfit", lambda _s, _n, q, _k=None: 0.5 * (q - middle) @ hessian @ (q - middle))
+    bowl = lambda _s, _n, q, _k=None: 0.5 * (q - middle) @ hessian @ (q - middle)  # noqa: E731
+    monkeypatch.setattr(gross_gap, "mean_misfit", bowl)
     monkeypatch.setattr(gross_gap, "nats", lambda _s, value: value)
     ranges = search.ranges
     wide = {name: dataclasses.replace(ranges[name], low=-2.0, high=2.0) for name in ("gyro_bias", "mass_error")}

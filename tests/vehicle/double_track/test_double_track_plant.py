@@ -15,9 +15,9 @@ from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import (
     DOUBLE_TRACK_STATES,
     DoubleTrackPlant,
+    double_track_rates,
     flattened,
     motion_of,
-    rates_of,
     unflattened,
 )
 from drift_drake.vehicle.effects import Effects
@@ -101,7 +101,7 @@ def test_compiled_derivatives_are_the_plain_ones(effects):
     context.SetContinuousState(x)
     plant.GetInputPort("disturbance").FixValue(context, np.array([500.0, -300.0, 800.0]))
     wrench, curvature = (500.0, -300.0, 800.0), float(s_bend().curvature(30.0))
-    first, own = rates_of(x, ACTUATION, wrench, curvature, CAR.constants(), effects)
+    first, own = double_track_rates(x, ACTUATION, wrench, curvature, CAR.constants(), effects)
     rates = plant.EvalTimeDerivatives(context).CopyToVector()
     np.testing.assert_allclose(rates, [*first, *own], rtol=1e-12, atol=1e-12)
     m, _ = motion_of(x, ACTUATION, wrench, CAR.constants(), effects)

@@ -23,7 +23,7 @@ from drift_drake.model.features import (
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
 from drift_drake.plain_files import check_file, parse_json
 from drift_drake.safe_files import replacing
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.plausible import check_plausible
 
 Array = NDArray[np.float64]
@@ -68,8 +68,11 @@ class BayesianModel:
 
     def content_hash(self) -> str:
         """SHA-256 of the model's numbers."""
-        digest = hashlib.sha256()
-        for values in (*self.network, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
+        digest, network = hashlib.sha256(), self.network
+        if network.nominal is not None and self.vehicle.tyre == "brush":  # the tyre that is not said
+            numbers: Any = network.nominal[: Constants._fields.index("tyre")]
+            network = network._replace(nominal=numbers)
+        for values in (*network, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
             digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
         return digest.hexdigest()
 

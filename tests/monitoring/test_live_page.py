@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from browser import needs_browser, opened
+from browser import WIDTHS, needs_browser, opened
 
 from drift_drake.cli import main
 from drift_drake.logs.table import write_run
@@ -50,6 +50,7 @@ def test_bands_fill_the_chart(monitor):
 
 @needs_browser
 def test_a_browser_draws_it(watched_page):
-    shown = opened(watched_page)
-    assert shown.console == []
-    assert shown.too_wide <= 0
+    for width in WIDTHS:
+        page, console = opened(watched_page, width)
+        assert console == []
+        assert page["tooWide"] <= 0

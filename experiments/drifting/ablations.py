@@ -37,7 +37,7 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_arrays, write_text
+from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
@@ -54,6 +54,7 @@ from experiments.drifting.runs import (
 )
 from experiments.executors import run_jobs
 from experiments.gathering.beliefs import Attempt
+from experiments.made import write_report
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
@@ -222,7 +223,7 @@ def main(config: AblationsConfig) -> None:
     errors = belief_errors(learnt, beliefs, folder) if "belief" in config.parts else {}
     write_json(folder / "numbers.json", {"runs": summary, "errors_in_drifts": errors})
     report = table(rows, summary, errors)
-    write_text(folder / "report.md", report + "\n")
+    write_report(folder, report, config)
     print(report)
     print(f"results in {folder}")
 

@@ -33,6 +33,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.made import write_report
 
 Array = NDArray[np.float64]
 
@@ -290,7 +291,7 @@ def main(config: BenchmarkConfig) -> None:
     write_json(folder / "config.json", config)
     write_json(folder / "numbers.json", numbers)
     write_versions(folder)
-    (folder / "report.md").write_text(table(numbers) + "\n")
+    write_report(folder, table(numbers), config)
     print(table(numbers))
 
 

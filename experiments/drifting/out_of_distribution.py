@@ -34,7 +34,7 @@ from drift_drake.model.out_of_distribution import (
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure, write_table, write_text
+from drift_drake.safe_files import write_figure, write_table
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.metrics import before_spin
@@ -42,6 +42,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder, reference
 from experiments.executors import run_jobs
+from experiments.made import write_report
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
 GROUPS: dict[Group, Population] = {"calibration": "validation", "in distribution": "held_out", "wide": "wide",
@@ -220,7 +221,7 @@ def main(config: DetectionConfig) -> None:
     summary = judge(results, config)
     write_json(folder / "numbers.json", summary)
     text = report(summary, config)
-    write_text(folder / "report.md", text + "\n")
+    write_report(folder, text, config)
     write_figure(picture(results, summary, config), folder / "statistic.png")
     write_table(
         pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]),

@@ -27,9 +27,10 @@ from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibrium
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table, write_text
+from drift_drake.safe_files import write_table
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder
+from experiments.made import write_report
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
         rows += [{"vehicle": vehicle, "noise_seed": seed, "model": k} | v._asdict() for k, v in states.items()]
     found = pd.DataFrame(rows)
     write_table(found, folder / "steady_drifts.csv", index=False)
-    write_text(folder / "report.md", report(found) + "\n")
+    write_report(folder, report(found), config)
     write_json(folder / "numbers.json", found.to_dict("records"))
     print(report(found))
     print(f"results in {folder}")

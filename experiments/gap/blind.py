@@ -38,6 +38,7 @@ from experiments.gap.cases import Truth, drawn_truth, make_case
 from experiments.gap.drake_cases import drake_case
 from experiments.gap.pictures import draw_scores
 from experiments.gap.score import score_text, scores
+from experiments.made import write_report
 
 TIERS = {"exact": 0.25, "tolerance": 0.3, "none": 0.15, "pair": 0.15, "family": 0.075, "removed": 0.075}
 
@@ -201,7 +202,7 @@ def score(command: Score) -> None:
     result = scores(pairs)
     write_text(command.out / "scores.json", json.dumps(result, indent=1))
     text = score_text(result)
-    write_text(command.out / "scores.md", text)
+    write_report(command.out, text, command)
     draw_scores(pairs, command.out)
     print(text)
 

@@ -36,6 +36,7 @@ from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, drawn_truth, true_constants
 from experiments.gap.drake_cases import drake_case
+from experiments.made import write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")
 JUDGED = {"rms_e": "RMS e [m]", "rms_sideslip_error": "RMS sideslip error [rad]", "completion": "completion [-]"}
@@ -205,6 +206,7 @@ def main(config: CorrectedLoopConfig) -> None:
     rows = [as_row(result) for result in results]
     write_table(pd.DataFrame(rows), folder / "vehicles.csv", index=False)
     save(picture(results), folder / "corrected_loop.png")
+    write_report(folder, table(summary), config)
     print(table(summary))
     print(f"results in {folder}")
 

@@ -24,6 +24,7 @@ from experiments.gap.cases import Truth, make_case, true_constants
 from experiments.gap.drake_cases import drake_case
 from experiments.gap.each_vehicle import each_vehicle
 from experiments.gap.score import wilson
+from experiments.made import write_report
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
     "mass": 0.01,
@@ -155,8 +156,12 @@ def main(config: Config) -> None:
         write_json(folder / "numbers.json", found)
     draw(found, folder / "coverage.png")
     low, high = found["coverage_95"]
-    print(f"{found['coverage']:.3f} of the 95 % intervals hold the truth (95 %: {low:.3f} to {high:.3f}), "
-          f"{found['vehicles']} vehicles; {found['seconds_median']:.1f} s of CPU each in the median")  # fmt: skip
+    text = (
+        f"{found['coverage']:.3f} of the 95 % intervals hold the truth (95 %: {low:.3f} to {high:.3f}), "
+        f"{found['vehicles']} vehicles; {found['seconds_median']:.1f} s of CPU each in the median"
+    )
+    write_report(folder, text, config)
+    print(text)
 
 
 if __name__ == "__main__":

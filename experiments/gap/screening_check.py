@@ -25,6 +25,7 @@ from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, drawn_truth, make_case
 from experiments.gap.log_mutations import SAMPLES, Planted, unit_mistakes, with_bad_sample, with_factors
+from experiments.made import write_report
 from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
 
 TIERS = ("none", "exact", "tolerance", "pair")
@@ -207,9 +208,9 @@ def main(config: Config) -> None:
     write_versions(folder)
     found = run(config)
     write_json(folder / "screening_check.json", found)
-    for name in ("simulated", "real"):
-        if found[name]:
-            print(f"\n{name} logs\n\n{table(found[name])}")
+    text = "\n\n".join(f"{name} logs\n\n{table(found[name])}" for name in ("simulated", "real") if found[name])
+    write_report(folder, text, config)
+    print(text)
     for name, sentences in found["reported of logs as they are"].items():
         print(f"{name}: {'; '.join(sentences)}")
 

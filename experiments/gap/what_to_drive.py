@@ -35,6 +35,7 @@ from drift_drake.run_folder import is_done, make_run_folder, write_json, write_v
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import PERIOD, STEERING_RATE, TORQUE_RATE, drawn_truth, slewed
 from experiments.gap.drake_cases import drive
+from experiments.made import write_report
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open
 GENTLE, GENTLE_PERIOD = 0.3, 9.0  # [m], [s] of the first drive's sway
@@ -225,6 +226,7 @@ def main(config: WhatToDriveConfig) -> None:
     summary = summarise(cases)
     write_json(folder / "numbers.json", summary)
     save(picture(cases), folder / "what_to_drive.png")
+    write_report(folder, table(summary), config)
     print(table(summary))
     print(f"results in {folder}")
 

@@ -41,13 +41,14 @@ from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_arrays, write_table, write_text
+from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import end_with_parent
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.summary import markdown, summarise, summarise_halves
+from experiments.made import write_report
 
 Array = NDArray[np.float64]
 
@@ -243,7 +244,7 @@ def main(config: InformationConfig) -> None:
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
     text = markdown(summary)
-    write_text(folder / "report.md", text)
+    write_report(folder, text, config)
     model = load_model(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
     print(text)

@@ -27,8 +27,9 @@ from drift_drake.gathering.trust import REFUSED, familiar_from, keep_familiar, s
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure, write_text
+from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.made import write_report
 
 Array = NDArray[np.float64]
 JUDGED: tuple[Population, ...] = ("held_out", "wide", "extreme")
@@ -108,7 +109,7 @@ def main(config: LaneTrust) -> None:
     limit = familiar.limit()
     numbers: dict[str, Any] = {"usual": familiar._asdict(), "limit": limit, "mean_squared_distance": found}
     write_json(folder / "numbers.json", numbers)
-    write_text(folder / "report.md", report(found, limit) + "\n")
+    write_report(folder, report(found, limit), config)
     write_figure(draw(found, limit), folder / "lane_trust.png")
     if config.keep is not None:
         keep_familiar(learnt, familiar, config.keep)

@@ -41,11 +41,13 @@ from drift_drake.model.quality import (
 from drift_drake.model.samples import concatenate, load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure
+from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
 
 Array = NDArray[np.float64]
 
 POINTS = (0, 1, 2, 5, 10, 20, 50, 100)
+REPORTED = (0, 10, 100)  # of them, in the table
 HORIZONS = (5, 20)  # steps of 0.1 s
 STATES = ("r [rad/s]", "v [m/s]", "beta [rad]", "omega_r [m/s]")
 POPULATIONS: tuple[Population, ...] = ("held_out", "wide")
@@ -132,6 +134,20 @@ def _draw_uncertainties(config: QualityConfig, model: BayesianModel, population:
     effects = draw_effects(population, config.example, config.drives_seed)
     title = f"vehicle {config.example} of the {TITLES[population]}"
     draw_uncertainties(model, {"prior": model.prior(), "100 points": after}, effects, title, file)
+
+
+def table(result: dict[str, Any], population: Population) -> str:
+    """One-step RMS errors of a population's vehicles, as Markdown."""
+    found = result[population]
+    rows = {"nominal car (RK4)": found["nominal car"]["rms"]}
+    if "fixed network" in found:
+        rows["network of the same size that never adapts"] = found["fixed network"]["rms"]
+    for name in ("Bayesian", "paper's recipe"):
+        for count in REPORTED if name in found else ():
+            rows[f"{name}, {f'after {count} points' if count else 'not adapted'}"] = found[name][str(count)]["rms"]
+    lines = [f"| {TITLES[population]} | {' | '.join(STATES)} |", "| --- " * 5 + "|"]
+    lines += [f"| {name} | {' | '.join(f'{error:.2g}' for error in errors[:4])} |" for name, errors in rows.items()]
+    return "\n".join(lines)
 
 
 def draw_errors(result: dict[str, Any], file: Path) -> None:
@@ -224,6 +240,7 @@ def main(config: QualityConfig) -> None:
     model = load_model(config.model)
     for population in POPULATIONS:
         _draw_uncertainties(config, model, population, folder / f"uncertainties_{population}.png")
+    write_report(folder, "\n\n".join(table(result, population) for population in POPULATIONS), config)
     print(folder)
 
 

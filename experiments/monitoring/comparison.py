@@ -35,6 +35,7 @@ from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, run_jobs
 from experiments.gap.cases import MANOEUVRES, drawn_deviations
+from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive
 from experiments.monitoring.peers import augmented_filters, chi_square, cumulative_sum
@@ -223,14 +224,18 @@ def run_make(command: Make) -> None:
 
 
 def run_score(command: Judge) -> None:
-    """Prints a table for each plant, and writes scores.json."""
+    """Prints a table for each plant; writes report.md and the scores."""
     scores: dict[str, dict[str, Score]] = {}
+    parts = []
     for plant in PLANTS:
         held, tuning = (read_results(command.out, plant, first, count) for first, count in
                         ((command.first, command.count), (command.tuned, command.tuned_count)))  # fmt: skip
         scores[plant] = {method: score(held, method, threshold(tuning, method)) for method in METHODS}
         some = scores[plant]["monitor"]
-        print(f"{plant}: {some.changed} drives with a change, {some.minutes:.0f} min without\n{table(scores[plant])}\n")
+        counts = f"{plant}: {some.changed} drives with a change, {some.minutes:.0f} min without"
+        parts.append(f"{counts}\n\n{table(scores[plant])}\n")
+    print(*parts, sep="\n")
+    write_report(command.out, "\n".join(parts), command)
     write_json(command.out / f"scores-{command.first:05d}.json", scores)
 
 

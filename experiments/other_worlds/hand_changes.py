@@ -22,7 +22,9 @@ from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, write_run
 from drift_drake.pictures.style import save
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
+from experiments.made import made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.changes import CHANGES
 from experiments.other_worlds.hand_scores import write_scores
@@ -188,7 +190,9 @@ def main(config: HandChanges) -> None:
     write_scores(rows, skipped, {"calibration": over_all, "calibrations": calibrations},
                  calibrations_text(over_all, calibrations), folder)  # fmt: skip
     save(draw_rows(rows), folder / "said.png")
-    print((folder / "scores.md").read_text())
+    text = f"{(folder / 'scores.md').read_text()}\n{made(config)}\n"
+    write_text(folder / "scores.md", text)
+    print(text)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ from drift_drake.identification.options import Criterion
 from drift_drake.logs.table import run_paths
 from drift_drake.pictures.style import save
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
+from experiments.made import made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.pictures import draw_rows
@@ -101,7 +103,9 @@ def main(config: Road) -> None:
             for name, world in worlds.items() for code in days_of(world)]  # fmt: skip
     done_once(config.workers, ask, asks, "day")
     score(worlds, cars, folder)
-    print((folder / "scores.md").read_text())
+    text = f"{(folder / 'scores.md').read_text()}\n{made(config)}\n"
+    write_text(folder / "scores.md", text)
+    print(text)
 
 
 if __name__ == "__main__":

@@ -29,12 +29,13 @@ from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table, write_text
+from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.executors import ExecutorConfig, run_jobs
+from experiments.made import write_report
 
 FAULTS = {  # begins after one second, in a drift
     "none": "",
@@ -207,10 +208,10 @@ def main(config: CampaignConfig) -> None:
             config.run_on, run, missing, lambda job, result: write_json(loops / f"{job.name}.json", result), "loop"
         )
     finally:
-        report(folder, jobs)
+        report(folder, jobs, config)
 
 
-def report(folder: Path, jobs: list[Job]) -> None:
+def report(folder: Path, jobs: list[Job], config: CampaignConfig) -> None:
     """Writes what the loops that are there say."""
     paths = [folder / "loops" / f"{job.name}.json" for job in jobs]
     runs = pd.DataFrame([json.loads(path.read_text()) for path in paths if is_done(path)])
@@ -220,7 +221,7 @@ def report(folder: Path, jobs: list[Job]) -> None:
     found = shares(runs)
     outcomes = ", ".join(f"{count} {name}" for name, count in runs["outcome"].value_counts().items())
     text = f"{len(runs)} loops: {outcomes}\n\n{table(found)}\n"
-    write_text(folder / "report.md", text)
+    write_report(folder, text, config)
     save(picture(found), folder / "fault_campaign.png")
     print(f"{text}\nresults in {folder}")
 

@@ -1,0 +1,46 @@
+"""report.md of a run folder: the tables, and below them when, where, by which version and command they were made."""
+
+import dataclasses
+import shlex
+import subprocess
+import sys
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from drift_drake.run_folder import machine
+from drift_drake.safe_files import write_text
+
+ROOT = Path(__file__).parents[1]
+DRAWN = ("population", "drives_seed", "vehicle_seed", "seed", "first", "count", "tuned", "tuned_count", "vehicles",
+         "noise_seeds", "loops")  # fmt: skip
+"""Fields of a config that say which vehicles and seeds were taken."""
+
+
+def write_report(folder: Path, text: str, config: Any) -> None:
+    """Writes report.md, to be pasted into a page as it is.
+
+    Args:
+        text: Markdown; config: the dataclass that the run was made from.
+    """
+    write_text(folder / "report.md", f"{text.rstrip()}\n\n{made(config)}\n")
+
+
+def made(config: Any) -> str:
+    """The sentences below the tables."""
+    given = {field.name: getattr(config, field.name) for field in dataclasses.fields(config)}
+    drawn = ", ".join(f"{name.replace('_', ' ')} {given[name]}" for name in DRAWN if name in given)
+    by = f"drift_drake {version('drift_drake')}{_commit()} on {machine()}"
+    command = shlex.join(["python", *sys.orig_argv[1:]])
+    return f"Made on {date.today().isoformat()} by {by}{': ' if drawn else ''}{drawn}.\n\n    {command}"
+
+
+def _commit() -> str:
+    """Of the clone that the experiment is run from; nothing outside of one."""
+    try:
+        words = ["git", "describe", "--always", "--dirty"]
+        found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return f" ({found.stdout.strip()})"

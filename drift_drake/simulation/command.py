@@ -12,6 +12,8 @@ from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
+MonitorPolicy = Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"]
+
 
 @dataclasses.dataclass(frozen=True)
 class ClosedLoopDrive:
@@ -40,6 +42,10 @@ class ClosedLoopDrive:
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch."""
+    monitor: MonitorPolicy = "off"
+    """Watch for changes of the car against its simulator, and what follows: nothing (watch), the named cause is taken
+    into the nominal model (correct), the lane is driven slowly (slow) until that (correct_or_slow), or the online model
+    forgets the car that it learnt (forget)."""
     out: Path | None = None
     """Folder for the results; runs/closed_loop-DATE-TIME without."""
     graph: bool = False
@@ -53,7 +59,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
 
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
-        InvalidOptionError: a fault that cannot be read, or a negative seed.
+        InvalidOptionError: a fault that cannot be read, a negative seed, or a policy that the model cannot take.
     """
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")

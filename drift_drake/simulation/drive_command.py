@@ -23,6 +23,7 @@ from drift_drake.reference.trajectory import figure_8, loops
 from drift_drake.run_folder import make_run_folder
 from drift_drake.safe_files import write_text
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.results import write_results
 from drift_drake.vehicle.double_track.cars import CARS
@@ -57,7 +58,7 @@ class ClosedLoopConfig:
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
     clock_drift, saturated (the actuator), friction_patch."""
-    monitor: Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"] = "off"
+    monitor: MonitorPolicy = "off"
     """Watch for changes of the car against its simulator (events.jsonl in the folder). correct: the controller
     takes a named effect on the motion into its model, one of a sensor off the readings (for the nominal model). slow:
     the lane is driven slowly, in grip, until the simulator is believed again; correct_or_slow: or until it is

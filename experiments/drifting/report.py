@@ -146,10 +146,10 @@ def heading(config: DriftConfig, runs: pd.DataFrame) -> str:
 
 
 def refusal_sentence(summary: dict[str, Any]) -> str:
-    """What the lane's logs foretold (`drift_drake.gathering.trust`); empty where it was not asked."""
+    """What the lane's logs said beforehand (`drift_drake.gathering.trust`); empty where it was not asked."""
     parts = [
         f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
-        f"{s['not_completed_and_not_refused']} of the others did not complete it"
+        f"{s['not_completed_and_not_refused']} of the others were not completed"
         for model, s in summary.items()
         if "refused" in s
     ]
@@ -164,7 +164,10 @@ def paper_table(summary: dict[str, Any], error: str) -> str:
         label = LABELS.get(model, model)
         header += [f"{label}, paper", "here"] if model in PAPER[error] else [label]
     lines = [header, ["---"] * len(header)]
+    several = any(entry["attempts"] > 1 for entry in summary.values())
     for row, name in enumerate(("best", "median", "worst")):
+        if not several and name != "median":
+            continue  # of one attempt all three are the same
         cells = [name]
         for model in models:
             here = f"{summary[model][f'{error}_of_attempts'][name]:.{digits}f}"
@@ -198,7 +201,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
         group = runs[runs["model"] == model]
         median = next(iter(median_runs(folder, runs, [model]).values()))
         drifted = int((group["completed"] & (group["drifting"] >= DRIFTED)).sum())
-        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} held the drift throughout"
+        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} held the drift"
         tables = [_read(folder, run) for _, run in group.iterrows()]
         panels.append(OverheadPanel(title, tables, list(group["outcome"]), median))
     write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")

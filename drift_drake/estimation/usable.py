@@ -11,7 +11,6 @@ from drift_drake.logs.table import SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
 LEAST_PART = 1.5  # [s]
-LEAST_LONGEST = 2.5  # [s] of one of them: parts that are held out and parts that are not, half a second ahead in both
 LEAST_TOTAL = 5.0  # [s] of all parts
 LONGEST_FILLED = 0.1  # [s] of bad samples in a row that are filled; a longer stretch is cut out
 LISTED = 3  # stretches of one kind that are reported one by one
@@ -82,8 +81,8 @@ def _times(run: Run, rows: np.ndarray) -> str:
 
 def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehicleParameters) -> None:
     enough = (
-        f"{LEAST_TOTAL:g} s in all, in parts of {LEAST_PART:g} s or more, one of them of {LEAST_LONGEST:g} s, forwards "
-        f"and faster than {slowest(vehicle):.2g} m/s, would be enough"
+        f"{LEAST_TOTAL:g} s in all, in parts of {LEAST_PART:g} s or more, forwards and faster than "
+        f"{slowest(vehicle):.2g} m/s, would be enough"
     )
     fastest = max(float(np.max(run.v)) for run in runs)
     if fastest < slowest(vehicle):
@@ -93,6 +92,3 @@ def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehiclePara
     total = sum(len(run) * run.period for run in kept)
     if total < LEAST_TOTAL - 1e-6:
         raise InvalidLogError(f"no run has enough to be used, {total:.3g} s in all are too little: {enough}")
-    longest = max(len(run) * run.period for run in kept)
-    if longest < LEAST_LONGEST - 1e-6:
-        raise InvalidLogError(f"no run is long enough for a part to be held out, {longest:.3g} s at most: {enough}")

@@ -15,7 +15,7 @@ from drift_drake.identification.held_out import compare, held_out_error, squares
 from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, shown_effects, widened
 from drift_drake.identification.widening import widening
-from drift_drake.logs.table import Run
+from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -25,6 +25,7 @@ STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and for
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 TWO_SIDED = 1.96
+LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are not, half a second ahead in both
 STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
 
 Progress = Callable[[str, float], None]
@@ -34,7 +35,17 @@ def identify_by_likelihood(
     runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
     names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress,
 ) -> Identification:  # fmt: skip
-    """Calibrates a car on usable runs; see `identify.identify`."""
+    """Calibrates a car on usable runs; see `identify.identify`.
+
+    Raises:
+        InvalidLogError: no run is long enough for rows to be held out.
+    """
+    longest = max(len(run) * run.period for run in runs)
+    if longest < LEAST_LONGEST - 1e-6:
+        raise InvalidLogError(
+            f"{case}: no run is long enough for a part to be held out, {longest:.3g} s at most; calibrate on runs one "
+            f"of which has {LEAST_LONGEST:g} s in a row"
+        )
     given = [name for name in CATALOGUE if getattr(effects, name) != 0.0 and name != "steering_offset"]
     asked = list(dict.fromkeys([*given, *names]))
     chosen, warnings = seen_effects(runs, shown_effects(asked, runs))

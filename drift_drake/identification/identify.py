@@ -103,10 +103,11 @@ def white_or_none(
     runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
     names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress,
 ) -> Identification | None:  # fmt: skip
-    """The car calibrated by likelihood if its innovations are then white; None if not, or if the filter fails."""
+    """The car calibrated by likelihood if its innovations are then white; None if not, if the filter fails, or if no
+    run is long enough for it."""
     try:
         found = identify_by_likelihood(runs, vehicle, effects, case, known, names, stated, tell)
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, InvalidLogError):
         return None
     return found if found.calibration.row_weight >= WHITE else None
 

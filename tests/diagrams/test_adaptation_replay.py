@@ -79,7 +79,7 @@ def test_the_command_leaves_the_posterior_and_its_numbers(model: BayesianModel, 
 
 def test_bad_logs_are_named(log: Run, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    with pytest.raises(InvalidLogError, match=r"run\.csv: no such file"):
+    with pytest.raises(InvalidLogError, match=r"run\.csv: cannot be read \(No such file"):
         read_log(path)
     write_run(log.without("beta", "tau_cmd"), path)
     with pytest.raises(InvalidLogError, match=r"run\.csv: no column beta, tau_cmd"):

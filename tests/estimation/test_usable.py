@@ -100,8 +100,6 @@ def test_too_little_is_refused_with_what_would_be_enough():
     with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 5 s in all, in parts of 1.5 s or more"):
         usable([gentle(1.5)], CAR)
     assert len(usable([gentle(2.5), gentle(2.5)], CAR)[0]) == 2
-    with pytest.raises(InvalidLogError, match=r"for a part to be held out, 2.4 s at most: .* one of them of 2.5 s"):
-        usable([gentle(2.4)] * 3, CAR)
 
 
 def test_too_slow_is_refused_with_the_speed_that_would_be_enough():

@@ -77,6 +77,9 @@ def test_bad_names_and_logs_get_one_sentence(strange_car_runs):
         identify(strange_car_runs, VehicleParameters(), names=("wind",))
     with pytest.raises(InvalidLogError, match="no run has"):
         identify([strange_car_runs[0].rows(0, 100)], VehicleParameters())
+    short = [run.rows(0, 200) for run in strange_car_runs]
+    with pytest.raises(InvalidLogError, match=r"for a part to be held out, 2 s at most; .* has 2.5 s in a row"):
+        identify(short, VehicleParameters(), criterion="likelihood")
 
 
 def test_the_report_is_one_file(identified, tmp_path):

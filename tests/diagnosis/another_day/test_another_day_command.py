@@ -63,7 +63,7 @@ def test_diagnose_names_the_cause_and_apply_writes_it(files, tmp_path, capsys):
     data = json.loads(answer.read_text())
     assert data["causes"] == ["steering_delay"]
     assert set(data["details"]["detection"]) == {"steering_delay", "gyro_bias", "friction_level"}
-    assert any("column ax is missing" in warning for warning in data["warnings"])
+    assert any("columns x, y, ax, ay are missing" in warning for warning in data["warnings"])
     html = report.read_text(encoding="utf-8")
     assert "--every 2" in html
     assert f"drift-drake apply {answer}" in html

@@ -45,7 +45,7 @@ def test_runs_and_resumes(tmp_path: Path, here: ExecutorConfig, capsys: pytest.C
     main(config(tmp_path, here))
     report = capsys.readouterr().out
     assert "| Twice-Info, adapting |" in report
-    assert "| best | 1.18 |" in report  # the paper's Once-Info
+    assert "| median | 1.31 |" in report  # the paper's Once-Info
     assert set(json.loads((tmp_path / "numbers.json").read_text())) == {"once_info", "twice_online", "nominal"}
     made = {path.name for path in tmp_path.iterdir()}
     assert {"overhead.png", "time_series.png", "runs.csv", "config.json", "versions.json", "report.md"} <= made

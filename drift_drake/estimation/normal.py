@@ -80,9 +80,9 @@ def _check_normal(normal: Normal) -> None:
     for key in ("information", "covered", "level"):
         if np.min(getattr(normal, key)) < 0.0:
             raise ValueError(f"'{key}' must be zero or more")
-    if np.linalg.eigvalsh(normal.precision)[0] <= 0.0:
-        raise ValueError("'precision' must be above zero in all directions")
     for key in ("precision", "covariance", "unknown"):
         matrix = getattr(normal, key)
-        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -ROUNDED * np.max(np.abs(matrix)):
+        least = np.linalg.eigvalsh(matrix)[0]
+        negative = least <= 0.0 if key == "precision" else least < -ROUNDED * np.max(np.abs(matrix))
+        if not np.allclose(matrix, matrix.T) or negative:
             raise ValueError(f"'{key}' must be symmetric, without negative directions")

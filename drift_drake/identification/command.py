@@ -97,10 +97,12 @@ def run_identify(command: Identify) -> None:
 def with_normal_scores(found: "Identification", folders: Sequence[Path]) -> "Calibration":
     """The calibration with what is normal for the car while it is watched, where its logs can say."""
     from drift_drake.logs.table import InvalidLogError, read_case
-    from drift_drake.monitoring.calibrated import learn_normal
+    from drift_drake.monitoring.calibrated import learn_normal_scores
 
     try:
-        scores = learn_normal([run for folder in folders for run in read_case(folder)], found.vehicle, found.effects)
+        scores = learn_normal_scores(
+            [run for folder in folders for run in read_case(folder)], found.vehicle, found.effects
+        )
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving
         return found.calibration
     return dataclasses.replace(found.calibration, watching=scores.as_data())

@@ -45,7 +45,7 @@ class NormalScores:
         }
 
 
-def learn_normal(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> NormalScores:
+def learn_normal_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> NormalScores:
     """What is normal for a car, from logs of its own.
 
     Raises:

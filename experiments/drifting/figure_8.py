@@ -14,9 +14,9 @@ import sys
 import tyro
 
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
-from experiments.drifting.report import completion_table, draw, heading, paper_table, refusal_sentence, summarise
+from experiments.drifting.report import completion_table, draw, paper_table, refusal_sentence, summarise
 from experiments.drifting.runs import REFUSALS, ModelsConfig, open_folder, reference, run_models
+from experiments.made import write_report
 
 
 def main(config: ModelsConfig) -> None:
@@ -29,12 +29,12 @@ def main(config: ModelsConfig) -> None:
     summary = summarise(runs)
     write_json(folder / "numbers.json", summary)
     report = (
-        f"{heading(config, runs)}\n\n{completion_table(summary)}\n\n{refusal_sentence(summary)}"
+        f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
         f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"
     )
-    write_text(folder / "report.md", report)
+    write_report(folder, report, config)
     draw(folder, runs, reference("figure_8"))
     print(report)
     print(f"results in {folder}")

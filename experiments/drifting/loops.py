@@ -19,9 +19,9 @@ import tyro
 
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table, write_text
+from drift_drake.safe_files import write_table
 from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
-from experiments.drifting.report import LABELS, completion_table, draw, heading, refusal_sentence, summarise
+from experiments.drifting.report import LABELS, completion_table, draw, refusal_sentence, summarise
 from experiments.drifting.runs import (
     REFUSALS,
     Model,
@@ -31,6 +31,7 @@ from experiments.drifting.runs import (
     run_models,
     run_name,
 )
+from experiments.made import write_report
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
 MAX_SIDESLIP_ERROR = 0.15  # [rad], a quarter of the drift's
@@ -121,10 +122,10 @@ def main(config: LoopsConfig) -> None:
     write_json(folder / "numbers.json", summary)
     begin, end = initiation(course)
     report = (
-        f"{heading(config, runs)}\n\n{completion_table(summary)}\n\n{refusal_sentence(summary)}"
+        f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
         f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n"
     )
-    write_text(folder / "report.md", report)
+    write_report(folder, report, config)
     draw(folder, runs, course, PICTURED)
     print(report)
     print(f"results in {folder}")

@@ -1,8 +1,7 @@
 """What is reported of closed-loop runs: numbers by model, tables beside the paper's, and pictures."""
 
 from collections.abc import Sequence
-from datetime import date
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,10 @@ import pandas as pd
 from drift_drake.pictures.overhead_panels import OverheadPanel, overhead_panels
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
-from drift_drake.run_folder import machine
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.intervals import by_vehicle, share_interval
-from experiments.drifting.runs import DriftConfig, run_name
+from experiments.drifting.runs import run_name
 
 LABELS = {
     "nominal": "nominal car",
@@ -89,7 +87,7 @@ def _errors(group: pd.DataFrame, name: str) -> dict[str, Any]:
     attempts = group.groupby("vehicle")[name]
     return {
         name: _spread(failing["ranked"]),
-        f"{name}_interval": by_vehicle(failing, "ranked", _median),
+        f"{name}_interval": by_vehicle(failing, "ranked", partial(_quantile, q=0.5)),
         f"{name}_until_the_end": _spread(group[name]),
         f"{name}_of_attempts": {
             "best": float(attempts.min().median()),
@@ -100,14 +98,12 @@ def _errors(group: pd.DataFrame, name: str) -> dict[str, Any]:
 
 
 def _spread(values: pd.Series) -> dict[str, float]:
+    return {label: _quantile(values.to_numpy(), q) for label, q in QUANTILES.items()}
+
+
+def _quantile(values: np.ndarray, q: float) -> float:
     # Where some are infinite none is interpolated: the worse of two neighbours, then.
-    whole = np.isfinite(values).all()
-    return {label: float(np.quantile(values, q, method="linear" if whole else "higher"))
-            for label, q in QUANTILES.items()}  # fmt: skip
-
-
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if np.isfinite(values).all() else float(np.quantile(values, 0.5, method="higher"))
+    return float(np.quantile(values, q, method="linear" if np.isfinite(values).all() else "higher"))
 
 
 def completion_table(summary: dict[str, Any]) -> str:
@@ -134,15 +130,6 @@ def completion_table(summary: dict[str, Any]) -> str:
 
 def _said(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
-
-
-def heading(config: DriftConfig, runs: pd.DataFrame) -> str:
-    """Which vehicles and runs, when they were made, by which version and where, as Markdown."""
-    return (
-        f"{runs['vehicle'].nunique()} vehicles of the population '{config.population}', draw {config.vehicle_seed}, "
-        f"from number {config.first}; {len(runs)} runs of {runs['model'].nunique()} models. "
-        f"Reported on {date.today().isoformat()} by drift_drake {version('drift_drake')} on {machine()}."
-    )
 
 
 def refusal_sentence(summary: dict[str, Any]) -> str:

@@ -18,6 +18,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def stages(config: BuildConfig) -> list[Stage]:
         options = tables | {"output": output, "time_limit": UNLIMITED, "seed": config.seed, "threads": config.workers}
         run_train(Train(TrainingConfig(**(options | changes)), recipe))
 
-    out = [Stage("drives", drive), Stage("plain", lambda: trained(plain, "windows", epochs=config.plain_epochs))]
+    out = [Stage("drives", drive), Stage("plain", partial(trained, plain, "windows", epochs=config.plain_epochs))]
     before = plain
     for k in range(config.rounds):
         lane = lane_drives.LaneDrivesConfig(config.seed, k, 0, config.train, config.validation, before, config.workers,
@@ -94,8 +95,8 @@ def stages(config: BuildConfig) -> list[Stage]:
         later = {"epochs": config.later_epochs, "start": before, "learning_rate": 1e-3, "decay": 0.9925}
         model = config.output / f"model_{k}.npz"
         out += [
-            Stage(f"lane_{k}", lambda lane=lane: lane_drives.main(lane)),  # type: ignore[misc]
-            Stage(f"model_{k}", lambda model=model, how=later if k else first: trained(model, **how)),  # type: ignore[misc]
+            Stage(f"lane_{k}", partial(lane_drives.main, lane)),
+            Stage(f"model_{k}", partial(trained, model, **(later if k else first))),
         ]
         before = model
     return [*out, Stage("quality", lambda: write_json(config.output / "quality.json", compared(config, before)))]

@@ -11,7 +11,7 @@ from drift_drake.logs.table import InvalidLogError, Run, write_run
 from drift_drake.monitoring.calibrated import (
     InvalidNormalScoresError,
     calibrated_monitor,
-    learn_normal,
+    learn_normal_scores,
     read_normal_scores,
 )
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
@@ -29,7 +29,7 @@ def drive(seed: int) -> Run:
 
 @pytest.fixture(scope="module")
 def scores():
-    return learn_normal([drive(3), drive(4)], VEHICLE, Effects())
+    return learn_normal_scores([drive(3), drive(4)], VEHICLE, Effects())
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,34 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext, SpawnProcess
 
 ENDED_WITH_PARENT = 1  # exit code of a worker
+
+
+class _Worker(SpawnProcess):
+    """Ctrl-C, which reaches all processes of a terminal, is left to the parent to answer, once for all.
+
+    Blocked from before the process starts: it imports for a second before it can say for itself what it does with it.
+    """
+
+    def start(self) -> None:
+        resource_tracker.ensure_running()  # as the first start would, which then undoes the mask
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Spawning(SpawnContext):
+    Process = _Worker  # type: ignore[assignment]
+
+
+SPAWNING = _Spawning()
+"""How workers are started, in pools of `multiprocessing` too."""
 
 
 @contextmanager
@@ -19,10 +44,9 @@ def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     They end at once if the block raises (Ctrl-C included) or if this process ends, by a signal too. Not forked: a fork
     would copy Drake's, BLAS's and other threads in whatever state they are.
     """
-    context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    watched, held = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent, initargs=(watched,))
+    watched, held = SPAWNING.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(count, mp_context=SPAWNING, initializer=end_with_parent, initargs=(watched,))
     try:
         with held:  # closed before the pool waits for its workers, if the block raises
             yield pool
@@ -37,11 +61,7 @@ def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 
 def end_with_parent(*held: Connection) -> None:
-    """What a worker begins with: it ends once the process that started it has ended, or closed one of the pipes given.
-
-    Ctrl-C, which reaches all processes of a terminal, is left to the parent to answer.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """What a worker begins with: it ends when the process that started it does, or closes one of the pipes given."""
     parent = multiprocessing.parent_process()
     watched: list[Connection | int] = [*held, *([parent.sentinel] if parent is not None else [])]
 

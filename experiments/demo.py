@@ -9,7 +9,6 @@ chance, whose truth is read for the page's last section alone.
 import dataclasses
 import json
 import logging
-import multiprocessing
 import time
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import end_with_parent
+from drift_drake.workers import SPAWNING, end_with_parent
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
@@ -119,7 +118,7 @@ def main(config: DemoConfig) -> None:
     drifts: dict[str, DriveResult] = {}
     with (
         tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,
-        multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent) as pool,
+        SPAWNING.Pool(config.workers, end_with_parent) as pool,
     ):
         diagnosing = pool.apply_async(diagnosed, (config.log,))  # the longest job comes first
         rounds = gathering(config, learnt, bar)

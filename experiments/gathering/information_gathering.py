@@ -10,7 +10,6 @@ has seen nothing. Broken off, the experiment goes on with the vehicles that are 
 
 import dataclasses
 import json
-import multiprocessing
 import os
 import sys
 import time
@@ -44,7 +43,7 @@ from drift_drake.run_folder import is_done, make_run_folder, write_json, write_v
 from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import end_with_parent
+from drift_drake.workers import SPAWNING, end_with_parent
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.summary import markdown, summarise, summarise_halves
@@ -235,7 +234,7 @@ def main(config: InformationConfig) -> None:
     indices = range(config.first, config.first + config.vehicles)
     jobs = [(config, shared, folder, index) for index in indices]
     # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
-    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=5) as pool:
+    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=5) as pool:
         for _ in tqdm(pool.imap_unordered(run_vehicle, jobs), total=len(jobs), unit="vehicle"):
             pass
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]

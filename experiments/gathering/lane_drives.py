@@ -13,7 +13,6 @@ rounds after the first are planned by the checkpoint that the rounds before have
 
 import dataclasses
 import json
-import multiprocessing
 import sys
 from pathlib import Path
 
@@ -35,7 +34,7 @@ from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import end_with_parent
+from drift_drake.workers import SPAWNING, end_with_parent
 from experiments.model.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
@@ -177,7 +176,7 @@ def main(config: LaneDrivesConfig) -> None:
         ("train", range(config.first, config.train)),
         ("validation", range(config.validation)),
     ]
-    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=25) as pool:
+    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=25) as pool:
         jobs = [(config, index) for index in range(PLANS)]
         plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
         runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [

@@ -11,7 +11,6 @@ without the first sample of each drive. Broken off, it goes on with the vehicle 
 
 import dataclasses
 import json
-import multiprocessing
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ from drift_drake.safe_files import write_text
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import end_with_parent
+from drift_drake.workers import SPAWNING, end_with_parent
 
 Array = NDArray[np.float64]
 
@@ -82,7 +81,7 @@ def main(config: DrivesConfig) -> None:
         for index in range(getattr(config, population))
     ]
     # Drake keeps Python systems for ever, so a worker is replaced after a few vehicles.
-    with multiprocessing.get_context("spawn").Pool(config.workers, end_with_parent, maxtasksperchild=4) as pool:
+    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=4) as pool:
         for _ in tqdm(pool.imap_unordered(_drive_vehicle, jobs), total=len(jobs), unit="vehicle"):
             pass
     summary: dict[str, Any] = {"config": dataclasses.asdict(config) | {"output": config.output.name}}

@@ -1,8 +1,8 @@
 """Long commands ended at random moments, by kill -9 and by Ctrl-C, then given again: the same results to the bit.
 
-    python -m experiments.robustness.interruptions --count 200
+    python -m experiments.robustness.interruptions --count 80
 
-Each command is first run through undisturbed. Then, in a fresh folder, it is ended at a random moment, once or twice,
+Each command is first run through undisturbed. Then, in a fresh folder, it is ended at random moments, up to four times,
 and given again until it ends by itself; every number that it wrote must be that of the undisturbed run, times and dates
 aside. Ctrl-C, which reaches all of a command's processes as at a terminal, must be answered in one line. Broken off,
 it goes on where it was (give --out).
@@ -33,6 +33,7 @@ from drift_drake.safe_files import write_table
 from drift_drake.unfinished import PARTIAL
 from experiments.robustness.long_commands import COMMANDS
 
+MOST_OFTEN = 4  # interruptions of one attempt
 PATIENCE = 120.0  # [s] beyond which a command that was interrupted hangs
 OF_TIME = ("second", "_ms_", "late_solves", "date", "made", "spent")  # in names of numbers that no run repeats
 NOT_RESULTS = ("versions.json", "summary.json", "config.json", "report.md")
@@ -42,7 +43,8 @@ NOT_RESULTS = ("versions.json", "summary.json", "config.json", "report.md")
 class InterruptionsConfig:
     """How often, and what."""
 
-    count: int = 200
+    count: int = 80
+    """Attempts; each is interrupted up to four times."""
     commands: tuple[str, ...] = tuple(COMMANDS)
     seed: int = 0
     out: Path | None = None
@@ -90,9 +92,9 @@ def _of_time(name: str) -> bool:
 
 @contextlib.contextmanager
 def begun(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Python in a session of its own, as at a terminal of its own; all that it says goes to a file."""
-    with log.open("wb") as file:
-        process = subprocess.Popen([sys.executable, *arguments], stdout=file, stderr=file, start_new_session=True)
+    """Python in a session of its own, as at a terminal of its own; standard error goes to a file."""
+    with log.open("wb") as file, log.with_suffix(".out").open("wb") as out:
+        process = subprocess.Popen([sys.executable, *arguments], stdout=out, stderr=file, start_new_session=True)
     try:
         yield process
     finally:
@@ -102,18 +104,19 @@ def begun(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def interrupted(arguments: list[str], number: signal.Signals, moment: float, log: Path) -> dict[str, Any]:
-    """Ends a command `moment` [s] after its start: what it said of it, and whether it had ended before."""
-    start = time.monotonic()
+    """Ends a command `moment` [s] after its start: what it said from then on, and whether it had ended before."""
+    start, before = time.monotonic(), 0
     with begun(arguments, log) as process:
         try:
             process.wait(moment)
         except subprocess.TimeoutExpired:
+            before = log.stat().st_size
             (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
         try:
             code = process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             return {"hangs": True, "said": "", "code": None, "seconds": PATIENCE}
-    return {"hangs": False, "said": last_lines(log), "code": code, "seconds": time.monotonic() - start}
+    return {"hangs": False, "said": last_lines(log, before), "code": code, "seconds": time.monotonic() - start}
 
 
 def answered(end: dict[str, Any]) -> bool:
@@ -123,29 +126,33 @@ def answered(end: dict[str, Any]) -> bool:
     return end["code"] == 0 or not begun_already or (len(lines) == 1 and "interrupted" in lines[0])
 
 
-def last_lines(log: Path) -> str:
-    """What a command said, its progress bars left out."""
-    lines = log.read_text(errors="replace").replace("\r", "\n").splitlines()
+def last_lines(log: Path, start: int = 0) -> str:
+    """What a command said on standard error from a byte on, its progress bars left out."""
+    lines = log.read_bytes()[start:].decode(errors="replace").replace("\r", "\n").splitlines()
     return "\n".join(line for line in lines if line.strip() and "%|" not in line and "it/s" not in line)
 
 
 def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], duration: float,
             generator: np.random.Generator) -> dict[str, Any]:  # fmt: skip
-    """One command in a fresh folder, ended once or twice and then given again."""
+    """One command in a fresh folder, ended a few times and then given again."""
     folder.mkdir(parents=True)
-    out, log = folder / "out", folder / "log.txt"
+    out = folder / "out"
     out.mkdir()
     COMMANDS[name].begin(inputs, out)
     arguments = COMMANDS[name].arguments(inputs, out)
     ends = []
-    for _ in range(int(generator.integers(1, 3))):
+    for k in range(int(generator.integers(1, MOST_OFTEN + 1))):
         number = signal.SIGINT if generator.random() < 0.5 else signal.SIGKILL
         moment = float(generator.uniform(0.0, duration))
-        end = interrupted(arguments, number, moment, log)
+        # A file each: what a killed command's helpers still say is not of the next one.
+        end = interrupted(arguments, number, moment, folder / f"end_{k}.log")
         ends.append(
             {"signal": number.name, "moment": moment, "one_line": number == signal.SIGKILL or answered(end)} | end
         )
+        if end["code"] == 0:
+            break
         time.sleep(0.2)  # workers end with the process that started them
+    log = folder / "resumed.log"
     with begun(arguments, log) as process:
         code = process.wait()
     same, left = results(out) == wanted, len(list(out.rglob(f"{PARTIAL}*")))

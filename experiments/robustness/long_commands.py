@@ -16,7 +16,7 @@ from experiments.gap.cases import Truth, make_case
 
 FEW = ("rear_stiffness_error", "mass_error")  # effects that a diagnosis considers
 CASES = 3
-ONE_STEP_EACH = ("--control.period", "0.04", "--control.delay", "0.04", "--control.horizon", "8")
+ONE_STEP_EACH = ("--control.period", "0.1", "--control.delay", "0.1", "--control.horizon", "8")
 
 
 def _nothing(*_: Path) -> None:
@@ -95,8 +95,8 @@ COMMANDS = {
     ),
     "campaign": LongCommand(
         lambda _, out: [
-            "-m", "experiments.robustness.fault_campaign", "--loops", "6", "--vehicles", "1", "--models", "nominal",
-            "--distance", "15", "--out", str(out),
+            "-m", "experiments.robustness.fault_campaign", "--loops", "4", "--vehicles", "1", "--models", "nominal",
+            "--distance", "8", "--out", str(out),
         ]
     ),
     "identify": LongCommand(

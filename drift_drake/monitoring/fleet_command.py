@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import tyro
 
 from drift_drake.errors import InvalidOptionError
+from drift_drake.executors import ExecutorConfig, make_executor
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, run_paths
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
-from drift_drake.workers import worker_processes
 
 if TYPE_CHECKING:
     from drift_drake.monitoring import fleet
@@ -39,6 +39,8 @@ class Fleet:
     """Where to draw it: cars by effects (PNG)."""
     workers: int = 2
     """Processes."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler (tcp://HOST:8786) whose workers do the work and see the same logs."""
 
 
 def run_fleet(command: Fleet) -> None:
@@ -46,7 +48,7 @@ def run_fleet(command: Fleet) -> None:
 
     Raises:
         InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-        InvalidOptionError: no workers.
+        InvalidOptionError: no workers; NoClusterError: no scheduler answers, or Dask is not installed.
     """
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
@@ -62,10 +64,11 @@ def run_fleet(command: Fleet) -> None:
     used = shared_columns(folders)
     if left := [name for name in WATCHED if name not in used]:
         print(f"left out, since not every run has it: {', '.join(left)}", file=sys.stderr)
-    if command.workers == 1:
+    if command.workers == 1 and command.scheduler is None:
         days = days_of(folders, vehicle, own, used)
     else:
-        with worker_processes(command.workers) as pool:
+        here = command.scheduler is None
+        with make_executor(ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)) as pool:
             days = days_of(folders, vehicle, own, used, pool)
     found = compared(problem_of(vehicle, own, used), days)
     print("\n".join(lines(found)), file=said_to(command.json))

@@ -31,6 +31,7 @@ import tyro
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population
+from drift_drake.executors import run_jobs
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
@@ -52,7 +53,6 @@ from experiments.drifting.runs import (
     reference,
     run_drives,
 )
-from experiments.executors import run_jobs
 from experiments.gathering.beliefs import Attempt
 from experiments.made import write_report
 

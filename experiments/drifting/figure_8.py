@@ -5,7 +5,7 @@
     python -m experiments.drifting.figure_8 --models prior online twice_online --noise-seeds 1 --out runs/online
 
 The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `drifting.runs` for
-the models, `experiments.executors` for clusters. Written: config.json, runs.csv, numbers.json, report.md (the paper's
+the models, `drift_drake.executors` for clusters. Written: config.json, runs.csv, numbers.json, report.md (the paper's
 Tables II and III beside ours), time_series.png, overhead.png. Broken off, it goes on where it was (give --out).
 """
 

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from scipy.stats import beta
 
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.executors import run_jobs
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import TIME_STEP
 from drift_drake.model.checkpoint import BayesianModel, load_model
@@ -41,7 +42,6 @@ from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder, reference
-from experiments.executors import run_jobs
 from experiments.made import write_report
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]

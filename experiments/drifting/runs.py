@@ -21,6 +21,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
+from drift_drake.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
 from drift_drake.gathering.plan import InfeasiblePlanError
 from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import familiar_to
@@ -35,7 +36,6 @@ from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.drives.dataset import samples_from_log
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
@@ -19,7 +20,6 @@ from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, run_jobs
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 

@@ -20,6 +20,7 @@ import tyro
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run, make_run
 from drift_drake.model.adapter import KEPT, BayesianAdapter
 from drift_drake.model.checkpoint import load_model
@@ -38,7 +39,6 @@ from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, run_jobs
 from experiments.gap.score import wilson
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]

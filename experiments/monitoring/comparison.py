@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import tyro
 
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
@@ -33,7 +34,6 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, run_jobs
 from experiments.gap.cases import MANOEUVRES, drawn_deviations
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator

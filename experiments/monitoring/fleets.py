@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from drift_drake.executors import ExecutorConfig, make_executor
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.fleet import FleetFindings, compared
 from drift_drake.monitoring.fleet_command import day_folders, lines
@@ -21,7 +22,6 @@ from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_column
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, make_executor
 from experiments.gap.cases import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 

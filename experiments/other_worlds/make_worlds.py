@@ -19,9 +19,9 @@ from typing import Annotated
 
 import tyro
 
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.double_track.cars import CARS
-from experiments.executors import ExecutorConfig, run_jobs
 from experiments.other_worlds.double_track import RANGE, Days
 from experiments.other_worlds.double_track import main as make_days
 

@@ -23,6 +23,7 @@ from scipy.stats import binomtest
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.errors import DriftDrakeError
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
@@ -34,7 +35,6 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.executors import ExecutorConfig, run_jobs
 from experiments.made import write_report
 
 FAULTS = {  # begins after one second, in a drift

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from drift_drake.executors import ExecutorConfig
 from experiments.drifting import runs as drift_runs
-from experiments.executors import ExecutorConfig
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drift_drake.executors import ExecutorConfig
 from drift_drake.gathering.plan import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
@@ -13,7 +14,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting import ablations
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.ablations import AblationsConfig, main, variants
-from experiments.executors import ExecutorConfig
 
 
 def test_each_row_changes_one_thing() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
 from drift_drake.gathering.plan import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
@@ -15,7 +16,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import ModelsConfig, OtherExperimentError
-from experiments.executors import ExecutorConfig, NoClusterError, make_executor
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
 SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)

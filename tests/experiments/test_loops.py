@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.executors import ExecutorConfig
 from drift_drake.reference.trajectory import Reference, loops
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -20,7 +21,6 @@ from experiments.drifting.loops import (
     main,
     summarise_loops,
 )
-from experiments.executors import ExecutorConfig
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drift_drake.executors import ExecutorConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting import out_of_distribution
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.out_of_distribution import GROUPS, DetectionConfig, alarm_time, judge, main, share
-from experiments.executors import ExecutorConfig
 
 
 def test_the_first_alarm_is_when_the_window_first_exceeds_the_threshold() -> None:

@@ -105,3 +105,16 @@ def test_what_all_cars_have_hides_no_cars_own():
     alone, beside = fleet({}, weak, {}), fleet({"aero_drag": 4.0}, weak, {})
     for found in (alone, beside):
         assert ("car_3", "torque_gain_error") in {(term.owner, term.effect) for term in found.terms}
+
+
+def test_a_cluster_finds_what_one_process_finds(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="an extra: pip install drift_drake[cluster]")
+    run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=3.0)
+    for car in "ab":
+        write_run(run, tmp_path / "fleet" / car / "run_0.csv")
+    VehicleParameters().to_yaml(tmp_path / "car.yaml")
+    command = ["fleet", str(tmp_path / "fleet"), "--vehicle", str(tmp_path / "car.yaml"), "--json"]
+    assert main([*command, str(tmp_path / "here.json"), "--workers", "1"]) == 0
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        assert main([*command, str(tmp_path / "there.json"), "--scheduler", cluster.scheduler_address]) == 0
+    assert (tmp_path / "there.json").read_bytes() == (tmp_path / "here.json").read_bytes()

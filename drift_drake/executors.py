@@ -1,13 +1,13 @@
-"""Where an experiment's jobs run: this machine's cores, or a cluster's.
+"""Where a long command's jobs run: this machine's cores, or a cluster's.
 
-Either way an experiment sees a `concurrent.futures.Executor`. The cluster's engine is dask.distributed, an extra:
+Either way the command sees a `concurrent.futures.Executor`. The cluster's engine is dask.distributed, an extra:
 
     pip install "drift_drake[cluster]"
     dask scheduler                                                 # on one machine
     dask worker tcp://SCHEDULER:8786 --nworkers -1 --nthreads 1    # on each machine, in the repository's root
     python -m experiments.drifting.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
 
-Jobs and results travel as messages and the experiment's own process writes all files, so machines share no disk.
+Jobs and results travel as messages and the command's own process writes all files, so machines share no disk.
 """
 
 import concurrent.futures

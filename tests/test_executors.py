@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from experiments.executors import ExecutorConfig, JobsFailedError, run_jobs
+from drift_drake.executors import ExecutorConfig, JobsFailedError, run_jobs
 
 
 def square(number: float) -> tuple[float, int]:

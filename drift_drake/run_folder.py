@@ -14,7 +14,7 @@ import numpy as np
 
 from drift_drake.safe_files import write_text
 
-PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "piqp", "matplotlib")
+PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
 
 
 def make_run_folder(name: str, out: Path | None = None) -> Path:

@@ -29,9 +29,9 @@ class SolveStatistics(NamedTuple):
     dual_residual: float
     step: float  # of the last line search; 0 when it failed
     iterations: float  # SQP iterations
-    qp_iterations: float  # OSQP's, of all QPs together
-    qp_fallbacks: float  # QPs that went to the interior-point method
-    qp_unsolved: float  # QPs that neither method solved
+    qp_iterations: float  # of all QPs together
+    qp_fallbacks: float  # QPs that took a second attempt
+    qp_unsolved: float  # QPs that no attempt solved
     slack: float  # [m] the largest planned excursion from the lane
     failed: float  # 1 if this solve failed
     failures: float  # solves that failed since the start
@@ -178,7 +178,7 @@ def _statistics(result: SqpResult, slack: float) -> SolveStatistics:
         step=iterations[-1].step,
         iterations=float(len(iterations)),
         qp_iterations=float(sum(iteration.qp_iterations for iteration in iterations)),
-        qp_fallbacks=float(sum(iteration.interior_iterations > 0 for iteration in iterations)),
+        qp_fallbacks=float(sum(iteration.second_attempt for iteration in iterations)),
         qp_unsolved=float(sum(iteration.qp_status != "solved" for iteration in iterations)),
         slack=slack,
         failed=0.0,

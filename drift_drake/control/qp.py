@@ -1,14 +1,14 @@
-"""The quadratic programs of the SQP: a MathematicalProgram's linear-quadratic part, and one persistent OSQP workspace.
+"""The quadratic programs of the SQP: a MathematicalProgram's linear-quadratic part, and one persistent workspace.
 
 The workspace has a fixed sparsity; each subproblem updates numbers only. The program's variables are of order one, so
 OSQP's own scaling is off. Its step length rho is fixed and the start is given with each solve, so that a solution
-depends on nothing but its arguments and a run replays to the bit. Where OSQP stops at its limit of iterations, an
-interior-point method may solve the QP instead, which bounds the time that a QP takes.
+depends on nothing but its arguments and a run replays to the bit.
 """
 
+import dataclasses
 import time
 import warnings
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import osqp
@@ -16,10 +16,12 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
-from drift_drake.control.interior_point import InteriorPointSolver
+from drift_drake.control.interior_point import FIRST_ATTEMPT
 from drift_drake.control.stacked import StackedDynamics
+from drift_drake.control.stagewise_qp import StagewiseQp
 
 Array = NDArray[np.float64]
+QpMethod = Literal["osqp", "osqp then stagewise", "stagewise"]
 
 
 class LinearQuadraticPart:
@@ -84,14 +86,27 @@ class QpSolution(NamedTuple):
     z: Array
     y: Array
     status: str  # in OSQP's words
-    iterations: int  # OSQP's
-    interior_iterations: int = 0  # of the interior-point method, where that was called
+    iterations: int
+    second_attempt: bool = False  # the first method, or its first start, did not solve it
     cpu: float = 0.0  # [s] of CPU time; with the wall times the one number that does not replay
 
     @property
     def usable(self) -> bool:
         """Whether the iterate may serve as a search direction: solved, or stopped early with a finite iterate."""
         return self.status.startswith(("solved", "maximum iterations")) and bool(np.isfinite(self.z).all())
+
+
+@dataclasses.dataclass(frozen=True)
+class QpOptions:
+    """How QPs are solved; tolerances are in the program's scaled variables."""
+
+    method: QpMethod = "osqp"
+    tolerance: float = 1e-9  # OSQP's
+    max_iterations: int = 20000  # OSQP's
+    polish: bool = True
+    rho: float = 0.1
+    feasible: bool = False  # every QP is known to have a feasible point
+    interior_tolerance: float = 1e-9  # of the interior-point method
 
 
 class BlockHessian:
@@ -124,22 +139,14 @@ class BlockHessian:
 class QpWorkspace:
     """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the numbers of both change from call to call.
 
-    Starts with the Hessian P of the given stage blocks [N, n+4, n+4]. `feasible`: each QP is known to have a feasible
-    point. `fallback`: a QP at which OSQP stops at `max_iterations` goes to the interior-point method.
+    Two methods: OSQP, and an interior-point method that uses the stages of an OCP. With `method` "osqp then stagewise"
+    a QP that OSQP does not solve in its iterations goes to the other.
     """
 
     def __init__(
-        self,
-        linear_quadratic: LinearQuadraticPart,
-        dynamics: StackedDynamics,
-        blocks: Array,
-        tolerance: float,
-        max_iterations: int,
-        polish: bool,
-        rho: float,
-        feasible: bool = False,
-        fallback: bool = False,
+        self, linear_quadratic: LinearQuadraticPart, dynamics: StackedDynamics, blocks: Array, options: QpOptions
     ) -> None:
+        """Starts with the Hessian P of the given stage blocks [N, n+4, n+4]."""
         rows, columns = dynamics.sparsity()
         self.dynamics_rows = dynamics.size
         count = rows.size
@@ -158,70 +165,77 @@ class QpWorkspace:
         entries.data = np.where(self._order < count, 1.0, self._values[self._order])
         self._matrix = entries
         self.hessian = BlockHessian(dynamics.layout.block_columns, linear_quadratic.size)
+        self._stagewise = None
+        if "stagewise" in options.method:
+            layout = dynamics.layout
+            self._stagewise = StagewiseQp(layout.horizon, layout.state_size, blocks, options.interior_tolerance)
+            assert self._stagewise.row_count == entries.shape[0], "a program with other rows than an OCP's"
+        self._solver = None
+        if "osqp" in options.method:
+            self._solver = self._osqp(linear_quadratic, blocks, options)
+
+    def _osqp(self, linear_quadratic: LinearQuadraticPart, blocks: Array, options: QpOptions) -> osqp.OSQP:
         _, _, low, high = linear_quadratic.data()
-        zeros = np.zeros(dynamics.size)
-        low, high = np.concatenate([zeros, low]), np.concatenate([zeros, high])
-        upper = self.hessian.matrix(blocks)
-        self._fallback = InteriorPointSolver(upper, entries, low, high) if fallback else None
-        self._solver = osqp.OSQP()
-        self._solver.setup(
-            upper,
+        zeros = np.zeros(self.dynamics_rows)
+        solver = osqp.OSQP()
+        solver.setup(
+            self.hessian.matrix(blocks),
             np.zeros(linear_quadratic.size),
-            entries,
-            low,
-            high,
+            self._matrix,
+            np.concatenate([zeros, low]),
+            np.concatenate([zeros, high]),
             verbose=False,
             scaling=0,
-            rho=rho,
+            rho=options.rho,
             adaptive_rho=False,
-            eps_abs=tolerance,
-            eps_rel=tolerance,
-            max_iter=max_iterations,
-            polishing=polish,
+            eps_abs=options.tolerance,
+            eps_rel=options.tolerance,
+            max_iter=options.max_iterations,
+            polishing=options.polish,
             check_termination=10,
             # Slow convergence can pass for a certificate of infeasibility: not looked for where there can be none.
-            eps_prim_inf=1e-12 if feasible else 1e-4,
+            eps_prim_inf=1e-12 if options.feasible else 1e-4,
         )
+        return solver
 
     def set_jacobian(self, jacobian: Array) -> sparse.csc_matrix:
         """Takes the dynamics' Jacobian entries and returns the matrix [dynamics; linear rows]."""
         self._values[: self._count] = jacobian
         self._matrix.data = self._values[self._order]
+        if self._stagewise is not None:
+            self._stagewise.set_jacobian(jacobian)
         return self._matrix
 
     def set_hessian(self, blocks: Array) -> None:
         """Takes the Hessian as the sum of positive semidefinite stage blocks [N, n+4, n+4]."""
-        values = self.hessian.values(blocks)
-        self._solver.update(Px=values)
-        if self._fallback:
-            self._fallback.hessian.data = values
+        if self._solver is not None:
+            self._solver.update(Px=self.hessian.values(blocks))
+        if self._stagewise is not None:
+            self._stagewise.set_hessian(blocks)
 
     def solve(self, gradient: Array, low: Array, high: Array, z: Array, y: Array, interior: bool = False) -> QpSolution:
-        """Solves with the Jacobian last set, the given gradient at zero and row bounds, OSQP starting from (z, y).
+        """Solves with the Jacobian last set, the given gradient at zero and row bounds, from (z, y).
 
-        With `interior` the interior-point method goes first, where there is one; what the one does not solve, the other
-        may. Where neither does, the iterate is OSQP's.
+        With `interior` OSQP is not tried, where there is the other method. What neither solves has OSQP's iterate.
         """
         start = time.thread_time()
         arguments = gradient, low, high
-        if self._fallback is None:
+        if self._solver is None:
+            solution = self._interior(*arguments, z)
+        elif self._stagewise is None:
             solution = self._first_order(*arguments, z, y)
         elif interior:
-            solution = self._interior(*arguments)
-            if solution.status != "solved":
-                tried, solution = solution, self._first_order(*arguments, z, y)
-                solution = solution._replace(interior_iterations=tried.interior_iterations)
+            solution = self._interior(*arguments, z)._replace(second_attempt=True)
         else:
-            solution = self._first_order(*arguments, z, y)
-            if solution.status != "solved":
-                first, solution = solution, self._interior(*arguments)
-                if solution.status == "solved":
-                    solution = solution._replace(iterations=first.iterations)
-                else:
-                    solution = first._replace(interior_iterations=solution.interior_iterations)
+            first = solution = self._first_order(*arguments, z, y)
+            if first.status != "solved":
+                other = self._interior(*arguments, z)
+                solution = other if other.status == "solved" else first
+                solution = solution._replace(iterations=first.iterations + other.iterations, second_attempt=True)
         return solution._replace(cpu=time.thread_time() - start)
 
     def _first_order(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
+        assert self._solver is not None
         self._solver.update(Ax=self._matrix.data, q=gradient, l=low, u=high)
         self._solver.warm_start(x=z, y=y)
         with warnings.catch_warnings():
@@ -229,7 +243,8 @@ class QpWorkspace:
             result = self._solver.solve(raise_error=False)
         return QpSolution(np.array(result.x), np.array(result.y), result.info.status, int(result.info.iter))
 
-    def _interior(self, gradient: Array, low: Array, high: Array) -> QpSolution:
-        assert self._fallback is not None
-        z, y, solved, count = self._fallback.solve(self._matrix.data, gradient, low, high)
-        return QpSolution(z, y, "solved" if solved else "maximum iterations reached", 0, count)
+    def _interior(self, gradient: Array, low: Array, high: Array, z: Array) -> QpSolution:
+        assert self._stagewise is not None
+        z, y, solved, count = self._stagewise.solve(gradient, low, high, z)
+        status = "solved" if solved else "maximum iterations reached"
+        return QpSolution(z, y, status, count, count > FIRST_ATTEMPT)

@@ -1,4 +1,4 @@
-"""Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by OSQP.
+"""Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by `qp`.
 
 Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
 Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.qp import LinearQuadraticPart, QpSolution, QpWorkspace
+from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
 
@@ -26,12 +26,7 @@ class SqpOptions:
 
     max_iterations: int = 300  # one or more
     tolerance: float = 1e-6  # on the primal and dual residuals, to call a point converged
-    qp_tolerance: float = 1e-9
-    qp_max_iterations: int = 20000
-    qp_polish: bool = True
-    qp_rho: float = 0.1
-    qp_feasible: bool = False  # every QP is known to have a feasible point
-    qp_fallback: bool = False  # an interior-point method solves those at which OSQP stops at its limit of iterations
+    qp: QpOptions = dataclasses.field(default_factory=QpOptions)
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
     exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
     defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
@@ -40,25 +35,20 @@ class SqpOptions:
     min_step: float = 1e-4
 
     @classmethod
-    def real_time(cls, iterations: int = 2) -> "SqpOptions":
+    def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
         """One Gauss-Newton iteration, and up to `iterations` where the dynamics' defect asks for more.
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
         tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`).
 
-        `qp_rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took thousands
-        of OSQP's iterations. The controller's lane is soft, so each of its QPs has a feasible point.
+        OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
+        thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.
         """
         return cls(
             max_iterations=iterations,
             tolerance=0.0,
-            qp_tolerance=1e-4,
-            qp_max_iterations=30,
-            qp_polish=False,
-            qp_rho=1.0,
-            qp_feasible=True,
-            qp_fallback=True,
+            qp=QpOptions(method, 1e-4, 30, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-6),
             gauss_newton=True,
             exact_merit=True,
             defect_tolerance=0.01,
@@ -75,7 +65,7 @@ class SqpIteration(NamedTuple):
     penalty: float
     qp_status: str
     qp_iterations: int
-    interior_iterations: int  # 0 where OSQP solved the QP
+    second_attempt: bool  # at the QP: see `QpSolution`
     qp_cpu: float  # [s]
     seconds: float  # wall time of the whole iteration
 
@@ -84,7 +74,7 @@ class SqpResult(NamedTuple):
     """A solve's outcome.
 
     `status` is "converged", "feasible" (the dynamics' defect is within its tolerance), "iterations" (all were used),
-    "line search failed", "qp failed: (OSQP's words)", or "not finite" where the model has no finite value at the start.
+    "line search failed", "qp failed: (its status)", or "not finite" where the model has no finite value at the start.
     """
 
     z: Array
@@ -116,7 +106,7 @@ class _Point(NamedTuple):
 
 
 class LineSearchSqp:
-    """A solver bound to one program: holds the OSQP workspace and nothing that a later result depends on."""
+    """A solver bound to one program: holds the QPs' workspace and nothing that a later result depends on."""
 
     def __init__(self, problem: OptimalControlProblem, options: SqpOptions | None = None) -> None:
         self.options = options or SqpOptions()
@@ -129,12 +119,7 @@ class LineSearchSqp:
             self._part,
             problem.dynamics,
             self._stage_hessian,
-            self.options.qp_tolerance,
-            self.options.qp_max_iterations,
-            self.options.qp_polish,
-            self.options.qp_rho,
-            self.options.qp_feasible,
-            self.options.qp_fallback,
+            self.options.qp,
         )
         self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
 
@@ -179,7 +164,7 @@ class LineSearchSqp:
             violation = _violation(residual, linear, low, high)
             point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
             # Where OSQP was too slow once, it will be again.
-            interior = bool(iterations) and iterations[-1].interior_iterations > 0
+            interior = bool(iterations) and iterations[-1].second_attempt
             step, z, y, residual, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
             iterations.append(

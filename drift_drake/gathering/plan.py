@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.information import InformationCost
@@ -16,6 +17,7 @@ from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.posterior import Posterior, weighed
 from drift_drake.model.quality import step_model
+from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
@@ -72,6 +74,7 @@ class Trajectory(NamedTuple):
     status: str
 
 
+@one_blas_thread()
 def plan_drive(
     model: BayesianModel,
     belief: Posterior,
@@ -93,9 +96,7 @@ def plan_drive(
     options = SqpOptions(
         max_iterations=config.max_iterations,
         tolerance=config.tolerance,
-        qp_tolerance=1e-7,
-        qp_max_iterations=1000,
-        qp_rho=QP_RHO,
+        qp=QpOptions(tolerance=1e-7, max_iterations=1000, rho=QP_RHO),
     )
     solver = LineSearchSqp(problem, options)
     straight = problem.GetInitialGuess(problem.decision_variables())

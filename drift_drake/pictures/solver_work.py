@@ -16,8 +16,8 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
     """Draws the solver's time and iterations over a run, and how solve times are spread; counts are in the legends.
 
     Args:
-        statistics: a table with t [s], seconds, iterations (of the SQP), qp_iterations (OSQP's), qp_fallbacks and
-            qp_unsolved (QPs that went to the interior-point method, that no method solved) and failed (0 or 1), a row
+        statistics: a table with t [s], seconds, iterations (of the SQP), qp_iterations, qp_fallbacks and
+            qp_unsolved (QPs that took a second attempt, that none solved) and failed (0 or 1), a row
             each solve; rows of no seconds (before the first solve) are left out.
         period: [s] between solves: the time that a solve must stay below; longer ones are late.
         title: of the picture.
@@ -65,13 +65,13 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
 
 
 def _draw_iterations(axes: Axes, statistics: pd.DataFrame) -> None:
-    """Iterations of the SQP over the run; colours tell which method solved the QPs."""
+    """Iterations of the SQP over the run; colours tell how their QPs were solved."""
     t, count, fallbacks, unsolved = (
         statistics[name].to_numpy(dtype=float) for name in ("t", "iterations", "qp_fallbacks", "qp_unsolved")
     )
     for label, chosen, color in (
-        ("OSQP", (fallbacks == 0.0) & (unsolved == 0.0), RUNS[2]),
-        ("interior point", (fallbacks > 0.0) & (unsolved == 0.0), RUNS[1]),
+        ("QPs solved", (fallbacks == 0.0) & (unsolved == 0.0), RUNS[2]),
+        ("second attempt", (fallbacks > 0.0) & (unsolved == 0.0), RUNS[1]),
         ("unsolved", unsolved > 0.0, BOUND),
     ):
         if chosen.any():

@@ -15,6 +15,7 @@ from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.own_controller import Controller, ControllerSystem
 from drift_drake.control.plan import DT
+from drift_drake.control.qp import QpMethod
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.step_model import StepModel
 from drift_drake.errors import one_line
@@ -37,6 +38,7 @@ from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.safe_stop import SafeStop
 from drift_drake.simulation.screening import Screen
 from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
+from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -56,6 +58,7 @@ class ControlConfig:
     horizon: int = 25  # N, steps of 0.1 s
     period: float = 0.01  # [s] between plans
     delay: float = 0.01  # [s] from a measurement until its plan is in force
+    qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     screening: bool = True  # of readings, by what a car can do and by what the model predicts
@@ -173,7 +176,7 @@ class ClosedLoop:
         assert learners.model is not None
         return MpcController(
             learners.model, self.parameters, self.reference, control.horizon, control.weights,
-            SqpOptions.real_time(control.iterations), control.period, control.delay, self.initial_command,
+            SqpOptions.real_time(control.iterations, control.qp), control.period, control.delay, self.initial_command,
             theta_size=learners.theta_size or effects_size, tightening=learners.tightening,
         )  # fmt: skip
 
@@ -215,6 +218,7 @@ class ClosedLoop:
     def _stopping(self, root: Context) -> bool:
         return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
 
+    @one_blas_thread()
     def run(
         self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None
     ) -> "ClosedLoopRun":

@@ -32,8 +32,8 @@ class RunMetrics:
     solver_failures: int
     line_search_failures: int
     sqp_iterations: float  # per solve, in the mean
-    qp_fallbacks: int  # QPs that went to the interior-point method
-    unsolved_qps: int  # that neither method solved
+    qp_fallbacks: int  # QPs that took a second attempt
+    unsolved_qps: int  # that no attempt solved
     late_solves: int  # that took longer than the control period
     solve_ms_median: float
     solve_ms_99: float

@@ -1,4 +1,4 @@
-"""The SQP's quadratic programs: what OSQP is told of them, and the interior-point method behind it."""
+"""The SQP's quadratic programs: what OSQP is told of them, and the interior-point method beside it."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 from control_problems import ocp_data
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.qp import LinearQuadraticPart, QpSolution, QpWorkspace
+from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -24,7 +24,8 @@ def far_away(feasible: bool) -> QpSolution:
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)
     part = LinearQuadraticPart(problem)
     blocks = np.tile(problem.stage_hessian(), (HORIZON, 1, 1))
-    workspace = QpWorkspace(part, problem.dynamics, blocks, 1e-6, 400, False, 1.0, feasible)
+    options = QpOptions("osqp", 1e-6, 400, polish=False, rho=1.0, feasible=feasible)
+    workspace = QpWorkspace(part, problem.dynamics, blocks, options)
     rows, columns = problem.dynamics.sparsity()
     following = problem.layout.state_size + rows  # the place of x_{k+1} in the row of its own equation
     workspace.set_jacobian(np.where(columns == following, -1.0 / FAR, 0.0))
@@ -45,13 +46,14 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
     assert solution.z[: 6 * (HORIZON + 1)].min() < -1.0  # on its way
 
 
-def workspace(reference: Reference) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
+def workspace(reference: Reference, method: QpMethod) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
     """A workspace whose OSQP is cut off at once, and QPs' arguments (first the Jacobian) at places of a reference."""
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, LENGTH)
     part = LinearQuadraticPart(problem)
     blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
-    qps = QpWorkspace(part, problem.dynamics, blocks, 1e-4, 1, False, 1.0, True, True)
+    qps = QpWorkspace(part, problem.dynamics, blocks, QpOptions(method, 1e-4, 1, polish=False, rho=1.0, feasible=True,
+                                                            interior_tolerance=1e-7))  # fmt: skip
     arguments = []
     for s in (20.0, 40.0, 70.0):
         data = ocp_data(reference, s, LENGTH, np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05]))  # outside the lane
@@ -70,16 +72,18 @@ def solve(qps: QpWorkspace, arguments: tuple[Any, ...], interior: bool = False) 
     return qps.solve(*arguments[1:], interior)
 
 
-@pytest.mark.parametrize("interior", [False, True])
+@pytest.mark.parametrize(
+    ("method", "interior"), [("stagewise", False), ("osqp then stagewise", False), ("osqp then stagewise", True)]
+)
 def test_the_interior_point_method_meets_the_optimality_conditions(
-    references: dict[str, Reference], interior: bool
+    references: dict[str, Reference], method: QpMethod, interior: bool
 ) -> None:
     """Karush, Kuhn and Tucker's, with OSQP's signs of the multipliers."""
-    qps, problems = workspace(references["figure_8"])
+    qps, problems = workspace(references["figure_8"], method)
     for arguments in problems:
         found = solve(qps, arguments, interior)
-        assert (found.status, found.iterations) == ("solved", 0 if interior else 1)
-        assert 0 < found.interior_iterations < 40
+        assert found.status == "solved"
+        assert method == "stagewise" or found.second_attempt
         matrix = qps.set_jacobian(arguments[0])
         gradient, low, high = arguments[1:4]
         rows = matrix @ found.z
@@ -94,7 +98,7 @@ def test_the_interior_point_method_meets_the_optimality_conditions(
 
 
 def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Reference]) -> None:
-    qps, problems = workspace(references["figure_8"])
+    qps, problems = workspace(references["figure_8"], "osqp then stagewise")
     first = [solve(qps, arguments) for arguments in problems]
     for index in (2, 0, 0, 1, 2, 1):
         again = solve(qps, problems[index])
@@ -103,8 +107,8 @@ def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Refe
 
 
 def test_a_qp_without_a_solution_stays_unsolved(references: dict[str, Reference]) -> None:
-    qps, problems = workspace(references["figure_8"])
+    qps, problems = workspace(references["figure_8"], "stagewise")
     jacobian, gradient, low, high, *start = problems[0]
-    low[0] = high[0] = 1.0  # of a row without entries
-    for interior in (False, True):
-        assert solve(qps, (0.0 * jacobian, gradient, low, high, *start), interior).status != "solved"
+    inputs = slice(-3 * LENGTH, -LENGTH)
+    low[inputs], high[inputs] = 1.0, -1.0
+    assert solve(qps, (jacobian, gradient, low, high, *start)).status != "solved"

@@ -25,6 +25,7 @@ from drift_drake.control.discrimination import (
 from drift_drake.control.effects_step import BEYOND, EffectsStepModel
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
+from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answers.answer import Answer, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
@@ -232,8 +233,8 @@ def solve(
     data = data._replace(x_init=np.concatenate([start, *memories]))
     problem.set(data)
     options = SqpOptions(
-        max_iterations=config.max_iterations, tolerance=1e-3, qp_tolerance=1e-5, qp_max_iterations=1000,
-        qp_polish=False, qp_rho=QP_RHO, gauss_newton=True,
+        max_iterations=config.max_iterations, tolerance=1e-3, gauss_newton=True,
+        qp=QpOptions(tolerance=1e-5, max_iterations=1000, polish=False, rho=QP_RHO),
     )  # fmt: skip
     solver = LineSearchSqp(problem, options)
     rng = np.random.default_rng(0)

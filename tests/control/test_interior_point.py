@@ -1,0 +1,158 @@
+"""The interior-point method's Newton steps against dense linear algebra, and its solutions against OSQP's."""
+
+import numpy as np
+import osqp
+import pytest
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from drift_drake.control.interior_point import STARTS
+from drift_drake.control.riccati import costates, factorise, substitute
+from drift_drake.control.stagewise_qp import StagewiseProblem, StagewiseQp, solve_stagewise
+
+Array = NDArray[np.float64]
+STATES = 6
+
+
+def random_problem(rng: np.random.Generator, horizon: int, width: float = 1.0, bound: float = 0.5) -> StagewiseProblem:
+    """A problem with unstable dynamics; `width`: of the lane, `bound`: of the inputs."""
+    size = STATES + 4
+    factor = rng.normal(size=(horizon, size, size))
+    f = np.concatenate([np.eye(STATES) + 0.1 * rng.normal(size=(horizon, STATES, STATES)),
+                        0.3 * rng.normal(size=(horizon, STATES, 4))], axis=2)  # fmt: skip
+    lane = np.stack([np.full(horizon, -width), np.full(horizon, width)], axis=1)
+    return StagewiseProblem(
+        f, factor @ np.swapaxes(factor, 1, 2) / size, rng.normal(size=(horizon + 1, STATES)),
+        rng.normal(size=(horizon + 1, 2)), np.full(horizon, 3.0), 0.1 * rng.normal(size=(horizon, STATES)),
+        np.full((horizon, 2), -bound), np.full((horizon, 2), bound), lane,
+    )  # fmt: skip
+
+
+def dense(problem: StagewiseProblem) -> tuple[Array, Array, Array]:
+    """(Hessian, gradient, dynamics' Jacobian) in the decision vector (x_0..x_N, u_0..u_N, slack)."""
+    horizon = len(problem.f)
+    states, inputs = STATES * (horizon + 1), 2 * (horizon + 1)
+    total = states + inputs + horizon
+    hessian, jacobian = np.zeros((total, total)), np.zeros((STATES * horizon, total))
+    for k in range(horizon):
+        columns = np.r_[STATES * k : STATES * (k + 1), states + 2 * k : states + 2 * k + 4]
+        hessian[np.ix_(columns, columns)] += problem.hessian[k]
+        rows = np.arange(STATES * k, STATES * (k + 1))
+        jacobian[np.ix_(rows, columns)] = problem.f[k]
+        jacobian[rows, rows + STATES] = -1.0
+    return hessian, np.concatenate([problem.gradient_x.ravel(), problem.gradient_u.ravel(), problem.penalty]), jacobian
+
+
+def by_osqp(problem: StagewiseProblem, x_init: Array, u_init: Array) -> tuple[Array, Array]:
+    """(decision vector, multipliers) with rows in the order of an OCP's."""
+    horizon = len(problem.f)
+    states, inputs = STATES * (horizon + 1), 2 * (horizon + 1)
+    hessian, gradient, jacobian = dense(problem)
+    eye = np.eye(gradient.size)
+    lateral, slack = eye[STATES + 4 : states : STATES], eye[states + inputs :]
+    inner = lateral + slack, lateral - slack
+    rows = np.concatenate([jacobian, *inner, eye[:STATES], eye[states : states + inputs], slack])
+    far = np.full(horizon, np.inf)
+    low = [problem.target.ravel(), problem.lane[:, 0], -far, x_init, u_init, problem.u_low.ravel(), np.zeros(horizon)]
+    high = [problem.target.ravel(), far, problem.lane[:, 1], x_init, u_init, problem.u_high.ravel(), far]
+    solver = osqp.OSQP()
+    solver.setup(
+        sparse.csc_matrix(np.triu(hessian)), gradient, sparse.csc_matrix(rows), np.concatenate(low),
+        np.concatenate(high), verbose=False, eps_abs=1e-9, eps_rel=1e-9, max_iter=100000, polishing=True,
+    )  # fmt: skip
+    result = solver.solve(raise_error=True)
+    return np.array(result.x), np.array(result.y)
+
+
+def flat(x: Array, u: Array, slack: Array) -> Array:
+    return np.concatenate([x.ravel(), u.ravel(), slack])
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 9])
+def test_the_recursion_solves_the_newton_system(horizon: int) -> None:
+    rng = np.random.default_rng(horizon)
+    problem = random_problem(rng, horizon)
+    linear, end = rng.normal(size=(horizon, STATES + 4)), rng.normal(size=STATES + 2)
+    curvature, barrier = rng.uniform(0.0, 5.0, (horizon, 3)), rng.normal(size=(horizon, 3))
+    defect = rng.normal(size=(horizon, STATES))
+    size = STATES + 2
+    p, gain, inverse = np.empty((horizon + 1, size, size)), np.empty((horizon, 2, size)), np.empty((horizon, 3))
+    q, ahead, step = np.empty((horizon + 1, size)), np.empty((horizon, 2)), np.empty((horizon + 1, size))
+    assert factorise(problem.f, problem.hessian, curvature, p, gain, inverse)
+    substitute(problem.f, linear, end, barrier, defect, p, gain, inverse, q, ahead, step)
+    out = np.empty_like(step)
+    costates(p, q, step, out)
+
+    hessian, _, jacobian = dense(problem)
+    states, count = STATES * (horizon + 1), (STATES + 2) * (horizon + 1)
+    hessian, jacobian = hessian[:count, :count], jacobian[:, :count]
+    gradient = np.zeros(count)
+    for k in range(horizon):
+        columns = np.r_[STATES * k : STATES * (k + 1), states + 2 * k : states + 2 * k + 4]
+        gradient[columns] += linear[k]
+        after = np.r_[STATES * (k + 1) + 4, states + 2 * k + 2, states + 2 * k + 3]
+        hessian[after, after] += curvature[k]
+        gradient[after] += barrier[k]
+    gradient[np.r_[states - STATES : states, count - 2 : count]] += end
+    first = np.r_[:STATES, states : states + 2]
+    fixed = np.eye(count)[first]
+    whole = np.block([[hessian, np.vstack([jacobian, fixed]).T],
+                      [np.vstack([jacobian, fixed]), np.zeros((len(jacobian) + len(fixed),) * 2)]])  # fmt: skip
+    answer = np.linalg.solve(whole, np.concatenate([-gradient, -defect.ravel(), np.zeros(len(fixed))]))
+    np.testing.assert_allclose(flat(step[:, :STATES], step[:, STATES:], np.empty(0)), answer[:count], atol=1e-8)
+    np.testing.assert_allclose(out[1:, :STATES].ravel(), answer[count : count + len(jacobian)], atol=1e-7)
+
+
+def test_a_stage_that_is_not_convex_is_refused() -> None:
+    problem = random_problem(np.random.default_rng(0), 3)
+    hessian = problem.hessian.copy()
+    hessian[2] = -np.eye(STATES + 4)
+    found = solve_stagewise(problem._replace(hessian=hessian), np.zeros((4, STATES)), np.zeros((4, 2)), 1e-6)
+    assert not found.solved
+
+
+@pytest.mark.parametrize(("width", "bound"), [(100.0, 100.0), (0.3, 0.2), (0.01, 0.05), (np.inf, 0.5)])
+def test_agrees_with_osqp(width: float, bound: float) -> None:
+    """Bounds that hold nowhere, at most stages, a narrow lane, and none."""
+    rng = np.random.default_rng(3)
+    for horizon in (1, 5, 12):
+        problem = random_problem(rng, horizon, width, bound)
+        x, u = rng.normal(size=(horizon + 1, STATES)), rng.normal(size=(horizon + 1, 2))
+        found = solve_stagewise(problem, x, u, 1e-9)
+        assert found.solved
+        z, y = by_osqp(problem, x[0], u[0])
+        mine = flat(found.x, found.u, found.slack)
+        hessian, gradient, _ = dense(problem)
+        np.testing.assert_allclose(mine, z, atol=1e-5)
+        assert 0.5 * mine @ hessian @ mine + gradient @ mine == pytest.approx(
+            0.5 * z @ hessian @ z + gradient @ z, rel=1e-7, abs=1e-7
+        )
+        low = [problem.target.ravel(), problem.lane[:, 0], np.full(horizon, -np.inf), x[0], u[0],
+               problem.u_low.ravel(), np.zeros(horizon)]  # fmt: skip
+        high = [problem.target.ravel(), np.full(horizon, np.inf), problem.lane[:, 1], x[0], u[0],
+                problem.u_high.ravel(), np.full(horizon, np.inf)]  # fmt: skip
+        qp = StagewiseQp(horizon, STATES, problem.hessian, 1e-9)
+        qp.set_jacobian(np.append(problem.f.ravel(), np.full(STATES * horizon, -1.0)))
+        by_rows = qp.solve(gradient, np.concatenate(low), np.concatenate(high), flat(x, u, np.zeros(horizon)))
+        np.testing.assert_array_equal(by_rows[0], mine)
+        np.testing.assert_allclose(by_rows[1], y, atol=1e-4)
+
+
+def test_every_problem_is_solved_in_few_iterations() -> None:
+    """From near and from far off, with bounds that hold nowhere and ones that hold nearly everywhere."""
+    rng = np.random.default_rng(5)
+    counts = []
+    for _ in range(100):
+        problem = random_problem(rng, 25, *10.0 ** rng.uniform(-3.0, 1.0, 2))
+        size = 10.0 ** rng.uniform(-2.0, 2.0)
+        found = solve_stagewise(problem, size * rng.normal(size=(26, STATES)), size * rng.normal(size=(26, 2)), 1e-6)
+        assert found.solved
+        counts.append(found.iterations)
+    assert np.median(counts) <= 25
+    assert max(counts) < sum(limit for *_, limit in STARTS)
+
+
+def test_numbers_that_are_not_finite_are_not_solved() -> None:
+    problem = random_problem(np.random.default_rng(0), 3)
+    for changed in (problem._replace(f=problem.f * np.nan), problem._replace(target=problem.target + np.inf)):
+        assert not solve_stagewise(changed, np.zeros((4, STATES)), np.zeros((4, 2)), 1e-6).solved

@@ -5,6 +5,7 @@ when its command is given, and imports in turn what is slow to import once its o
 """
 
 import difflib
+import os
 import signal
 import sys
 import textwrap
@@ -17,6 +18,7 @@ from drift_drake.errors import DriftDrakeError, InvalidOptionError, one_line, sh
 from drift_drake.interruption import ENDS, TerminatedError, ended_at_once, terminable
 
 BAD_INPUT = 2  # exit code for input that cannot be used
+NOT_READ = 141  # where standard output is closed by its reader, as of other programs in a shell
 
 
 class Command(NamedTuple):
@@ -60,10 +62,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with terminable():
-            return _run(words)
+            code = _run(words)
+            sys.stdout.flush()
+            return code
     except DriftDrakeError as error:
         print(f"drift-drake: {one_line(error)}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # `| head` has read what it wanted; nothing more can be said, not even at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return NOT_READ
     except OSError as error:  # a path that the system refuses: too long a name, a folder that may not be read
         if error.filename is None:
             raise

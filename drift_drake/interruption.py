@@ -36,6 +36,16 @@ def terminable() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def ctrl_c_waits() -> Iterator[None]:
+    """Within the block Ctrl-C waits for the block's end; threads and processes that it begins never see it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
 def ended_at_once(name: str = "drift-drake") -> Iterator[None]:
     """Within the block, which must have begun nothing, Ctrl-C and SIGTERM end the process in one line.
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.cli import BAD_INPUT, COMMANDS, main
+from drift_drake.cli import BAD_INPUT, COMMANDS, NOT_READ, main
 from drift_drake.diagnosis.answers import apply
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -229,6 +229,21 @@ def test_signals_end_in_one_line(tmp_path, vehicle_path, capsys, monkeypatch, en
     assert says in error
     assert error.count("\n") == 1
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_a_reader_who_stops_reading_is_no_error():
+    command = [sys.executable, "-m", "drift_drake", "effects"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait() == NOT_READ
+    process.stderr.close()
+
+
+def test_a_drive_replaces_no_files(tmp_path, capsys):
+    (tmp_path / "numbers.json").write_text("{}")
+    assert main(["drive", "figure_8", "--out", str(tmp_path)]) == BAD_INPUT
+    assert "holds files already; give a new folder" in capsys.readouterr().err
 
 
 def test_a_full_disk_keeps_the_vehicle_file(tmp_path, vehicle_path, capsys, monkeypatch):

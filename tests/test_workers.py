@@ -12,7 +12,7 @@ import pytest
 
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import worker_processes
+from drift_drake.workers import SPAWNING, worker_processes
 from experiments.gap.cases import Truth, make_case
 
 PARENT = """
@@ -107,6 +107,19 @@ def test_a_diagnosis_of_a_folder_leaves_no_worker(tmp_path: Path, number: signal
     finally:
         parent.kill()
         parent.wait()
+
+
+def ctrl_c_is_blocked() -> bool:
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_workers_never_see_ctrl_c() -> None:
+    with worker_processes(1) as executor:
+        assert executor.submit(ctrl_c_is_blocked).result()
+    with SPAWNING.Pool(1, maxtasksperchild=1) as pool:
+        assert pool.apply(ctrl_c_is_blocked)
+        assert pool.apply(ctrl_c_is_blocked)  # by the next process
+    assert not ctrl_c_is_blocked()
 
 
 def test_the_pool_works_and_ends() -> None:

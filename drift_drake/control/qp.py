@@ -19,6 +19,7 @@ from pydrake.solvers import MathematicalProgram
 from drift_drake.control.interior_point import FIRST_ATTEMPT
 from drift_drake.control.stacked import StackedDynamics
 from drift_drake.control.stagewise_qp import StagewiseQp
+from drift_drake.interruption import ctrl_c_waits
 
 Array = NDArray[np.float64]
 QpMethod = Literal["osqp", "osqp then stagewise", "stagewise"]
@@ -238,9 +239,12 @@ class QpWorkspace:
         assert self._solver is not None
         self._solver.update(Ax=self._matrix.data, q=gradient, l=low, u=high)
         self._solver.warm_start(x=z, y=y)
-        with warnings.catch_warnings():
+        # OSQP answers Ctrl-C itself: with a line of its own, and as a QP that cannot be solved.
+        with warnings.catch_warnings(), ctrl_c_waits():
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             result = self._solver.solve(raise_error=False)
+        if result.info.status_val == osqp.SolverStatus.OSQP_SIGINT:  # another thread was given it
+            raise KeyboardInterrupt
         return QpSolution(np.array(result.x), np.array(result.y), result.info.status, int(result.info.iter))
 
     def _interior(self, gradient: Array, low: Array, high: Array, z: Array) -> QpSolution:

@@ -10,6 +10,7 @@ import tyro
 
 from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
+from drift_drake.digits import significant
 from drift_drake.errors import unit_suffix
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
@@ -21,6 +22,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, wr
 
 if TYPE_CHECKING:
     from drift_drake.identification.calibration import Calibration, Identification, Parameter
+    from drift_drake.logs.table import Run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,12 +71,13 @@ def run_identify(command: Identify) -> None:
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.estimation.filter import filter_run
-        from drift_drake.identification.identify import identify_folders
+        from drift_drake.identification.identify import identify, read_days
     say_if_it_compiles(filter_run, "the filter")
+    days = read_days(command.logs)
     with progress_bar(command.quiet) as show:
-        found = identify_folders(
-            command.logs, vehicle, effects, known=command.known, names=command.effects, progress=show,
-            criterion=command.criterion, tolerances=stated_tolerances(command.vehicle),
+        found = identify(
+            days.runs, vehicle, effects, days.case, command.known, command.effects, days.stated, show,
+            command.criterion, stated_tolerances(command.vehicle),
         )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
     if found.calibration.held_out.ratio > 1.0 and not command.force:
@@ -83,7 +86,7 @@ def run_identify(command: Identify) -> None:
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
     if command.json is not None:
-        write_results(command.json, with_normal_scores(found, command.logs))
+        write_results(command.json, with_normal_scores(found, days.runs))
     if command.report is not None:
         from drift_drake.identification.report import write_report  # plotly is slow to import
         from drift_drake.pages.page import Source
@@ -91,18 +94,17 @@ def run_identify(command: Identify) -> None:
         said = command_line("identify", command, "logs")
         calibration = None if command.json == STANDARD_OUTPUT else command.json
         vehicle_file = command.out or command.vehicle
-        write_report(found, command.report, Source(said, None, vehicle_file, calibration))
+        folder = command.logs[0] if len(command.logs) == 1 else None  # of several, the command says which
+        write_report(found, command.report, Source(said, folder, vehicle_file, calibration))
 
 
-def with_normal_scores(found: "Identification", folders: Sequence[Path]) -> "Calibration":
+def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":
     """The calibration with what is normal for the car while it is watched, where its logs can say."""
-    from drift_drake.logs.table import InvalidLogError, read_case
+    from drift_drake.logs.table import InvalidLogError
     from drift_drake.monitoring.calibrated import learn_normal_scores
 
     try:
-        scores = learn_normal_scores(
-            [run for folder in folders for run in read_case(folder)], found.vehicle, found.effects
-        )
+        scores = learn_normal_scores(runs, found.vehicle, found.effects)
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving
         return found.calibration
     return dataclasses.replace(found.calibration, watching=scores.as_data())
@@ -135,4 +137,5 @@ def row(p: "Parameter") -> str:
     """Estimate, interval and first guess of one parameter."""
     unit = unit_suffix(p.unit)
     note = ", held by its tolerance" if p.kind == "known" else ""
-    return f"{p.estimate:.4g}{unit} (95 %: {p.low:.4g} to {p.high:.4g}; first guess {p.start:.4g}{note})"
+    estimate, low, high, start = (significant(value, 4) for value in (p.estimate, p.low, p.high, p.start))
+    return f"{estimate}{unit} (95 %: {low} to {high}; first guess {start}{note})"

@@ -8,7 +8,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -172,10 +172,16 @@ def worse_states(found: PredictionFit) -> list[str]:
             for state, before, after in pairs if after > 1.1 * before]  # fmt: skip
 
 
-def identify_folders(
-    folders: Sequence[str | Path], vehicle: VehicleParameters, effects: Effects, **options: Any
-) -> Identification:
-    """Calibrates on case folders (`logs.table.read_case`), one for each day, with the noise that imports stated."""
+class Days(NamedTuple):
+    """Runs of all case folders, one for each day, with the noise that imports stated, and a name for them together."""
+
+    runs: list[Run]
+    stated: dict[str, float]
+    case: str
+
+
+def read_days(folders: Sequence[str | Path]) -> Days:
+    """Reads case folders (`logs.table.read_case`); runs of several days have their folder's name before their own."""
     runs, noise = [], dict[str, list[float]]()
     for folder in folders:
         day = read_case(folder)
@@ -184,5 +190,4 @@ def identify_folders(
         for name, level in stated_noise(folder).items():
             noise.setdefault(name, []).append(level)
     stated = {name: float(np.median(levels)) for name, levels in noise.items()}
-    case = "+".join(Path(folder).resolve().name for folder in folders)
-    return identify(runs, vehicle, effects, case=case, stated=stated, **options)
+    return Days(runs, stated, "+".join(Path(folder).resolve().name for folder in folders))

@@ -9,11 +9,13 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.subplots import make_subplots
 
+from drift_drake.digits import significant
 from drift_drake.pictures.style import CARS, INK, REFERENCE
 
 Array = np.ndarray
 
 GRID = "#e6e6e6"
+VEIL = "rgba(255,255,255,0.8)"  # behind a word that lies on lines
 NORMAL = "#b5b5b5"  # what is normal for a car
 TALL, LOW = 150, 80  # [px] of a panel of values, and of one of what is left over
 FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
@@ -64,7 +66,9 @@ def stacked(panels: Sequence[Panel], x_title: str, events: Mapping[str, float] |
         _draw(figure, panel, row, 1)
     for name, x in (events or {}).items():
         figure.add_vline(x, line={"color": INK, "width": 1, "dash": "dot"})
-        figure.add_annotation(x=x, y=1.0, yref="y domain", text=name, showarrow=False, xanchor="left", yanchor="top")
+        figure.add_annotation(
+            x=x, y=1.0, yref="y domain", text=name, showarrow=False, xanchor="left", yanchor="top", bgcolor=VEIL,
+        )  # fmt: skip
     figure.update_xaxes(title_text=x_title, row=len(panels), col=1)
     return finished(figure, total)
 
@@ -151,7 +155,7 @@ def _log_axis(drawn: Sequence[Array], at_points: bool = False) -> dict[str, Any]
         ticks = ticks[(ticks > 0.8 * low) & (ticks < 1.25 * high)]
     if not len(ticks):
         ticks = np.array([low, high])
-    return {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:.2g}" for tick in ticks]}
+    return {"type": "log", "tickvals": ticks, "ticktext": [significant(tick, 2) for tick in ticks]}
 
 
 def _short(values: Array) -> Array:

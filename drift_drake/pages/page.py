@@ -12,6 +12,7 @@ import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from drift_drake.digits import significant
 from drift_drake.pictures.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
@@ -28,6 +29,7 @@ GLOSSARY = {
     "ambiguity set": "the hypotheses that together hold 95 % of the probability",
     "innovation": "measured less predicted one row ahead, in standard deviations: white noise of size one where the "
     "model is right",
+    "free-form forces": "forces and moments beside the car, any function of its state: what no catalogue is needed for",
     "held out": "of parts of the runs that were not used to fit what they judge",
     "nat": "unit of log evidence: three nats make one hypothesis twenty times as probable as another",
     "detection limit": "the least magnitude of an effect that would be named with 95 % probability from these logs",
@@ -83,6 +85,7 @@ def page_html(template: Path, words: tuple[str, ...], **values: Any) -> str:
     """
     loader = jinja2.FileSystemLoader([template.parent, FOLDER])
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["significant"] = significant
     environment.globals |= {
         "versions": versions(),
         "glossary": {word: GLOSSARY[word] for word in words},

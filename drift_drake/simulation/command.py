@@ -6,7 +6,7 @@ from typing import Literal
 
 import tyro
 
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.interruption import ended_at_once
 from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import said_to, write_results
@@ -47,7 +47,7 @@ class ClosedLoopDrive:
     into the nominal model (correct), the lane is driven slowly (slow) until that (correct_or_slow), or the online model
     forgets the car that it learnt (forget)."""
     out: Path | None = None
-    """Folder for the results; runs/closed_loop-DATE-TIME without."""
+    """New folder for the results; runs/closed_loop-DATE-TIME without."""
     graph: bool = False
     """Only draw the block diagram; needs the extra `graph`."""
     json: Path | None = None
@@ -60,6 +60,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
         InvalidOptionError: a fault that cannot be read, a negative seed, or a policy that the model cannot take.
+        OutputError: the folder holds files already, or cannot be written to.
     """
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
@@ -68,6 +69,8 @@ def run_drive(command: ClosedLoopDrive) -> None:
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
     if command.out is not None:
         try_folder(command.out, "--out")
+        if any(not path.name.startswith(".") for path in command.out.iterdir()):
+            raise OutputError(f"--out {command.out}: holds files already; give a new folder")
     with ended_at_once():
         from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 

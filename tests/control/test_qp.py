@@ -1,8 +1,10 @@
 """The SQP's quadratic programs: what OSQP is told of them, and the interior-point method beside it."""
 
+import signal
 from typing import Any
 
 import numpy as np
+import osqp
 import pytest
 from control_problems import ocp_data
 
@@ -44,6 +46,25 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
     assert solution.status == "maximum iterations reached"
     assert solution.usable
     assert solution.z[: 6 * (HORIZON + 1)].min() < -1.0  # on its way
+
+
+def test_ctrl_c_during_a_qp_is_not_osqps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would take it for itself, say so, and leave the QP unsolved."""
+    told, solve = [], osqp.OSQP.solve
+
+    def solving(self: osqp.OSQP, **options: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        result = solve(self, **options)
+        told.append(result.info.status)
+        return result
+
+    monkeypatch.setattr(osqp.OSQP, "solve", solving)
+    before = signal.signal(signal.SIGINT, lambda *_: told.append("Ctrl-C"))
+    try:
+        far_away(feasible=True)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert told == ["maximum iterations reached", "Ctrl-C"]
 
 
 def workspace(reference: Reference, method: QpMethod) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from drift_drake.digits import significant
 from drift_drake.errors import DriftDrakeError, shown, unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.plain_files import number, parse_json, read_text
@@ -15,6 +16,8 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
+IMPLAUSIBLE = 3.0  # tolerances
+MOST_STRETCHED = 3  # deviations that a sentence names
 LEAST_SAID = 0.005  # share of errors that rounds to a percent
 VERDICTS = ("effect", "none", "unknown")
 
@@ -96,7 +99,7 @@ class Answer:
         limits = self.details.get("detection", {})
         shown = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is not None]
         blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
-        parts = [f"{name} {limits[name]['least']:.2g}{_unit(name)}" for name in shown]
+        parts = [f"{name} {significant(limits[name]['least'], 2)}{_unit(name)}" for name in shown]
         would = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
         ends = f"{', but no' if would else ' These logs cannot show'} {', '.join(blind)}." if blind else "."
         return f"{self._unfamiliar()}{would}{ends}" if would or blind else self._unfamiliar()
@@ -115,8 +118,14 @@ class Answer:
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
         if not causes:
             return f" No known cause comes near; free-form forces remove {free} {where}."
-        near, removes = " and ".join(causes), _removed(found.get("removes"))
+        near, removes = " and ".join(causes) + self._stretched(), _removed(found.get("removes"))
         return f" The nearest known hypothesis, {near}, removes {removes} {where}; free-form forces remove {free}."
+
+    def _stretched(self) -> str:
+        """Deviations from the vehicle file, far beyond what it allows, without which a hypothesis is not near."""
+        far = {name: n for name, n in self.tolerances.items() if abs(n) > IMPLAUSIBLE}
+        worst = sorted(far, key=lambda name: -abs(far[name]))[:MOST_STRETCHED]
+        return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
 
 
 def without_rivals(answer: Answer) -> str:
@@ -137,7 +146,7 @@ def _removed(share: float | None) -> str:
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     """A cause with its magnitude and interval, in words; one at the end of what is believed possible is a bound."""
     unit = _unit(name)
-    numbers = [f"{q:.{significant_digits(m)}g}" for q in (m.estimate, m.low, m.high)]
+    numbers = [significant(q, significant_digits(m)) for q in (m.estimate, m.low, m.high)]
     if at_least:
         # A rate limit acts the more the lower it is.
         return f"{name} of {numbers[0]}{unit} at {'most' if name == 'steering_rate_limit' else 'least'}"

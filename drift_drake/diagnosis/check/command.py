@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
+from drift_drake.digits import significant
 from drift_drake.errors import InvalidOptionError, unit_suffix
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_name
@@ -145,17 +146,20 @@ def sentences(checked: Checked) -> list[str]:
 def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     """What the logs would show, what they could not, and what to drive for that."""
     from drift_drake.diagnosis.shared.manoeuvres import shown_by
+    from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 
     if not detection:
         return []
     shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}
     blind = [name for name in detection if name not in shown]
-    parts = [f"{name} {limit['least']:.2g}{_unit(name)}" for name, limit in shown.items()]
+    parts = [f"{name} {significant(limit['least'], 2)}{_unit(name)}" for name, limit in shown.items()]
     lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
     if blind:
         others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
         lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
+    if RATE_LIMIT not in detection:
+        lines.append(f"not judged here: {RATE_LIMIT}, which acts the more the lower it is")
     return lines
 
 

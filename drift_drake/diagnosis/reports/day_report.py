@@ -20,6 +20,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 TEMPLATE = Path(__file__).parent / "day_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
+OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
     coverage, beyond = coverage_rows(d)
     return page_html(
         TEMPLATE,
-        tuple(word for word in GLOSSARY if word not in ("nominal car", "innovation", "nat", "rear slip")),
+        tuple(word for word in GLOSSARY if word not in OF_THE_FILTER),
         answer=answer,
         sentence=answer.sentence(),
         catalogue=CATALOGUE,

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
+from drift_drake.digits import significant
 from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -32,6 +33,6 @@ def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParam
         low, high = info.range_for(vehicle)
         # A rate limit acts the more the lower it is.
         share = low / least if name == RATE_LIMIT else least / max(abs(low), abs(high))
-        text = f"{'up to ' if name == RATE_LIMIT else '±' if info.signed else ''}{least:.2g}{unit}"
+        text = f"{'up to ' if name == RATE_LIMIT else '±' if info.signed else ''}{significant(least, 2)}{unit}"
         rows.append(LimitRow(name, True, share, text, taken_for))
     return sorted(rows, key=lambda row: (not row.named, row.share))

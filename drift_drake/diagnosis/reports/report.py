@@ -18,6 +18,7 @@ from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
+LEAST_DEVIATION = 0.05  # tolerances: less reads as 0.0
 MOST_SHOWN = 8  # hypotheses
 LOOK_ALIKE = 0.9  # cosine of two signatures
 TEMPLATE = Path(__file__).parent / "report.html"
@@ -117,6 +118,7 @@ def report_html(d: Diagnosis, source: Source | None = None) -> str:
         uncertainty=figures.uncertainty(learnt["map"]) if learnt["map"] else "",
         drives=shown_by(doubtful(d, [row.name for row in limits if not row.named or row.share > 1.0])),
         unknown=answer.verdict == UNKNOWN,
+        deviations={name: n for name, n in answer.tolerances.items() if abs(n) >= LEAST_DEVIATION},
     )
 
 

@@ -209,6 +209,17 @@ def test_a_share_that_is_not_known_is_said(diagnosis):
     assert "the calibrated car as it is, removes an unknown share of it" in answer.sentence()
 
 
+def test_a_nearest_hypothesis_that_stretches_the_vehicle_file_says_so(diagnosis):
+    magnitudes = {"aero_drag": {"estimate": 0.3, "low": 0.2, "high": 0.4}}
+    nearest = {"magnitudes": magnitudes, "removes": 0.95, "free_forces_remove": 0.97}
+    answer = dataclasses.replace(
+        diagnosis.answer, verdict="unknown", posterior={"unknown": 1.0}, details={"nearest": nearest},
+        tolerances={"rear_stiffness": 19.1, "mass": -0.4, "torque": -5.2},
+    )  # fmt: skip
+    assert "with rear_stiffness +19 and torque -5 tolerances off, removes 95 %" in answer.sentence()
+    assert "tolerances" not in dataclasses.replace(answer, tolerances={"mass": -0.4}).sentence()
+
+
 @pytest.mark.parametrize(
     ("text", "says"), [("{", "not JSON"), ("{}", "missing case, verdict"), (None, "cannot be read")]
 )

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 import tyro
 from matplotlib.figure import Figure
-from scipy.stats import beta
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
@@ -42,6 +41,7 @@ from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder, reference
+from experiments.intervals import binomial
 from experiments.made import write_report
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
@@ -138,10 +138,9 @@ def alarm_time(distances: list[float], threshold: float, window: int, since: flo
 
 
 def share(count: int, total: int) -> dict[str, float]:
-    """A share and its 95 % interval (Clopper and Pearson)."""
-    low = float(beta.ppf(0.025, count, total - count + 1)) if count else 0.0
-    high = float(beta.ppf(0.975, count + 1, total - count)) if count < total else 1.0
-    return {"count": count, "total": total, "share": count / total, "low": low, "high": high}
+    """A share and its 95 % interval."""
+    p, low, high = binomial(count, total)
+    return {"count": count, "total": total, "share": p, "low": low, "high": high}
 
 
 def judge(results: list[dict[str, Any]], config: DetectionConfig) -> dict[str, Any]:

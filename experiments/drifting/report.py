@@ -13,8 +13,8 @@ from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drifting.intervals import by_vehicle, share_interval
 from experiments.drifting.runs import run_name
+from experiments.intervals import by_vehicle, share_by_vehicle
 
 LABELS = {
     "nominal": "nominal car",
@@ -61,9 +61,9 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
             "vehicles": group["vehicle"].nunique(),
             "attempts": int(group.groupby("vehicle").size().max()),
             "completed": float(group["completed"].mean()),
-            "completed_interval": share_interval(group, "completed"),
+            "completed_interval": share_by_vehicle(group, "completed"),
             "drifted": float(group["drifted"].mean()),
-            "drifted_interval": share_interval(group, "drifted"),
+            "drifted_interval": share_by_vehicle(group, "drifted"),
             "vehicles_always_drifted": int(group.groupby("vehicle")["drifted"].all().sum()),
             **{name: _spread(group[name]) for name in ("completion", "drifting")},
             "outcomes": {str(k): int(v) for k, v in group["outcome"].value_counts().items()},

@@ -36,12 +36,12 @@ from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, drawn_truth, true_constants
 from experiments.gap.drake_cases import drake_case
+from experiments.intervals import bootstrap
 from experiments.made import write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")
 JUDGED = {"rms_e": "RMS e [m]", "rms_sideslip_error": "RMS sideslip error [rad]", "completion": "completion [-]"}
 REAL_SEED, AGAIN_SEED, SIMULATOR_SEED = 0, 1, 2  # of the sensors' noise in the closed loop
-DRAWS = 2000  # of the bootstrap over vehicles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,10 +104,8 @@ def values(results: Sequence[dict[str, Any]], run: str, name: str) -> np.ndarray
     return np.array([result["runs"][run][name] for result in results], dtype=float)
 
 
-def summarise(results: Sequence[dict[str, Any]], seed: int = 0) -> dict[str, Any]:
+def summarise(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """By predictor: rank correlation with the real car and median absolute error, with 95 % bootstrap intervals."""
-    rng = np.random.default_rng(seed)
-    draws = rng.integers(0, len(results), (DRAWS, len(results)))
     finished = values(results, "real", "completed")
     summary: dict[str, Any] = {
         "vehicles": len(results),
@@ -122,12 +120,12 @@ def summarise(results: Sequence[dict[str, Any]], seed: int = 0) -> dict[str, Any
         for name in JUDGED:
             real, predicted = values(results, "real", name), values(results, predictor, name)
             error = np.abs(predicted - real)
-            low, high = np.quantile(np.median(error[draws], axis=1), [0.025, 0.975])
+            low, high = bootstrap(error, lambda draws: np.median(draws, axis=1))
             varied = np.ptp(predicted) > 0.0 and np.ptp(real) > 0.0  # one simulator for all says nothing of ranks
             entry[name] = {
                 "median absolute error": float(np.median(error)),
-                "low": float(low),
-                "high": float(high),
+                "low": low,
+                "high": high,
                 "Spearman": float(spearmanr(real, predicted).statistic) if varied else float("nan"),
             }
         summary[predictor] = entry

@@ -25,7 +25,8 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, drawn_deviations, drawn_magnitude, make_case
 from experiments.gap.each_vehicle import Results, each_vehicle
-from experiments.gap.score import wilson
+from experiments.intervals import binomial
+from experiments.made import write_report
 
 MISFITS = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
     "tyre_curve": (0.05, 0.3),
@@ -130,7 +131,7 @@ def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
         right = sum(a["name"] == truth for a, truth in zip(answers, truths, strict=True))
         out[key] = {
             "right": right,
-            "share_right": wilson(right, len(results)),
+            "share_right": binomial(right, len(results), "wilson"),
             "unknown": sum(a["name"] == "unknown" for a in answers),
             "in_ambiguity_set": sum(truth in a["ambiguity"] for a, truth in zip(answers, truths, strict=True)),
             "leads_the_known": sum(a["leading_known"] == truth for a, truth in zip(answers, truths, strict=True)),
@@ -142,15 +143,54 @@ def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def table(results: Results) -> str:
+    """A row a car, in Markdown: what it does every day, what was added, and each answer; wrong ones in bold."""
+    ways = list(results[0]["answers"])
+    columns = ["persistent mismatch", "row weight; beside its forces", "added on day two", *ways]
+    lines = [f"| {' | '.join(columns)} |", "| --- " * len(columns) + "|"]
+    for r in results:
+        beside = r["row_weight_beside_everyday"]
+        weights = f"{r['row_weight']:.2g}; {'none' if beside is None else f'{beside:.2g}'}"
+        cells = [_listed(r["misfit"]), weights, _listed(r["effect"])]
+        cells += [_answered(r["answers"][way], "none" if way.startswith("same") else next(iter(r["effect"])))
+                  for way in ways]  # fmt: skip
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _listed(magnitudes: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in magnitudes.items())
+
+
+def _answered(answer: dict[str, Any], truth: str) -> str:
+    probability = f"{answer['probability']:.2f}"
+    if answer["name"] != truth:
+        also = " (truth in the ambiguity set)" if truth in answer["ambiguity"] else ""
+        return f"**{answer['name'].replace('+', ' with ')}**, {probability}{also}"
+    found = [f" {m['estimate']:.3g} ({m['low']:.3g} to {m['high']:.3g})" for m in answer["magnitudes"].values()]
+    return f"{answer['name']}{''.join(found)}, {probability}"
+
+
+def counts(found: dict[str, Any]) -> str:
+    """`numbers` in Markdown."""
+    lines = ["| day, what the diagnosis is given | right | unknown | truth in the ambiguity set |", "| --- " * 4 + "|"]
+    for way, part in found.items():
+        if way != "vehicles":
+            _, low, high = part["share_right"]
+            lines.append(f"| {way} | {part['right']} of {found['vehicles']} ({low:.2f} to {high:.2f}) | "
+                         f"{part['unknown']} | {part['in_ambiguity_set']} |")  # fmt: skip
+    return "\n".join(lines)
+
+
 def main(config: Config) -> None:
     """Does the cars that are not done yet, and sums up."""
     folder = make_run_folder("everyday_misfit", config.out)
     results: Results = []
     for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         write_json(folder / "numbers.json", numbers(results))
-    for key, found in numbers(results).items():
-        if key != "vehicles":
-            print(f"{key}: {found['right']} of {len(results)} right, {found['unknown']} unknown")
+    text = f"{table(results)}\n\n{counts(numbers(results))}"
+    write_report(folder, text, config)
+    print(text)
 
 
 if __name__ == "__main__":

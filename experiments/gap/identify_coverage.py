@@ -23,7 +23,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, make_case, true_constants
 from experiments.gap.drake_cases import drake_case
 from experiments.gap.each_vehicle import each_vehicle
-from experiments.gap.score import wilson
+from experiments.intervals import binomial, bootstrap
 from experiments.made import write_report
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
@@ -46,7 +46,6 @@ EFFECTS = {  # ranges of the uniform draws
     "front_rear_friction_split": (-0.1, 0.1),
 }
 CUT = 2.0  # standard deviations at which draws are cut
-RESAMPLES = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,15 +97,14 @@ def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
     """Coverage by parameter with Wilson intervals, and in all with one from resampled vehicles."""
     table = [inside(result) for result in results]
     held = np.array([list(row.values()) for row in table], dtype=float)
-    draws = np.random.default_rng(0).integers(0, len(held), (RESAMPLES, len(held)))
-    low, high = np.quantile(held[draws].mean(axis=(1, 2)), [0.025, 0.975])
+    low, high = bootstrap(held, lambda draws: draws.mean(axis=(1, 2)))
     errors = np.array([
         [(p["estimate"] - r["truth"][n]) / p["deviation"] for n, p in r["parameters"].items()] for r in results
     ])  # fmt: skip
     by_parameter = {}
     for i, name in enumerate(table[0]):
         count = int(held[:, i].sum())
-        coverage, lowest, highest = wilson(count, len(held))
+        coverage, lowest, highest = binomial(count, len(held), "wilson")
         by_parameter[name] = {
             "coverage": coverage,
             "low": lowest,

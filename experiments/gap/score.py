@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.intervals import binomial, bootstrap
+
 Pair = tuple[dict[str, Any], dict[str, Any]]  # (label, answer)
 
 TIERS = ("exact", "tolerance", "none", "pair", "family", "removed")
@@ -13,7 +15,6 @@ GAP_TIERS = ("exact", "tolerance", "pair", "family", "removed")
 SINGLES = ("exact", "tolerance")
 UNKNOWNS = ("family", "removed")
 BINS = 5  # of the reliability diagram
-RESAMPLES = 2000  # of the bootstrap over cases
 
 
 def true_name(label: dict[str, Any]) -> str:
@@ -28,30 +29,19 @@ def said(answer: dict[str, Any]) -> str:
     return "+".join(sorted(answer["causes"])) if answer["verdict"] == "effect" else str(answer["verdict"])
 
 
-def wilson(hits: int, count: int) -> tuple[float, float, float]:
-    """A share with its 95 % confidence interval (Wilson 1927)."""
-    if count == 0:
-        return float("nan"), 0.0, 1.0
-    z, p = 1.96, hits / count
-    middle = (p + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * np.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
-    return p, max(float(middle - half), 0.0), min(float(middle + half), 1.0)
-
-
 def share(flags: Sequence[bool]) -> dict[str, Any]:
     """Share of true flags, its interval and their number."""
-    p, low, high = wilson(int(sum(flags)), len(flags))
+    p, low, high = binomial(int(sum(flags)), len(flags), "wilson")
     return {"share": p, "low": low, "high": high, "count": len(flags)}
 
 
-def mean_of(values: Sequence[float], statistic: Callable[..., Any] = np.mean, seed: int = 0) -> dict[str, Any]:
+def mean_of(values: Sequence[float], statistic: Callable[..., Any] = np.mean) -> dict[str, Any]:
     """The mean (or another statistic) of numbers with its 95 % bootstrap interval, and their number."""
     if not len(values):
         return {"mean": float("nan"), "low": float("nan"), "high": float("nan"), "count": 0}
     numbers = np.asarray(values, dtype=float)
-    draws = numbers[np.random.default_rng(seed).integers(0, len(numbers), (RESAMPLES, len(numbers)))]
-    low, high = np.quantile(statistic(draws, axis=1), [0.025, 0.975])
-    return {"mean": float(statistic(numbers)), "low": float(low), "high": float(high), "count": len(numbers)}
+    low, high = bootstrap(numbers, lambda draws: statistic(draws, axis=1))
+    return {"mean": float(statistic(numbers)), "low": low, "high": high, "count": len(numbers)}
 
 
 def scores(pairs: Sequence[Pair]) -> dict[str, Any]:

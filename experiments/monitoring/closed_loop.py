@@ -39,7 +39,7 @@ from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.score import wilson
+from experiments.intervals import binomial
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 POLICIES: dict[Mode, Policy] = {
@@ -183,7 +183,7 @@ def table(results: Sequence[dict[str, Any]]) -> str:
 def row(some: Sequence[dict[str, Any]]) -> str:
     """The table's cells of drives of one kind."""
     completed = [r for r in some if r["metrics"]["outcome"] == "completed"]
-    _, low, high = wilson(len(completed), len(some))
+    _, low, high = binomial(len(completed), len(some), "wilson")
     e = np.percentile([r["metrics"]["rms_e"] for r in completed], [50, 25, 75]) if completed else [np.nan] * 3
     cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
     if some[0]["mode"] in ("off", "online"):

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.vehicle.catalogue import CATALOGUE
 from experiments.gap.score import said
+from experiments.intervals import binomial
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
 
 FAILED = (REFUSED, CRASHED, NO_CAR)
@@ -68,13 +68,12 @@ class Row:
 
 
 def share(flags: Iterable[bool]) -> dict[str, Any]:
-    """Share of true flags with its exact 95 % interval (Clopper and Pearson 1934), and how many of how many."""
+    """Share of true flags with its exact 95 % interval, and how many of how many."""
     flags = list(flags)
     if not flags:
         return {"share": None, "low": 0.0, "high": 1.0, "hits": 0, "count": 0}
-    test = binomtest(sum(flags), len(flags))
-    low, high = test.proportion_ci(0.95)
-    return {"share": test.statistic, "low": float(low), "high": float(high), "hits": sum(flags), "count": len(flags)}
+    p, low, high = binomial(sum(flags), len(flags))
+    return {"share": p, "low": low, "high": high, "hits": sum(flags), "count": len(flags)}
 
 
 def median_of(values: Iterable[float]) -> float | None:

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 import tyro
 from matplotlib.figure import Figure
-from scipy.stats import binomtest
 
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import draw_effects
@@ -35,6 +34,7 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.intervals import binomial
 from experiments.made import write_report
 
 FAULTS = {  # begins after one second, in a drift
@@ -146,7 +146,7 @@ def shares(runs: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (fault, guarded), group in runs.groupby(["fault", "guarded"], sort=False):
         stayed = int(group["outcome"].isin(ON_THE_LANE).sum())
-        low, high = binomtest(stayed, len(group)).proportion_ci(0.95, "wilson")
+        _, low, high = binomial(stayed, len(group), "wilson")
         rows.append({"fault": fault, "guarded": bool(guarded), "loops": len(group), "stayed": stayed, "low": low,
                      "high": high, "stopped": int((group["outcome"] == "stopped safely").sum()),
                      "failed": int((group["outcome"] == "simulation failed").sum())})  # fmt: skip

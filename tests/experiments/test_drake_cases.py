@@ -6,7 +6,8 @@ import pytest
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Driver, Truth, drawn_truth, simulate
 from experiments.gap.drake_cases import drive
-from experiments.gap.score import scores, wilson
+from experiments.gap.score import scores
+from experiments.intervals import binomial
 
 VEHICLE = VehicleParameters()
 
@@ -64,4 +65,4 @@ def test_scores_count_what_they_say():
     assert result["unknown, recalled"]["share"] == 1.0
     assert result["magnitude coverage"]["count"] == 1
     assert len(result["mistakes"]) == 1
-    assert wilson(19, 20)[1] == pytest.approx(0.764, abs=1e-3)
+    assert binomial(19, 20, "wilson")[1] == pytest.approx(0.764, abs=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.everyday_misfit import MISFITS, drawn_days, numbers
+from experiments.gap.everyday_misfit import MISFITS, counts, drawn_days, numbers, table
 
 
 def test_misfits_take_turns_and_the_second_day_adds_one_effect():
@@ -18,16 +18,17 @@ def test_misfits_take_turns_and_the_second_day_adds_one_effect():
 
 
 def answered(name, ambiguity, magnitudes):
-    return {"name": name, "ambiguity": ambiguity, "leading_known": name, "magnitudes": magnitudes}
+    return {"name": name, "ambiguity": ambiguity, "leading_known": name, "magnitudes": magnitudes, "probability": 0.9}
 
 
 def test_right_answers_are_counted_by_day():
-    held = {"aero_drag": {"low": 0.9, "high": 1.1}}
+    held = {"aero_drag": {"estimate": 1.0, "low": 0.9, "high": 1.1}}
+    weights = {"row_weight": 0.1, "row_weight_beside_everyday": None, "misfit": {"tyre_curve": 0.28}}
     results = [
-        {"effect": {"aero_drag": 1.0}, "answers": {
+        weights | {"effect": {"aero_drag": 1.0}, "answers": {
             "changed, everyday": answered("aero_drag", ["aero_drag"], held),
             "same, everyday": answered("none", ["none"], {})}},
-        {"effect": {"aero_drag": 2.0}, "answers": {
+        weights | {"effect": {"aero_drag": 2.0}, "answers": {
             "changed, everyday": answered("unknown", ["unknown", "aero_drag"], {}),
             "same, everyday": answered("unknown", ["unknown"], {})}},
     ]  # fmt: skip
@@ -37,3 +38,7 @@ def test_right_answers_are_counted_by_day():
     assert found["changed, everyday"]["in_ambiguity_set"] == 2
     assert found["changed, everyday"]["magnitudes_held"] == [1]
     assert found["same, everyday"]["unknown"] == 1
+    rows = table(results).splitlines()[2:]
+    assert rows[0] == "| tyre_curve 0.28 | 0.1; none | aero_drag 1 | aero_drag 1 (0.9 to 1.1), 0.90 | none, 0.90 |"
+    assert "**unknown**, 0.90 (truth in the ambiguity set) | **unknown**, 0.90 |" in rows[1]
+    assert "| changed, everyday | 1 of 2 (0.09 to 0.91) | 1 | 2 |" in counts(found)

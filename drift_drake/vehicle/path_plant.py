@@ -52,7 +52,9 @@ class PathPlant:
     """Ports of a plant and its place on the path; a base beside `LeafSystem_[T]` that declares no numbers of the car.
 
     A plant has `declare`, in which it names its continuous state (of which the first ten are `PLANT_STATES`) and calls
-    `declare_numbers`, `calc_acceleration` and its time derivatives; `plant_template` makes the system of it.
+    `declare_numbers` with its constants and its effects' magnitudes; `car`, which gives these their names; `settled`,
+    the states behind the ten of a car that has been as it is for long; `rates`, `compiled_rates` and
+    `calc_acceleration`. `plant_template` makes the system of it.
     """
 
     path: CurvedPath | None
@@ -88,6 +90,40 @@ class PathPlant:
             },
         )
         self.DeclareStateOutputPort("full_state", state_index)
+
+    def numbers(self, context: Any) -> tuple[Any, Any]:
+        """(constants, magnitudes) in a Context."""
+        return context.get_numeric_parameter(0).CopyToVector(), context.get_numeric_parameter(1).CopyToVector()
+
+    def set_initial(
+        self: Any, context: Any, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None,
+        actuation: Sequence[float] = (0.0, 0.0),
+    ) -> None:  # fmt: skip
+        """Puts the car into a state, at its place in the world, with the states behind the ten settled.
+
+        Args:
+            context: the plant's own Context; state, s, pose: see `placed`.
+            actuation: (delta [rad], tau [N m]) that the car has had for long.
+
+        Raises:
+            ValueError: a pose beside a path.
+            MotionError: a number that is not finite.
+        """
+        placed = self.placed(state, s, pose)
+        delta, tau = (float(value) for value in actuation)
+        own = self.settled(placed, delta, tau, *self.car(*self.numbers(context)))
+        context.SetContinuousState([self.scalar(value) for value in (*placed, *own)])
+
+    def DoCalcTimeDerivatives(self: Any, context: Any, derivatives: Any) -> None:  # noqa: N802
+        x = context.get_continuous_state_vector().CopyToVector()
+        inputs = *self.inputs(context), self.path_curvature(context, x[6])
+        numbers = self.numbers(context)
+        if self.scalar is float:
+            self.check_finite(x, context.get_time())
+            rates = self.compiled_rates(x, *inputs, *numbers)
+        else:
+            rates = self.rates(x, *inputs, *self.car(*numbers))
+        derivatives.get_mutable_vector().SetFromVector(rates)
 
     def placed(self, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None) -> tuple[float, ...]:
         """Values of `PLANT_STATES` at one of the paper's six states, `s` [m] along the path.

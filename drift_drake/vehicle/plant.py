@@ -114,62 +114,30 @@ class SingleTrackPlant(PathPlant):
         self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
         self.declare_numbers(T, (parameters.constants(), effects), path)
 
-    def set_initial(
-        self,
-        context: Any,
-        state: Sequence[float],
-        s: float = 0.0,
-        pose: Sequence[float] | None = None,
-        actuation: Sequence[float] = (0.0, 0.0),
-    ) -> None:
-        """Puts the car into a state, at its place in the world, with the effects' states settled.
-
-        Args:
-            context: the plant's own Context.
-            state: the paper's six.
-            s: path position [m].
-            pose: (x, y [m], psi [rad]); only where the plant has no path, whose geometry gives it otherwise. By
-                default the path is then the x axis and the car passes its origin.
-            actuation: (delta [rad], tau [N m]) that the car has had for long.
-
-        Raises:
-            ValueError: a pose beside a path.
-        """
-        values = [*self.placed(state, s, pose)]
-        if self.has_memory:
-            delta, tau = actuation
-            values += settled_memory(*values[:4], delta, tau, *self._car(context), psi=values[9])
-        context.SetContinuousState([self.scalar(value) for value in values])
-
-    def _car(self, context: Any) -> tuple[Constants, Effects]:
-        constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+    def car(self, constants: Any, magnitudes: Any) -> tuple[Constants, Effects]:
+        """The Context's numbers by name."""
         return Constants(*constants), Effects(*magnitudes)
 
-    def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
-        x = context.get_continuous_state_vector().CopyToVector()
-        u, wrench = self.inputs(context)
-        curvature = self.path_curvature(context, x[6])
-        if self.scalar is float:
-            self.check_finite(x, context.get_time())
-            constants = context.get_numeric_parameter(0).CopyToVector()
-            if self.has_memory:
-                magnitudes = context.get_numeric_parameter(1).CopyToVector()
-                rates = _changed_rates(x, u, wrench, curvature, constants, magnitudes)
-            else:
-                rates = _nominal_rates(x, u, wrench, curvature, constants)
-        else:
-            p, q = self._car(context)
-            rates = (
-                changed_rates(x, u, wrench, curvature, p, q)
-                if self.has_memory
-                else nominal_rates(x, u, wrench, curvature, p)
-            )
-        derivatives.get_mutable_vector().SetFromVector(rates)
+    def settled(self, placed: Sequence[float], delta: float, tau: float, p: Constants, q: Effects) -> Sequence[float]:
+        """The effects' own states of a car that has been as it is for long."""
+        return settled_memory(*placed[:4], delta, tau, p, q, psi=placed[9]) if self.has_memory else ()
+
+    def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> Sequence[Any]:
+        """Rates of the state."""
+        if self.has_memory:
+            return changed_rates(x, u, wrench, curvature, p, q)
+        return nominal_rates(x, u, wrench, curvature, p)
+
+    def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+        """The same on floats, from the Context's numbers."""
+        if self.has_memory:
+            return _changed_rates(x, u, wrench, curvature, p, q)
+        return _nominal_rates(x, u, wrench, curvature, p)
 
     def calc_acceleration(self, context: Any, output: Any) -> None:
         x = context.get_continuous_state_vector().CopyToVector()
         u, wrench = self.inputs(context)
-        p, q = self._car(context)
+        p, q = self.car(*self.numbers(context))
         m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
         output.SetFromVector([m.a_x, m.a_y])
 

@@ -99,44 +99,28 @@ class DoubleTrackCarPlant(PathPlant):
         self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
         self.declare_numbers(T, (flattened(parameters.constants()), effects), path)
 
-    def set_initial(
-        self,
-        context: Any,
-        state: Sequence[float],
-        s: float = 0.0,
-        pose: Sequence[float] | None = None,
-        actuation: Sequence[float] = (0.0, 0.0),
-    ) -> None:
-        """Puts the car into a state, at its place in the world, with its own states settled.
-
-        Args:
-            context: the plant's own Context.
-            state, s, pose: see `PathPlant.placed`.
-            actuation: (delta [rad], tau [N m]) that the car has had for long.
-        """
-        values = self.placed(state, s, pose)
-        own = settled_states(*values[:4], *(float(value) for value in actuation), *self._car(context))
-        context.SetContinuousState([self.scalar(value) for value in (*values, *own)])
-
-    def _car(self, context: Any) -> tuple[DoubleTrackConstants, Effects]:
-        constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
+    def car(self, constants: Any, magnitudes: Any) -> tuple[DoubleTrackConstants, Effects]:
+        """The Context's numbers by name."""
         return unflattened(constants), Effects(*magnitudes)
 
-    def DoCalcTimeDerivatives(self, context: Any, derivatives: Any) -> None:  # noqa: N802
-        x = context.get_continuous_state_vector().CopyToVector()
-        u, wrench = self.inputs(context)
-        curvature = self.path_curvature(context, x[6])
-        if self.scalar is float:
-            self.check_finite(x, context.get_time())
-            constants, magnitudes = (context.get_numeric_parameter(i).CopyToVector() for i in range(2))
-            derivatives.get_mutable_vector().SetFromVector(_rates(x, u, wrench, curvature, constants, magnitudes))
-            return
-        rates, own = double_track_rates(x, u, wrench, curvature, *self._car(context))
-        derivatives.get_mutable_vector().SetFromVector([*rates, *own])
+    def settled(
+        self, placed: Sequence[float], delta: float, tau: float, p: DoubleTrackConstants, q: Effects
+    ) -> Sequence[float]:
+        """The car's own states once it has been as it is for long."""
+        return settled_states(*placed[:4], delta, tau, p, q)
+
+    def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects) -> Sequence[Any]:
+        """Rates of the state."""
+        first, own = double_track_rates(x, u, wrench, curvature, p, q)
+        return (*first, *own)
+
+    def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+        """The same on floats, from the Context's numbers."""
+        return _rates(x, u, wrench, curvature, p, q)
 
     def calc_acceleration(self, context: Any, output: Any) -> None:
         x = context.get_continuous_state_vector().CopyToVector()
-        m, _ = motion_of(x, *self.inputs(context), *self._car(context))
+        m, _ = motion_of(x, *self.inputs(context), *self.car(*self.numbers(context)))
         output.SetFromVector([m.a_x, m.a_y])
 
 

@@ -1,9 +1,10 @@
 """What follows from a named cause: the controller believes the corrected car, and readings lose their sensor's error.
 
-The policy. A cause named with 0.8 is put in, with its magnitude, where it acts: on the motion, in the controller's
-model; on a sensor, in the readings. It is kept, and its magnitude followed, until another cause is named, or until
-the simulator is believed again. A cause that neither can take (a transport delay, a latency, a road's grade) and an
-unknown one change nothing.
+The policy. From the moment that a change is reported the most probable cause is put in, with its magnitude, where it
+acts: on the motion, in the controller's model; on a sensor, in the readings. It need not be named for that: what
+explains the last rows best is nearer to the car than a simulator that does not explain them. It is followed until the
+simulator is believed again. A cause that neither can take (a transport delay, a latency, a road's grade) and an unknown
+one change nothing.
 """
 
 from typing import Any
@@ -12,12 +13,20 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.effects_step import BEYOND
-from drift_drake.monitoring.monitor import BLOCK, Monitor
-from drift_drake.monitoring.renewal import NAMED, TRUSTED
+from drift_drake.monitoring.monitor import Monitor
+from drift_drake.monitoring.renewal import ALARM, TRUSTED
 from drift_drake.simulation.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import COUNT, Effects
 
 SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error")  # errors that a reading can lose
+
+
+def cause_to_take(labels: tuple[str, ...], posterior: np.ndarray) -> str | None:
+    """The most probable cause once a change is reported, if the model or the readings can take it."""
+    leading = 1 + int(np.argmax(posterior[1:]))
+    name = labels[leading]
+    takes = name in Effects._fields and (name in SENSORS or name not in BEYOND)
+    return name if posterior[0] < ALARM and takes else None
 
 
 def corrected(held: np.ndarray, labels: tuple[str, ...], posterior: np.ndarray, magnitude: float) -> np.ndarray:
@@ -28,10 +37,8 @@ def corrected(held: np.ndarray, labels: tuple[str, ...], posterior: np.ndarray, 
     """
     if posterior[0] >= TRUSTED:
         return np.zeros(COUNT)
-    leading = 1 + int(np.argmax(posterior[1:]))
-    name = labels[leading]
-    takes = name in Effects._fields and (name in SENSORS or name not in BEYOND)
-    if posterior[leading] < NAMED or not takes or not np.isfinite(magnitude):
+    name = cause_to_take(labels, posterior)
+    if name is None or not np.isfinite(magnitude):
         return held
     return np.array(Effects(**{name: magnitude}), dtype=float)
 
@@ -58,7 +65,7 @@ class GapCorrection(LeafSystem):
     Input ports: posterior, magnitude [3] of `GapMonitor`; measured_state [7].
     Output ports: correction [COUNT], in the order of `Effects`; effects [COUNT], what of it acts on the motion;
     corrected_state [7].
-    State in the Context, each 0.1 s: the correction.
+    State in the Context, each period of the monitor: the correction.
     """
 
     def __init__(self, monitor: Monitor) -> None:
@@ -68,7 +75,7 @@ class GapCorrection(LeafSystem):
         self._magnitude = self.DeclareVectorInputPort("magnitude", 3)
         self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
         self._held = self.DeclareDiscreteState(np.zeros(COUNT))
-        self.DeclarePeriodicDiscreteUpdateEvent(BLOCK, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(monitor.bank.period, 0.0, self._update)
         held = self.discrete_state_ticket(self._held)
         self.DeclareStateOutputPort("correction", self._held)
         self.DeclareVectorOutputPort("effects", COUNT, self._calc_effects, prerequisites_of_calc={held})

@@ -66,12 +66,13 @@ def watching(
 
 def slowing(
     builder: DiagramBuilder, system: SlowDown, watched: Watched, plan: OutputPort, measured_state: OutputPort,
-    command: OutputPort,
+    command: OutputPort, reading: OutputPort | None,
 ) -> OutputPort:  # fmt: skip
     """Adds the slow-down to a diagram with a monitor; the plan that is to be followed."""
     assert watched.monitor is not None
     builder.AddNamedSystem("slow_down", system)
     ports = {"plan": plan, "state": measured_state, "command": command, "correction": watched.correction,
+             "reading": reading,
              "posterior": watched.monitor.GetOutputPort("posterior")}  # fmt: skip
     for name, port in ports.items():
         if port is not None:

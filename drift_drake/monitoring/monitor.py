@@ -120,16 +120,27 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, 
             return state
         bank = filters.make_state(monitor.bank)
         filters.start(y, used, command, monitor.bank, bank)
-        return state._replace(clock=np.array([1.0, 0.0, 0.0, allowance(monitor.bank)]), bank=bank)
+        return state._replace(clock=np.array([1.0, filled, edge, allowance(monitor.bank)]), bank=bank)
     if not commanded:
         command = state.bank.commands[-1].copy()
     bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
-    if not np.isfinite(bank.z).all():
-        return monitor.start()
-    judged = rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN
-    block = state.block if innovations is None or not judged else summed(state.block, innovations, used)
+    if lost(bank):
+        return state._replace(clock=np.array([0.0, filled, edge, left]))
+    block = state.block
+    if innovations is not None and judged(monitor, rows, bank):
+        block = summed(block, innovations, used)
     state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
     return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
+
+
+def lost(bank: BankState) -> bool:
+    """Whether a car of the bank has left all numbers: all begin anew at the next row, and what was found stays."""
+    return not np.isfinite(bank.z).all()
+
+
+def judged(monitor: Monitor, rows: float, bank: BankState) -> bool:
+    """Whether a row counts, so many after the bank's first one: the filter is settled, the equations hold."""
+    return bool(rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN)
 
 
 def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:

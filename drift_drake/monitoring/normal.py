@@ -15,7 +15,7 @@ from drift_drake.logs.table import Run
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_sums
-from drift_drake.monitoring.monitor import SETTLING, Monitor, summed
+from drift_drake.monitoring.monitor import Monitor, judged, lost, summed
 from drift_drake.monitoring.watch import rows_of
 
 BLOCK = 2.0  # [s]
@@ -27,17 +27,21 @@ LEAST = 4  # blocks
 def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
     """Sums of the full blocks of a run."""
     n, state, out = len(monitor.problem.nodes), filters.make_state(monitor.bank), list[Sums]()
-    block, rows, left = no_sums(n), list(rows_of(run)), allowance(monitor.bank)
-    for k, row in enumerate(rows):
+    block, begun, left = no_sums(n), 0, allowance(monitor.bank)  # begun: rows since the bank's first one
+    for row in rows_of(run):
         used = monitor.used & (np.abs(row.y) < ABSURD)
         y = np.where(used, row.y, 0.0)
-        if k == 0:
+        if begun == 0:
             filters.start(y, used, row.command, monitor.bank, state)
+            begun = 1
             continue
         state, e, left = gated_row(monitor.bank, state, left, y, used, row.command)
-        if e is None or row.t - run.t[0] < SETTLING:
+        if lost(state):
+            state, begun, left = filters.make_state(monitor.bank), 0, allowance(monitor.bank)
             continue
-        block = summed(block, e, used)
+        if e is not None and judged(monitor, begun, state):
+            block = summed(block, e, used)
+        begun += 1
         if block.rows * monitor.bank.period >= BLOCK:
             out, block = [*out, block], no_sums(n)
     return out

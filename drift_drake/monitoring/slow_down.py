@@ -3,7 +3,9 @@
 The policy. Once a change is reported, plans made by a model that is wrong are not followed; the law of the safe stop
 takes the car out of its drift and on along its lane, at a pace at which the bends ask little of the tyres. When the
 simulator is believed again, or a correction stands for what has changed, plans are followed again; and where a sensor's
-error is the probable cause, since the law follows the readings more closely than plans do.
+error is the probable cause, since the law follows the readings more closely than plans do. So it is where readings were
+refused right before a change is reported: a change of the car's forces bends the readings' course, a sensor's error
+breaks it.
 """
 
 from collections.abc import Sequence
@@ -14,14 +16,17 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.plan import plan_size
 from drift_drake.control.stopping import stopping_command, stopping_plan
-from drift_drake.monitoring.correction import SENSORS
+from drift_drake.monitoring.correction import SENSORS, cause_to_take
 from drift_drake.monitoring.renewal import ALARM, TRUSTED
 from drift_drake.reference.trajectory import Reference
+from drift_drake.simulation.screening import ReadingKind
 from drift_drake.vehicle.effects import COUNT
 from drift_drake.vehicle.parameters import VehicleParameters
 
 GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
 PROBABLE = 0.5
+REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
+DOUBTED = 1.0  # [s] after readings were refused; a sensor's error is reported within it
 UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
 
@@ -33,14 +38,14 @@ def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:
     )
 
 
-def slowed(slow: bool, none: float, sensor: float, corrected: bool) -> bool:
+def slowed(slow: bool, none: float, sensor: bool, corrected: bool) -> bool:
     """Whether the car is to be slow after a verdict.
 
     Args:
-        slow: whether it was; none, sensor: probabilities that the simulator lacks nothing, or an error of a sensor;
-        corrected: whether the controller knows what it lacks.
+        slow: whether it was; none: probability that the simulator lacks nothing;
+        sensor: whether it is probably a sensor's error; corrected: whether the controller knows what it lacks.
     """
-    return not corrected and sensor < PROBABLE and (none < ALARM or (slow and none < TRUSTED))
+    return not corrected and not sensor and (none < ALARM or (slow and none < TRUSTED))
 
 
 class SlowDown(LeafSystem):
@@ -50,9 +55,9 @@ class SlowDown(LeafSystem):
 
     Input ports: plan [1 + 2 (N + 1)]; command [2], in force; state [7]: (r, v, beta, omega_r, e, dphi, s), NaN where
     there is no reading; posterior, of `GapMonitor`; correction [COUNT] (optional), of `GapCorrection`: while it is not
-    zero, plans are followed.
+    zero, plans are followed; reading [1] (optional), a `ReadingKind`, of `Screen`.
     Output ports: plan; slow [1], 1 while the car is driven slowly.
-    State in the Context, each `period`: whether it is.
+    State in the Context, each `period`: whether it is, and the time [s] until which readings are doubted.
 
     Args:
         labels: of the posterior; steps: N.
@@ -73,9 +78,11 @@ class SlowDown(LeafSystem):
         self._command = self.DeclareVectorInputPort("command", 2)
         self._state = self.DeclareVectorInputPort("state", 7)
         self._posterior = self.DeclareVectorInputPort("posterior", len(labels))
+        self._labels = tuple(labels)
         self._sensors = [i for i, name in enumerate(labels) if name in SENSORS]
         self._correction = self.DeclareVectorInputPort("correction", COUNT)
-        self._slow = self.DeclareDiscreteState(1)
+        self._reading = self.DeclareVectorInputPort("reading", 1)
+        self._slow, self._doubted = self.DeclareDiscreteState(1), self.DeclareDiscreteState(1)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self.DeclareVectorOutputPort("paced_plan", plan_size(steps), self._calc)
         self.DeclareStateOutputPort("slow", self._slow)
@@ -93,7 +100,18 @@ class SlowDown(LeafSystem):
         return bool(context.get_discrete_state(self._slow).value()[0])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        corrected = self._correction.HasValue(context) and bool(np.any(self._correction.Eval(context)))
         p = self._posterior.Eval(context)
-        slow = slowed(self._is_slow(context), float(p[0]), float(p[self._sensors].sum()), corrected)
+        corrected = self._correction.HasValue(context) and (
+            cause_to_take(self._labels, p) is not None or bool(np.any(self._correction.Eval(context)))
+        )
+        doubted = self._doubted_until(context, believed=bool(p[0] >= TRUSTED))
+        sensor = context.get_time() < doubted or float(p[self._sensors].sum()) >= PROBABLE
+        slow = slowed(self._is_slow(context), float(p[0]), sensor, corrected)
         discrete.get_mutable_vector(self._slow)[0] = float(slow)
+        discrete.get_mutable_vector(self._doubted)[0] = doubted
+
+    def _doubted_until(self, context: Context, believed: bool) -> float:
+        """For a while after readings were refused, and on while the simulator is not believed."""
+        t, before = context.get_time(), float(context.get_discrete_state(self._doubted).value()[0])
+        refused = self._reading.HasValue(context) and int(self._reading.Eval(context)[0]) in REFUSED
+        return t + DOUBTED if refused or (t < before and not believed) else before

@@ -153,7 +153,8 @@ class ClosedLoop:
         if watched.monitor is not None and policy in SLOWING:
             labels = watched.monitor.monitor.labels
             self.slow_down = SlowDown(parameters, reference, labels, control.horizon, control.period)
-            plan = slowing(builder, self.slow_down, watched, plan, measured_state, command)
+            reading = None if self.screen is None else self.screen.GetOutputPort("reading")
+            plan = slowing(builder, self.slow_down, watched, plan, measured_state, command, reading)
         self.safe_stop, plan = self._supervised(builder, control, plan, state)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
         measured_state = watched.measured_state

@@ -50,12 +50,12 @@ PlantName = Literal["nominal", "double_track"]
 
 CHANGES: dict[str, dict[str, float]] = {
     "none": {},
-    "friction drop": {"friction_level": -0.25},
-    "friction patch": {"friction_level": -0.3},
-    "friction fade": {"friction_level": -0.04},  # a second
+    "friction drop": {"friction_level": -0.3},
+    "friction patch": {"friction_level": -0.35},
+    "friction fade": {"friction_level": -0.06},  # a second
     "steering rate limit": {"steering_rate_limit": 0.45},
-    "torque loss": {"torque_gain_error": -0.6},
-    "sideslip sensor": {"sideslip_bias": 0.15},
+    "torque loss": {"torque_gain_error": -0.8},
+    "sideslip sensor": {"sideslip_bias": 0.25},
 }
 PATCH = 2.0  # [s]
 FADE, STEP = 8.0, 0.25  # [s] of a fade as tyres' heat makes it, and of its steps

@@ -8,12 +8,14 @@ import pytest
 
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import InvalidLogError, Run, write_run
+from drift_drake.monitoring import normal
 from drift_drake.monitoring.calibrated import (
     InvalidNormalScoresError,
     calibrated_monitor,
     learn_normal_scores,
     read_normal_scores,
 )
+from drift_drake.monitoring.gate import gated_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -47,6 +49,21 @@ def test_what_is_normal_is_no_change(calibration):
     other = drive(2)
     assert least_none(monitor_of(other, VEHICLE, Effects()), other) < 0.05
     assert least_none(calibrated_monitor(read_normal_scores(calibration), other, VEHICLE, Effects()), other) > 0.5
+
+
+def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
+    run, rows = drive(3), iter(range(10_000))
+
+    def losing(*arguments):
+        bank, innovations, left = gated_row(*arguments)
+        return (
+            (bank._replace(z=bank.z * np.nan), innovations, left)
+            if next(rows) % 300 == 299
+            else (bank, innovations, left)
+        )
+
+    monkeypatch.setattr(normal, "gated_row", losing)
+    assert np.isfinite(learn_normal_scores([run, drive(4)], VEHICLE, Effects()).excess).all()
 
 
 def test_scores_survive_the_file(calibration, scores):

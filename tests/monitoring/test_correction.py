@@ -11,15 +11,16 @@ def posterior(monitor, **probabilities: float) -> np.ndarray:
     return np.array([probabilities.get(name, 0.0) for name in monitor.labels])
 
 
-def test_a_named_cause_is_taken_and_kept_until_the_simulator_is_believed_again(monitor):
+def test_the_most_probable_cause_is_taken_until_the_simulator_is_believed_again(monitor):
     nothing = np.zeros(COUNT)
-    named = corrected(nothing, monitor.labels, posterior(monitor, friction_level=0.9, none=0.1), -0.2)
-    assert Effects(*named) == make_effects({"friction_level": -0.2})
-    doubted = corrected(named, monitor.labels, posterior(monitor, friction_level=0.5, unknown=0.5), -0.3)
-    np.testing.assert_array_equal(doubted, named)
-    followed = corrected(named, monitor.labels, posterior(monitor, friction_level=0.9), -0.25)
+    assert not corrected(nothing, monitor.labels, posterior(monitor, friction_level=0.9, none=0.1), -0.2).any()
+    taken = corrected(nothing, monitor.labels, posterior(monitor, friction_level=0.4, unknown=0.3), -0.2)
+    assert Effects(*taken) == make_effects({"friction_level": -0.2})
+    doubted = corrected(taken, monitor.labels, posterior(monitor, friction_level=0.4, unknown=0.6), -0.3)
+    np.testing.assert_array_equal(doubted, taken)
+    followed = corrected(taken, monitor.labels, posterior(monitor, friction_level=0.9), -0.25)
     assert Effects(*followed).friction_level == -0.25
-    assert not corrected(named, monitor.labels, posterior(monitor, none=0.9, mass_error=0.1), 0.1).any()
+    assert not corrected(taken, monitor.labels, posterior(monitor, none=0.9, mass_error=0.1), 0.1).any()
 
 
 @pytest.mark.parametrize("name", ["steering_delay", "sensor_latency", "unknown"])
@@ -40,7 +41,7 @@ def test_a_reading_loses_its_sensors_errors():
 def test_the_system_holds_a_correction(monitor):
     system = GapCorrection(monitor)
     context = system.CreateDefaultContext()
-    system.GetInputPort("posterior").FixValue(context, posterior(monitor, sideslip_bias=0.95, none=0.05))
+    system.GetInputPort("posterior").FixValue(context, posterior(monitor, sideslip_bias=0.96, none=0.04))
     system.GetInputPort("magnitude").FixValue(context, [0.02, 0.01, 0.03])
     system.GetInputPort("measured_state").FixValue(context, [0.5, 11.0, -0.4, 14.0, 0.1, 0.05, 3.0])
     assert system.GetOutputPort("corrected_state").Eval(context)[2] == -0.4

@@ -41,6 +41,20 @@ def test_recursive_scores_are_those_of_the_whole_log(monitor, changed_run, comma
     assert recent.rows[-1] == len(nu)
 
 
+def test_a_bank_that_is_lost_begins_anew_and_what_was_found_stays(monitor, changed_run):
+    rows = list(rows_of(changed_run))
+    state = states(monitor, changed_run, 100)[-1]
+    z = state.bank.z.copy()
+    z[3] = np.nan
+    after = advance(monitor, state._replace(bank=state.bank._replace(z=z)), rows[100].y, rows[100].command, rows[100].t)
+    assert after.clock[0] == 0.0
+    for row in rows[101:200]:
+        after = advance(monitor, after, row.y, row.command, row.t)
+    assert np.isfinite(after.bank.z).all()
+    np.testing.assert_array_equal(unpacked(after.history, len(monitor.problem.nodes)).lengths[:2], 1.0)
+    assert after.block.rows < monitor.rows_per_block
+
+
 def test_a_row_far_off_is_clipped():
     zero = Sums(*(np.zeros(()) for _ in range(3)), np.zeros(1), np.zeros((1, 1)))
     used = np.ones(len(CHANNELS), dtype=bool)

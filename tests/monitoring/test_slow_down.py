@@ -13,6 +13,7 @@ from drift_drake.monitoring.watch import WATCHED
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.screening import ReadingKind
 from drift_drake.vehicle.effects import COUNT, Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -26,12 +27,12 @@ def short() -> Reference:
 
 
 def test_an_alarm_slows_down_until_the_simulator_is_believed_or_corrected():
-    assert not slowed(False, 0.3, 0.0, corrected=False)  # in doubt, as it was
-    assert slowed(False, 0.01, 0.0, corrected=False)
-    assert slowed(True, 0.3, 0.0, corrected=False)
-    assert not slowed(True, 0.6, 0.0, corrected=False)
-    assert not slowed(True, 0.01, 0.0, corrected=True)
-    assert not slowed(True, 0.01, 0.9, corrected=False)  # by readings that are wrong
+    assert not slowed(False, 0.3, sensor=False, corrected=False)  # in doubt, as it was
+    assert slowed(False, 0.01, sensor=False, corrected=False)
+    assert slowed(True, 0.3, sensor=False, corrected=False)
+    assert not slowed(True, 0.6, sensor=False, corrected=False)
+    assert not slowed(True, 0.01, sensor=False, corrected=True)
+    assert not slowed(True, 0.01, sensor=True, corrected=False)  # by readings that are wrong
 
 
 def test_the_pace_asks_little_of_the_tyres(short):
@@ -64,6 +65,37 @@ def test_plans_are_handed_on_where_they_are_to_be_followed(system):
     correction = np.array(make_effects({"friction_level": -0.2}))
     assert correction.shape == (COUNT,)
     np.testing.assert_array_equal(output_after(system, 0.0, drifting, correction), plan)
+
+
+def slow_after(system: SlowDown, rows: list[tuple[float, list[float], ReadingKind]], correcting: bool = False) -> bool:
+    """Whether the car is slow after rows of (time, posterior, reading)."""
+    context = system.CreateDefaultContext()
+    drifting = np.array([0.7, 12.0, -0.6, 15.0, 0.0, 0.0, 5.0])
+    ports = {"plan": np.arange(plan_size(STEPS)), "command": [0.1, 50.0], "state": drifting}
+    for name, value in ports.items() if not correcting else {**ports, "correction": np.zeros(COUNT)}.items():
+        system.GetInputPort(name).FixValue(context, value)
+    for t, posterior, reading in rows:
+        context.SetTime(t)
+        system.GetInputPort("posterior").FixValue(context, posterior)
+        system.GetInputPort("reading").FixValue(context, [float(reading)])
+        context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    return bool(system.GetOutputPort("slow").Eval(context)[0])
+
+
+GOOD, REFUSED = ReadingKind.GOOD, ReadingKind.DISAGREEING
+NORMAL, UNKNOWN = [1.0, 0.0, 0.0], [0.0, 0.4, 0.6]  # none, gyro_bias, unknown
+
+
+def test_a_cause_that_is_about_to_be_taken_slows_nothing(system):
+    assert slow_after(system, [(0.0, UNKNOWN, GOOD)], correcting=True)
+    assert not slow_after(system, [(0.0, [0.0, 0.6, 0.4], GOOD)], correcting=True)
+
+
+def test_readings_that_were_refused_slow_nothing_until_the_simulator_is_believed_again(system):
+    unknown_later = [(0.5, UNKNOWN, GOOD), (1.4, UNKNOWN, GOOD), (2.3, UNKNOWN, GOOD)]
+    assert slow_after(system, [(0.0, NORMAL, GOOD), *unknown_later])
+    assert not slow_after(system, [(0.0, NORMAL, REFUSED), *unknown_later])
+    assert slow_after(system, [(0.0, NORMAL, REFUSED), (1.1, NORMAL, GOOD), (1.2, UNKNOWN, GOOD)])
 
 
 def test_a_car_on_a_slippery_road_is_slowed_down_on_its_lane_and_replays(short):

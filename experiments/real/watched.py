@@ -1,0 +1,121 @@
+"""The small car's recordings under `watch --calibration`: as they are, and with a change put in on the way.
+
+    python -m experiments.real.watched --hand runs/hand_changes --out runs/watched
+
+Each recording is watched with the car that was calibrated on the others (`experiments.other_worlds.hand_changes` has
+made recordings and calibrations), and so are the two that no calibration has. The changes begin at half of the
+driving, in either sign. What is done is kept: start again to go on.
+"""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from drift_drake.logs.table import Run, read_case, read_run
+from drift_drake.monitoring.calibrated import NormalScores, calibrated_monitor, learn_normal_scores
+from drift_drake.monitoring.watch import rows_of, watched
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.vehicle.vehicle_file import read_vehicle
+from experiments.made import write_report
+from experiments.other_worlds.changes import CHANGES
+
+MAGNITUDES = {"steering_offset": 0.051, "gyro_bias": 0.075, "sideslip_bias": 0.066, "wheel_radius_error": 0.08}
+"""Twice the limits of a diagnosis of these recordings (`hand_changes`)."""
+CIRCLES, LAPS = ("floor_a_0", "floor_a_1", "floor_a_2"), ("floor_a_3",)
+NEW = ("free_driving", "floor_b")
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """What has been calibrated, and where the answers go."""
+
+    hand: Path
+    """Folder of `experiments.other_worlds.hand_changes`: its logs and calibrations are used."""
+    out: Path | None = None
+
+
+def watch(run: Run, car: Path, scores: NormalScores) -> list[dict[str, Any]]:
+    """The events of a recording with a calibrated car."""
+    monitor = calibrated_monitor(scores, run, *read_vehicle(car))
+    return [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
+
+
+def changed_at(run: Run, name: str, magnitude: float, onset: float) -> Run:
+    """A run whose columns are those of a changed car from `onset` [s] on; a change that cuts no rows."""
+    after, out = CHANGES[name](run, magnitude), dict[str, Any]()
+    for field in dataclasses.fields(run):
+        values = getattr(run, field.name)
+        if isinstance(values, np.ndarray):
+            out[field.name] = np.where(run.t < onset, values, getattr(after, field.name))
+    return dataclasses.replace(run, **out)
+
+
+def asked(recording: str, runs: list[Run]) -> dict[str, tuple[Run, float]]:
+    """Runs by name, with the time [s] of their change: infinite for those as they are."""
+    out = {f"{recording}-{run.name}": (run, np.inf) for run in runs}
+    if recording in CIRCLES:
+        onset = float(np.mean(runs[0].t[[0, -1]]))
+        for name, magnitude in MAGNITUDES.items():
+            for q in (magnitude, -magnitude):
+                out[f"{recording}-{name}-{q:+g}"] = changed_at(runs[0], name, q, onset), onset
+    return out
+
+
+def row(name: str, run: Run, onset: float, events: list[dict[str, Any]]) -> dict[str, Any]:
+    """What was said: false alarms, the delay of the first alarm after the change, and the last cause."""
+    alarms = [event["t"] for event in events if event["event"] == "change"]
+    causes = [event["cause"] for event in events if event["event"] == "cause" and event["t"] > onset]
+    true = name.split("-")[1]
+    return {
+        "name": name, "minutes": float(min(onset, run.t[-1]) - run.t[0]) / 60.0,
+        "false": sum(t < onset for t in alarms),
+        "delay": next((t - onset for t in alarms if t >= onset), None),
+        "cause": causes[-1] if causes else None, "right": bool(causes) and causes[-1] == true, "events": events,
+    }  # fmt: skip
+
+
+def text(rows: list[dict[str, Any]]) -> str:
+    """Two tables: recordings as they are, and changes."""
+    lines = ["| recording | minutes | alarms |", "| --- | --- | --- |"]
+    plain = [r for r in rows if "run_" in r["name"]]
+    lines += [f"| {r['name']} | {r['minutes']:.1f} | {r['false']} |" for r in plain]
+    lines += [
+        "",
+        "| change at half of a recording | reported | after [s], median | last cause right |",
+        "| --- " * 4 + "|",
+    ]
+    for name, magnitude in MAGNITUDES.items():
+        some = [r for r in rows if f"-{name}-" in r["name"]]
+        told = [r["delay"] for r in some if r["delay"] is not None]
+        after = f"{np.median(told):.1f}" if told else "-"
+        lines.append(f"| {name} {magnitude:g}, either sign | {len(told)} of {len(some)} | {after} | "
+                     f"{sum(r['right'] for r in some)} of {len(some)} |")  # fmt: skip
+    return "\n".join(lines)
+
+
+def main(config: Config) -> None:
+    """All recordings."""
+    folder = make_run_folder("watched", config.out)
+    write_versions(folder)
+    rows = []
+    for recording in (*CIRCLES, *LAPS, *NEW):
+        on = [name for name in (*CIRCLES, *LAPS) if name != recording]
+        car = config.hand / "cars" / "+".join(on) / "car.yaml"
+        scores = None
+        for name, (run, onset) in asked(recording, read_case(config.hand / "logs" / recording)).items():
+            path = folder / f"{name}.json"
+            if not is_done(path):
+                logs = [read_run(config.hand / "logs" / one / "run_0.csv") for one in on]
+                scores = scores or learn_normal_scores(logs, *read_vehicle(car))
+                write_json(path, row(name, run, onset, watch(run, car, scores)))
+            rows.append(json.loads(path.read_text()))
+    write_report(folder, text(rows), config)
+    print(text(rows))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Config, description=__doc__))

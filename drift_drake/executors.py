@@ -1,28 +1,35 @@
 """Where a long command's jobs run: this machine's cores, or a cluster's.
 
-Either way the command sees a `concurrent.futures.Executor`. The cluster's engine is dask.distributed, an extra:
+The cluster's engine is dask.distributed, an extra:
 
     pip install "drift_drake[cluster]"
     dask scheduler                                                 # on one machine
-    dask worker tcp://SCHEDULER:8786 --nworkers -1 --nthreads 1    # on each machine, in the repository's root
+    dask worker tcp://SCHEDULER:8786 --nworkers -1 --nthreads 1    # on each machine
     python -m experiments.drifting.figure_8 --executor dask --scheduler tcp://SCHEDULER:8786
 
-Jobs and results travel as messages and the command's own process writes all files, so machines share no disk.
+The workers need the installed package alone. Jobs and results travel as messages, and so does the code of a command
+that is not in the package; the command's own process writes all files, so machines share no disk.
 """
 
 import concurrent.futures
 import dataclasses
+import functools
+import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 from tqdm import tqdm
 
-from drift_drake.errors import DriftDrakeError
-from drift_drake.workers import worker_processes
+from drift_drake.errors import DriftDrakeError, InvalidOptionError
+from drift_drake.workers import SPAWNING, end_with_parent, worker_processes
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
+Submit = Callable[..., "concurrent.futures.Future[Any]"]
+
+ATTEMPTS = 3  # at a job whose worker process ends before it does
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +42,10 @@ class ExecutorConfig:
     scheduler: str | None = None
     """Address of a dask scheduler, such as tcp://HOST:8786; without, dask runs `workers` processes here."""
 
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise InvalidOptionError(f"--workers {self.workers}: give 1 or more")
+
 
 class NoClusterError(DriftDrakeError, RuntimeError):
     """A cluster that cannot be used; the message names the remedy."""
@@ -44,9 +55,13 @@ class JobsFailedError(DriftDrakeError, RuntimeError):
     """Some jobs failed; the message says how many, and the first one's error."""
 
 
+class WorkerLostError(DriftDrakeError, RuntimeError):
+    """A job whose worker process ended before it, again and again."""
+
+
 @contextmanager
 def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executor]:
-    """The executor that a config asks for, shut down at the end.
+    """The executor that a config asks for, shut down at the end; `run_jobs` survives the end of a process, too.
 
     Raises:
         NoClusterError: dask.distributed is not installed, or no scheduler answers at the address.
@@ -54,7 +69,14 @@ def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executo
     if config.executor == "processes":
         with worker_processes(config.workers) as pool:
             yield pool
-        return
+    else:
+        with _cluster(config) as client, client.get_executor() as pool:
+            yield pool
+
+
+@contextmanager
+def _cluster(config: ExecutorConfig) -> Iterator[Any]:
+    """A client of the cluster that a config asks for."""
     try:
         from distributed import Client, LocalCluster
     except ImportError:
@@ -65,9 +87,8 @@ def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executo
         with (
             LocalCluster(n_workers=config.workers, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster) as client,
-            client.get_executor() as pool,
         ):
-            yield pool
+            yield client
         return
     try:
         client = Client(config.scheduler)
@@ -75,8 +96,49 @@ def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executo
         raise NoClusterError(
             f"no dask scheduler answers at {config.scheduler} ({error}); start one with `dask scheduler`"
         ) from None
-    with client, client.get_executor() as pool:
-        yield pool
+    with client:
+        yield client
+
+
+@contextmanager
+def _processes(workers: int, tasks_per_worker: int) -> Iterator[Submit]:
+    """Submits to processes of this machine; a process that ends takes its own job with it and no other."""
+    from pebble import ProcessPool
+
+    pool = ProcessPool(workers, tasks_per_worker, end_with_parent, (), SPAWNING)
+    try:
+        yield lambda function, job: pool.schedule(function, args=[job])
+        pool.close()  # type: ignore[no-untyped-call]
+    except BaseException:  # broken off: the pool must not work through what is left first
+        pool.stop()  # type: ignore[no-untyped-call]
+        raise
+    finally:
+        pool.join()
+
+
+@contextmanager
+def _dask(config: ExecutorConfig, function: Callable[..., Any]) -> Iterator[Submit]:
+    """Submits to a cluster, which starts a job again where its worker is lost."""
+    import cloudpickle
+
+    while isinstance(function, functools.partial):
+        function = function.func
+    package = function.__module__.partition(".")[0]
+    if package not in ("drift_drake", "__main__"):
+        cloudpickle.register_pickle_by_value(sys.modules[package])
+    with make_executor(config) as pool:
+        waiting: list[concurrent.futures.Future[Any]] = []
+
+        def submit(function: Callable[..., Any], job: Any) -> "concurrent.futures.Future[Any]":
+            waiting.append(pool.submit(function, job))
+            return waiting[-1]
+
+        try:
+            yield submit
+        except BaseException:
+            for future in waiting:
+                future.cancel()
+            raise
 
 
 def run_jobs(
@@ -85,29 +147,71 @@ def run_jobs(
     jobs: Sequence[Job],
     finish: Callable[[Job, Result], None],
     unit: str,
+    failed: Callable[[Job, BaseException], None] | None = None,
+    tasks_per_worker: int = 0,
+    quiet: bool = False,
 ) -> None:
     """Runs jobs anywhere, with a progress bar; `finish` is called here with each result as it comes in.
 
+    A job whose worker process ends before it (killed, or out of memory) is begun anew, three times at most.
+
+    Args:
+        failed: called with each job that failed and its error.
+        tasks_per_worker: a process is replaced by a fresh one after so many jobs (Drake keeps Python systems for ever);
+            0 for never. On a cluster that is its own to decide (`dask worker --lifetime`).
+
     Raises:
-        JobsFailedError: some job raised; all others have been finished.
+        JobsFailedError: some job failed and there is no `failed`; all others have been finished.
     """
     if not jobs:
         return
+    from pebble import ProcessExpired
+
     failures: list[str] = []
-    with make_executor(config) as pool:
-        waiting = {pool.submit(function, job): job for job in jobs}
-        try:
-            for future in tqdm(concurrent.futures.as_completed(list(waiting)), total=len(jobs), unit=unit):
-                job, error = waiting.pop(future), future.exception()
+    lost: Counter[int] = Counter()
+    place = _dask(config, function) if config.executor == "dask" else _processes(config.workers, tasks_per_worker)
+    with place as submit, tqdm(total=len(jobs), unit=unit, disable=quiet, file=sys.stderr) as bar:
+        waiting = {submit(function, job): k for k, job in enumerate(jobs)}
+        while waiting:
+            done, _ = concurrent.futures.wait(waiting, return_when=concurrent.futures.FIRST_COMPLETED)
+            for future in done:
+                k, error = waiting.pop(future), future.exception()
+                if isinstance(error, ProcessExpired):
+                    lost[k] += 1
+                    if lost[k] < ATTEMPTS:
+                        waiting[submit(function, jobs[k])] = k
+                        continue
+                    error = WorkerLostError(f"its process ended {ATTEMPTS} times before it, perhaps for want of memory")
+                bar.update()
                 if error is None:
-                    finish(job, future.result())
+                    finish(jobs[k], future.result())
+                elif failed is not None:
+                    failed(jobs[k], error)
                 else:
                     failures.append(f"{type(error).__name__}: {error}")
-        except BaseException:  # broken off: the pool must not work through what is left first
-            for future in waiting:
-                future.cancel()
-            raise
     if failures:
         raise JobsFailedError(
             f"{len(failures)} of {len(jobs)} jobs failed, the first with {failures[0]}; the others' results are kept"
         )
+
+
+def results_of(
+    config: ExecutorConfig,
+    function: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    unit: str,
+    tasks_per_worker: int = 0,
+) -> list[Result]:
+    """The jobs' results in their order; see `run_jobs`."""
+    numbered = list(enumerate(jobs))
+    found: dict[int, Result] = {}
+
+    def finish(job: tuple[int, Job], result: Result) -> None:
+        found[job[0]] = result
+
+    run_jobs(config, functools.partial(_second, function), numbered, finish, unit, tasks_per_worker=tasks_per_worker)
+    return [found[k] for k in range(len(jobs))]
+
+
+def _second(function: Callable[[Job], Result], job: tuple[int, Job]) -> Result:
+    return function(job[1])

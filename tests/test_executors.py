@@ -1,10 +1,13 @@
 """The same jobs on processes and on a cluster."""
 
 import os
+import signal
+from pathlib import Path
 
 import pytest
 
-from drift_drake.executors import ExecutorConfig, JobsFailedError, run_jobs
+from drift_drake.errors import InvalidOptionError
+from drift_drake.executors import ExecutorConfig, JobsFailedError, results_of, run_jobs
 
 
 def square(number: float) -> tuple[float, int]:
@@ -40,6 +43,52 @@ def test_a_job_that_fails_loses_no_other() -> None:
     with pytest.raises(JobsFailedError, match="1 of 5 jobs failed, the first with ValueError: not this one"):
         run_jobs(ExecutorConfig(workers=1), refuse_two, list(range(5)), lambda job, _: finished.append(job), "job")
     assert sorted(finished) == [0, 1, 3, 4]
+
+
+def once_killed(job: tuple[int, Path]) -> int:
+    """Kills its own process the first time that job 1 is begun; job 2 kills it each time."""
+    number, folder = job
+    mark = folder / "begun"
+    if number == 2 or (number == 1 and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def test_a_killed_worker_loses_no_job_but_one_that_kills_each(tmp_path: Path) -> None:
+    finished, failed = [], []
+    run_jobs(ExecutorConfig(workers=2), once_killed, [(k, tmp_path) for k in range(6)],
+             lambda _job, result: finished.append(result), "job",
+             failed=lambda job, error: failed.append((job[0], str(error))))  # fmt: skip
+    assert sorted(finished) == [0, 1, 3, 4, 5]
+    assert failed == [(2, "its process ended 3 times before it, perhaps for want of memory")]
+
+
+def process_of(_job: int) -> int:
+    return os.getpid()
+
+
+def test_a_process_is_renewed_after_some_jobs() -> None:
+    processes = results_of(ExecutorConfig(workers=1), process_of, range(6), "job", tasks_per_worker=2)
+    assert [len(set(processes[k : k + 2])) for k in (0, 2, 4)] == [1, 1, 1]
+    assert len(set(processes)) == 3
+
+
+def test_results_come_in_the_order_of_the_jobs() -> None:
+    assert [result for result, _ in results_of(ExecutorConfig(workers=2), square, [3.0, 1.0, 2.0], "job")] == [9, 1, 4]
+
+
+def test_a_cluster_that_loses_a_worker_does_all_jobs(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the cluster's engine is an extra: pip install drift_drake[cluster]")
+    finished: list[int] = []
+    run_jobs(ExecutorConfig(executor="dask", workers=2), once_killed, [(k, tmp_path) for k in (0, 1, 3, 4, 5)],
+             lambda _job, result: finished.append(result), "job")  # fmt: skip
+    assert sorted(finished) == [0, 1, 3, 4, 5]
+
+
+def test_no_workers_are_refused() -> None:
+    with pytest.raises(InvalidOptionError, match="--workers 0: give 1 or more"):
+        ExecutorConfig(workers=0)
 
 
 def test_no_jobs_start_no_worker() -> None:

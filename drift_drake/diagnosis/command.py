@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import tyro
-from tqdm import tqdm
 
 from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import all_answered
-from drift_drake.errors import InvalidOptionError, meant
+from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
+from drift_drake.executors import ExecutorConfig
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
@@ -69,7 +69,9 @@ class Diagnose:
     every: int = 1
     """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
     workers: int = 2
-    """Threads for one case; a folder of cases is spread over processes."""
+    """Threads for one case; processes for a folder of cases."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler (tcp://HOST:8786) whose workers answer a folder of cases and see the same logs."""
     again: bool = False
     """Diagnose anew the cases of a folder that --json holds answers to, found from the same logs and files."""
     exit_code: bool = False
@@ -220,15 +222,16 @@ def _diagnose_many(
     with ended_at_once():
         from drift_drake.diagnosis.folders import diagnose_all
     only = [folder for folder in folders if folder not in before]
-    with tqdm(total=len(only), disable=command.quiet, file=sys.stderr, unit="case") as bar:
+    run_on = ExecutorConfig("processes" if command.scheduler is None else "dask", command.workers, command.scheduler)
 
-        def done(answer: Answer) -> None:
-            bar.update()
-            if into is not None:
-                answer.write(into / f"{answer.case}.json")
+    def done(answer: Answer) -> None:
+        if into is not None:
+            answer.write(into / f"{answer.case}.json")
 
-        refused: list[InvalidLogError] = []
-        answers = diagnose_all(command.case, vehicle, progress=done, refused=refused.append, only=only, **options)
+    refused: list[DriftDrakeError] = []
+    answers = diagnose_all(
+        command.case, vehicle, run_on, progress=done, refused=refused.append, only=only, quiet=command.quiet, **options
+    )
     answers = [*before.values(), *answers]
     for answer in answers:
         _say(answer, to=said_to(command.json))

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,10 @@ from drift_drake.diagnosis.answers.provenance import KEY, provenance
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.normal import Normal
+from drift_drake.executors import ExecutorConfig, WorkerLostError, run_jobs
 from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import InvalidLogError, read_case, stated_noise
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import worker_processes
-
-
-class WorkerLostError(DriftDrakeError, RuntimeError):
-    """A worker process was killed; the message names the case that it worked on."""
 
 
 def answer_folder(
@@ -53,49 +49,44 @@ def answer_folder(
     return dataclasses.replace(found, answer=answer)
 
 
-def _answer_folder(folder: Path, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
+def _answered(vehicle: VehicleParameters, options: Mapping[str, Any], folder: Path) -> Answer:
     return answer_folder(folder, vehicle, workers=1, **options).answer
 
 
 def diagnose_all(
     folder: str | Path,
     vehicle: VehicleParameters,
-    executor: Executor | None = None,
+    run_on: ExecutorConfig,
     progress: Callable[[Answer], None] | None = None,
-    refused: Callable[[InvalidLogError], None] | None = None,
+    refused: Callable[[DriftDrakeError], None] | None = None,
     only: Sequence[Path] | None = None,
+    quiet: bool = True,
     **options: Any,
 ) -> list[Answer]:
-    """Diagnoses a folder of cases, spread over the executor (processes of this machine if none is given).
+    """Diagnoses a folder of cases, spread over processes or a cluster.
 
-    A case whose logs cannot be used is told to `refused` and left out; without `refused`, its error ends the work.
-    `only` picks some of `case_folders`; `options` go to `diagnose`.
+    A case whose logs cannot be used, or whose worker process was killed again and again, is told to `refused` and left
+    out; without `refused`, its error ends the work.
 
-    Raises:
-        WorkerLostError: a worker process was killed.
+    Args:
+        run_on: where; on a cluster its machines must see the logs.
+        progress: called with each answer as it comes in.
+        only: some of `case_folders`; quiet: without a progress bar; options: of `answer_folder`.
     """
     folders = list(case_folders(folder) if only is None else only)
-    if not folders:
-        return []
-    if executor is None:
-        with worker_processes() as own:
-            return diagnose_all(folder, vehicle, own, progress, refused, folders, **options)
-    jobs = {executor.submit(_answer_folder, path, vehicle, options): path for path in folders}
-    answers = {}
-    for job in as_completed(jobs):
-        try:
-            answer = job.result()
-        except InvalidLogError as error:
-            if refused is None:
-                raise
-            refused(error)
-            continue
-        except BrokenExecutor:
-            raise WorkerLostError(
-                f"{jobs[job]}: its worker process was killed, perhaps for want of memory; run the command again, which "
-                "goes on with what is not answered yet"
-            ) from None
-        answers[jobs[job]] = answer
+    answers: dict[Path, Answer] = {}
+
+    def finish(path: Path, answer: Answer) -> None:
+        answers[path] = answer
         if progress is not None:
             progress(answer)
+
+    def failed(path: Path, error: BaseException) -> None:
+        if isinstance(error, WorkerLostError):
+            error = WorkerLostError(f"{path}: {error}; run the command again, which goes on with what is not answered")
+        if refused is None or not isinstance(error, InvalidLogError | WorkerLostError):
+            raise error
+        refused(error)
+
+    run_jobs(run_on, partial(_answered, vehicle, options), folders, finish, "case", failed, quiet=quiet)
     return [answers[path] for path in folders if path in answers]

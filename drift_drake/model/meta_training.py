@@ -74,10 +74,13 @@ def train(config: TrainingConfig) -> BayesianModel:
         mean_loss = _epoch(objective, parameters, optimizer, generator, config.gradient_clip)
         schedule.step()
         if (epoch + 1) % SAVE_EVERY == 0 or epoch + 1 == config.epochs:
-            entry = {"epoch": epoch + 1, "loss": mean_loss, **objective.watch(parameters)}
+            spent_now = round(time.monotonic() - began, 1)
+            entry = {"epoch": epoch + 1, "seconds": spent_now, "loss": mean_loss, **objective.watch(parameters)}
             history.append(entry)
-            progress.set_postfix({k: f"{v:.2f}" for k, v in entry.items() if k != "epoch"})
+            progress.set_postfix({k: f"{v:.2f}" for k, v in entry.items() if k not in ("epoch", "seconds")})
             _save_resume(resume, config, parameters, optimizer, schedule, epoch + 1, time.monotonic() - began, history)
+            if config.stop_at is not None and entry.get("validation", math.inf) <= config.stop_at:
+                break
         if time.monotonic() - began > config.time_limit:
             break
     record: dict[str, Any] = {
@@ -88,6 +91,7 @@ def train(config: TrainingConfig) -> BayesianModel:
         "seconds": round(time.monotonic() - began, 1),
         "history": history,
         "torch": torch.__version__,
+        "device": torch.cuda.get_device_name() if objective.scale.is_cuda else "cpu",
     }
     if begun_from is not None:
         record["start"] = begun_from.record
@@ -105,7 +109,7 @@ def _first_parameters(
     config: TrainingConfig, vehicle: VehicleParameters, scale: torch.Tensor, start: BayesianModel | None
 ) -> Parameters:
     """The numbers to begin with: drawn at random, but for those of a model that training starts from."""
-    generator = torch.Generator().manual_seed(config.seed)
+    generator, device, scale = torch.Generator().manual_seed(config.seed), scale.device, scale.cpu()
     parameters = initial_parameters(generator, config.physical_inputs, coupled=config.lane is not None)
     if start is not None:
         parameters |= _started(start, parameters, scale, config, vehicle)
@@ -115,7 +119,8 @@ def _first_parameters(
     if config.lane is not None and "logit_weight" not in parameters:
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
         parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)
-    return parameters
+    # Drawn on the CPU, so that every device begins with the same numbers.
+    return {name: value.detach().to(device).requires_grad_() for name, value in parameters.items()}
 
 
 def _optimizer(config: TrainingConfig, parameters: Parameters) -> tuple[Any, Any]:
@@ -136,15 +141,16 @@ def _epoch(
     generator: np.random.Generator, gradient_clip: float | None,
 ) -> float:  # fmt: skip
     """One pass over the data; the mean loss of a sample."""
-    total, count = 0.0, 0
+    total, count = torch.zeros(()), 0
     for loss, size in objective.losses(parameters, generator):
         optimizer.zero_grad()
         loss.backward()
         if gradient_clip is not None:
             torch.nn.utils.clip_grad_norm_(list(parameters.values()), gradient_clip)
         optimizer.step()
-        total, count = total + float(loss.detach()) * size, count + size
-    return total / count
+        # Not read before the end: a GPU works on while this process goes ahead.
+        total, count = total.to(loss.device) + loss.detach() * size, count + size
+    return float(total) / count
 
 
 def drifts_of(samples: Samples, seed: int) -> Array | None:
@@ -195,8 +201,8 @@ def to_model(parameters: Parameters, scale: torch.Tensor, vehicle: VehicleParame
 
     A model that never adapts has a precision so large that samples do not move it.
     """
-    numbers = {name: value.detach().double().numpy() for name, value in parameters.items()}
-    output_scale = scale.double().numpy()
+    numbers = {name: value.detach().cpu().double().numpy() for name, value in parameters.items()}
+    output_scale = scale.cpu().double().numpy()
     weights = {name: numbers[name] for name in WEIGHTS}
     factor = numbers["precision_factor"] if adaptive else 1e6 * np.eye(MEAN_COUNT)
     if factor.ndim == 3:
@@ -237,7 +243,7 @@ def _resume(path: Path, config: TrainingConfig, parameters: Parameters, optimize
     if not path.exists():
         return 0, 0.0, []
     try:
-        state = torch.load(path, weights_only=True)
+        state = torch.load(path, weights_only=True, map_location="cpu")
         same = state["config"] == json.dumps(_plain(config))
     except Exception as error:  # zip, pickle and torch raise a dozen kinds on a damaged file
         print(f"{path}: cannot be read ({one_line(error)}); training starts anew", file=sys.stderr)

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.model.checkpoint import PRECISION_FLOOR, WEIGHTS, BayesianModel
 from drift_drake.model.features import (
     FEATURE_COUNT,
@@ -66,7 +67,8 @@ def trainable_numbers(model: BayesianModel, scale: torch.Tensor) -> Parameters:
 
 def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor:
     """phi [n, 4, 16] at inputs [n, 8 or 16]: torch's twin of `features.features`."""
-    offset, scale = (torch.as_tensor(a, dtype=inputs.dtype) for a in input_scaling(inputs.shape[1] > INPUT_COUNT))
+    scaling = input_scaling(inputs.shape[1] > INPUT_COUNT)
+    offset, scale = (torch.as_tensor(a, dtype=inputs.dtype, device=inputs.device) for a in scaling)
     scaled = (inputs - offset) / scale
     hidden = torch.tanh(torch.addmm(parameters["b1"], scaled, parameters["w1"]))
     hidden = torch.tanh(torch.addmm(parameters["b2"], hidden, parameters["w2"]))
@@ -77,13 +79,25 @@ def torch_features(parameters: Parameters, inputs: torch.Tensor) -> torch.Tensor
 def coupled_precision(parameters: Parameters) -> torch.Tensor:
     """Lambda_0 [4, 16, 16], or [64, 64] where it couples the states."""
     factor = parameters["precision_factor"]
-    return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(factor.shape[-1], dtype=factor.dtype)
+    return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(factor.shape[-1]).to(factor)
 
 
-def padded(rows: Sequence[NDArray[np.int64]]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Index arrays of several lengths as one [rows, longest], and which entries count."""
+def padded(rows: Sequence[NDArray[np.int64]], device: torch.device) -> tuple[torch.Tensor, torch.Tensor]:
+    """Index arrays of several lengths as one [rows, longest], and which entries count, both on the device."""
     longest = max(1, max(len(row) for row in rows))
     index, mask = np.zeros((len(rows), longest), dtype=np.int64), np.zeros((len(rows), longest), dtype=bool)
     for place, row in enumerate(rows):
         index[place, : len(row)], mask[place, : len(row)] = row, True
-    return torch.as_tensor(index), torch.as_tensor(mask)
+    return torch.as_tensor(index, device=device), torch.as_tensor(mask, device=device)
+
+
+def training_device(wanted: str) -> torch.device:
+    """The device that "auto", "cpu" or "cuda" means on this machine.
+
+    Raises:
+        InvalidOptionError: "cuda" where torch finds no GPU.
+    """
+    there = torch.cuda.is_available()
+    if wanted == "cuda" and not there:
+        raise InvalidOptionError("--device cuda: torch finds no GPU here; choose cpu, or auto")
+    return torch.device("cuda" if there and wanted != "cpu" else "cpu")

@@ -64,8 +64,12 @@ class TrainingConfig:
     """Of the network's weights (decoupled, as in AdamW)."""
     time_limit: float = 2400.0
     """[s] Of training in all; what has been reached by then is written."""
+    stop_at: float | None = None
+    """Stop once the watched vehicles' objective is at or below this."""
     threads: int = 2
     """Of torch."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """Where to train; auto: on a GPU where torch finds one."""
     seed: int = 0
     """Of the first weights and of the windows."""
     vehicle: Path | None = None

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features
+from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features, training_device
 from drift_drake.model.training_config import LANE_ROUND, TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -55,13 +55,17 @@ def drives_by_phase(samples: Samples, first_row: int) -> dict[int, list[list[Row
 class Tasks:
     """The samples of drifts and of lane drives on torch's side, mirrored too, and how a task is drawn from them."""
 
-    def __init__(self, drift: Samples, lane: Samples, vehicle: VehicleParameters, physical: bool) -> None:
+    def __init__(
+        self, drift: Samples, lane: Samples, vehicle: VehicleParameters, physical: bool, device: torch.device
+    ) -> None:
         tables = [drift, lane, mirrored(drift), mirrored(lane)]
         offsets = np.concatenate([[0], np.cumsum([len(table.x) for table in tables])])
         together = concatenate(tables)
         z = network_inputs(together.x, together.u, together.u_next)
-        self.inputs = torch.as_tensor(all_inputs(z, vehicle.constants() if physical else None), dtype=torch.float32)
-        self.y = torch.as_tensor(residual(together.x, together.u, together.x_next, vehicle.constants()))
+        inputs = all_inputs(z, vehicle.constants() if physical else None)
+        self.inputs = torch.as_tensor(inputs, dtype=torch.float32, device=device)
+        y = residual(together.x, together.u, together.x_next, vehicle.constants())
+        self.y = torch.as_tensor(y, device=device)
         drifts, lanes = drives_by_phase(drift, 0), drives_by_phase(lane, 0)
 
         def moved(phases: list[list[Rows]], offset: int) -> list[list[Rows]]:
@@ -173,8 +177,9 @@ class TransferObjective:
     ) -> None:
         """Args: samples, watched: (drifting drives, lane drives)."""
         self._config = config
-        self._tasks = Tasks(*samples, vehicle, config.physical_inputs)
-        self._watched = None if watched is None else Tasks(*watched, vehicle, config.physical_inputs)
+        physical, device = config.physical_inputs, training_device(config.device)
+        self._tasks = Tasks(*samples, vehicle, physical, device)
+        self._watched = None if watched is None else Tasks(*watched, vehicle, physical, device)
         self.scale = self._tasks.y.std(dim=0)
 
     def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
@@ -194,14 +199,15 @@ class TransferObjective:
         self, parameters: Parameters, tasks: Tasks, count: int, generator: np.random.Generator
     ) -> tuple[torch.Tensor, int]:
         contexts, targets = zip(*(tasks.draw(generator) for _ in range(count)), strict=True)
-        index, mask = zip(padded(contexts), padded(targets), strict=True)
+        device = tasks.y.device
+        index, mask = zip(padded(contexts, device), padded(targets, device), strict=True)
         phi = torch_features(parameters, tasks.inputs[torch.cat([rows.reshape(-1) for rows in index])])
         parts = [
             (part.reshape(*rows.shape, STATE_COUNT, -1), tasks.y[rows] / self.scale, valid)
             for part, rows, valid in zip(phi.split([rows.numel() for rows in index]), index, mask, strict=True)
         ]
         single, stretches = predictive_nll(parameters, parts[0], parts[1])
-        number = int(mask[1].sum())
+        number = sum(len(rows) for rows in targets)
         # In the density of the physical units, as the objective over windows.
         loss = (single.sum() + STRETCH * stretches.sum()) / number + 4.0 * torch.log(self.scale).sum()
         return loss, number

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
 from drift_drake.model.samples import Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features
+from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features, training_device
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -30,10 +30,12 @@ LONG = 40  # [samples] longest window that stays within one drive
 class EpochWindows:
     """The samples on torch's side, and how an epoch cuts them into windows."""
 
-    def __init__(self, samples: Samples, vehicle: VehicleParameters, physical: bool) -> None:
+    def __init__(self, samples: Samples, vehicle: VehicleParameters, physical: bool, device: torch.device) -> None:
         z = network_inputs(samples.x, samples.u, samples.u_next)
-        self.inputs = torch.as_tensor(all_inputs(z, vehicle.constants() if physical else None), dtype=torch.float32)
-        self.y = torch.as_tensor(residual(samples.x, samples.u, samples.x_next, vehicle.constants()))
+        inputs = all_inputs(z, vehicle.constants() if physical else None)
+        self.inputs = torch.as_tensor(inputs, dtype=torch.float32, device=device)
+        y = residual(samples.x, samples.u, samples.x_next, vehicle.constants())
+        self.y = torch.as_tensor(y, device=device)
         cuts = np.flatnonzero(np.diff(samples.drive)) + 1
         drives = np.split(np.arange(len(samples.drive)), cuts)
         of_vehicle = samples.vehicle[[drive[0] for drive in drives]]
@@ -98,8 +100,9 @@ class WindowObjective:
         self, config: TrainingConfig, samples: Samples, watched: Samples | None, vehicle: VehicleParameters
     ) -> None:
         self._config = config
-        self._windows = EpochWindows(concatenate([samples, mirrored(samples)]), vehicle, config.physical_inputs)
-        self._watched = None if watched is None else EpochWindows(watched, vehicle, config.physical_inputs)
+        physical, device = config.physical_inputs, training_device(config.device)
+        self._windows = EpochWindows(concatenate([samples, mirrored(samples)]), vehicle, physical, device)
+        self._watched = None if watched is None else EpochWindows(watched, vehicle, physical, device)
         self.scale = self._windows.y.std(dim=0)
 
     def losses(self, parameters: Parameters, generator: np.random.Generator) -> Iterator[tuple[torch.Tensor, int]]:
@@ -130,8 +133,8 @@ class WindowObjective:
         self, parameters: Parameters, windows: EpochWindows, batch: list[NDArray[np.int64]]
     ) -> tuple[torch.Tensor, int]:
         # In the density of the physical units.
-        index, mask = padded(batch)
+        index, mask = padded(batch, windows.y.device)
         phi = torch_features(parameters, windows.inputs[index.reshape(-1)]).reshape(*index.shape, STATE_COUNT, -1)
         total = window_nll(parameters, phi, windows.y[index] / self.scale, mask, self._config.adaptive).sum()
-        count = int(mask.sum())
+        count = sum(len(rows) for rows in batch)
         return total / count + 2.0 * torch.log(self.scale).sum(), count

@@ -18,22 +18,20 @@ import secrets
 import sys
 import zlib
 from collections.abc import Sequence
-from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import tyro
-from tqdm import tqdm
 
 from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import worker_processes
 from experiments.gap.cases import Truth, drawn_truth, make_case
 from experiments.gap.drake_cases import drake_case
 from experiments.gap.pictures import draw_scores
@@ -49,7 +47,7 @@ class Make:
 
     out: Path
     count: int = 40
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     compiled: bool = False
     """The compiled plant in place of Drake's: faster, for calibration."""
     seed: int | None = None
@@ -61,7 +59,7 @@ class Respond:
     """Diagnose the cases; the labels stay sealed."""
 
     out: Path
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +77,7 @@ class Calibrate:
 
     out: Path
     count: int = 60
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     seed: int = 20_000
 
 
@@ -110,6 +108,10 @@ def make_one(name: str, tier: str, seed: Sequence[int], out: Path, compiled: boo
     return {"case": name, "tier": tier, "without": without, **dataclasses.asdict(truth)}
 
 
+def _make_one(job: tuple[str, str, tuple[int, int], Path, bool]) -> dict[str, Any]:
+    return make_one(*job)
+
+
 def make(command: Make) -> None:
     """Makes cases, a manifest and the sealed labels."""
     seed = command.seed if command.seed is not None else secrets.randbits(63)
@@ -117,13 +119,12 @@ def make(command: Make) -> None:
     order = np.random.default_rng(seed).permutation(command.count)
     command.out.mkdir(parents=True, exist_ok=True)
     labels: list[dict[str, Any]] = []
-    with worker_processes(command.workers) as pool:
-        jobs = []
-        for place, i in enumerate(order):
-            name = hashlib.sha256(f"{seed}-{place}".encode()).hexdigest()[:8]
-            jobs.append(pool.submit(make_one, name, tiers[i], (seed, place), command.out, command.compiled))
-        for job in tqdm(as_completed(jobs), total=len(jobs), unit="case"):
-            labels.append(job.result())
+    jobs = [
+        (hashlib.sha256(f"{seed}-{place}".encode()).hexdigest()[:8], tiers[i], (seed, place), command.out,
+         command.compiled)
+        for place, i in enumerate(order)
+    ]  # fmt: skip
+    run_jobs(command.run_on, _make_one, jobs, lambda _job, label: labels.append(label), "case", tasks_per_worker=20)
     text = json.dumps({"seed": seed, "labels": sorted(labels, key=lambda label: str(label["case"]))})
     sealed = base64.b64encode(zlib.compress(text.encode()))
     write_bytes(command.out / "labels.sealed", sealed)
@@ -156,20 +157,27 @@ def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any
     return diagnosis.answer.to_json(), raw
 
 
+def _answer_one(job: tuple[Path, tuple[str, ...]]) -> tuple[str, dict[str, Any]]:
+    return answer_one(*job)
+
+
 def answer(command: Respond) -> None:
     """Writes an answer for each case that has none."""
     manifest = json.loads((command.out / "manifest.json").read_text())
     (command.out / "answers").mkdir(exist_ok=True)
     (command.out / "evidence").mkdir(exist_ok=True)
-    with worker_processes(command.workers) as pool:
-        jobs = {}
-        for name, case in sorted(manifest["cases"].items()):
-            if not is_done(command.out / "answers" / f"{name}.json"):
-                jobs[pool.submit(answer_one, command.out / "cases" / name, case["without"])] = name
-        for job in tqdm(as_completed(jobs), total=len(jobs), unit="case"):
-            text, raw = job.result()
-            write_text(command.out / "evidence" / f"{jobs[job]}.json", json.dumps(raw))
-            write_text(command.out / "answers" / f"{jobs[job]}.json", text)
+    jobs = [
+        (command.out / "cases" / name, tuple(case["without"]))
+        for name, case in sorted(manifest["cases"].items())
+        if not is_done(command.out / "answers" / f"{name}.json")
+    ]
+
+    def write(job: tuple[Path, tuple[str, ...]], answered: tuple[str, dict[str, Any]]) -> None:
+        text, raw = answered
+        write_text(command.out / "evidence" / f"{job[0].name}.json", json.dumps(raw))
+        write_text(command.out / "answers" / f"{job[0].name}.json", text)
+
+    run_jobs(command.run_on, _answer_one, jobs, write, "case")
 
 
 def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
@@ -212,8 +220,8 @@ def calibrate(command: Calibrate) -> None:
     from experiments.gap.calibration import fitted_constants, write_constants
 
     if not (command.out / "manifest.json").exists():
-        make(Make(command.out, command.count, command.workers, compiled=True, seed=command.seed))
-    answer(Respond(command.out, command.workers))
+        make(Make(command.out, command.count, command.run_on, compiled=True, seed=command.seed))
+    answer(Respond(command.out, command.run_on))
     records = []
     for label in opened(command.out):
         records.append((label, json.loads((command.out / "evidence" / f"{label['case']}.json").read_text())))

@@ -14,18 +14,18 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import tyro
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from drift_drake.control.plan import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.gather import taught
 from drift_drake.gathering.plan import (
     GatheringConfig,
@@ -43,7 +43,6 @@ from drift_drake.run_folder import is_done, make_run_folder, write_json, write_v
 from drift_drake.safe_files import write_arrays, write_table
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import SPAWNING, end_with_parent
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.summary import markdown, summarise, summarise_halves
@@ -68,7 +67,8 @@ class InformationConfig(Recipe):
     stop_below: float = 0.1  # a round's predicted gain over all gained so far, under which another is not worth it
     drives_seed: int = 0  # that the drives were made with
     seed: int = 0
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    """A cluster's machines must share the output folder."""
     out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
 
 
@@ -234,9 +234,7 @@ def main(config: InformationConfig) -> None:
     indices = range(config.first, config.first + config.vehicles)
     jobs = [(config, shared, folder, index) for index in indices]
     # Drake keeps Python systems for ever, so a worker is replaced after some vehicles.
-    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=5) as pool:
-        for _ in tqdm(pool.imap_unordered(run_vehicle, jobs), total=len(jobs), unit="vehicle"):
-            pass
+    run_jobs(config.run_on, run_vehicle, jobs, lambda _job, _nothing: None, "vehicle", tasks_per_worker=5)
     results = [json.loads((folder / f"vehicle-{index:03d}.json").read_text()) for index in indices]
     summary = summarise(results, config.stop_below)
     summary["halves"] = summarise_halves([result["halves"] for result in results])

@@ -15,15 +15,16 @@ import dataclasses
 import json
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import tyro
-from tqdm import tqdm
 
 from drift_drake.control.plan import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.executors import ExecutorConfig, results_of
 from drift_drake.gathering.gather import execution
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
@@ -34,7 +35,6 @@ from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import SPAWNING, end_with_parent
 from experiments.model.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
@@ -42,6 +42,7 @@ from experiments.model.drives import join_vehicles
 SCHEDULE = ("first", "own", "own", "pool", "own", "pool", "shaken", "shaken")
 assert len(SCHEDULE) == LANE_ROUND
 PLANS = 48  # in the pool
+RENEWED = 25  # jobs after which a worker is replaced: Drake keeps Python systems for ever
 ITERATIONS = 40  # of the SQP: what is worth training on need not be a plan to the last digit
 
 
@@ -55,7 +56,8 @@ class LaneDrivesConfig:
     train: int = 360  # vehicles, up to this one
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    """A cluster's machines must share the output folder."""
     output: Path = Path("runs/drives")
 
 
@@ -176,16 +178,15 @@ def main(config: LaneDrivesConfig) -> None:
         ("train", range(config.first, config.train)),
         ("validation", range(config.validation)),
     ]
-    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=25) as pool:
-        jobs = [(config, index) for index in range(PLANS)]
-        plans = [p for p in tqdm(pool.imap(lane_plan, jobs), total=PLANS, unit="plan") if p is not None]
-        runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [
-            (config, population, index, plans) for population, indices in driven for index in indices
-        ]
-        total: dict[str, int] = {}
-        for endings in tqdm(pool.imap(lane_drives, runs), total=len(runs), unit="vehicle"):
-            for name, count in endings.items():
-                total[name] = total.get(name, 0) + count
+    jobs = [(config, index) for index in range(PLANS)]
+    plans = [p for p in results_of(config.run_on, lane_plan, jobs, "plan", RENEWED) if p is not None]
+    runs: list[tuple[LaneDrivesConfig, Population, int, list[Trajectory]]] = [
+        (config, population, index, plans) for population, indices in driven for index in indices
+    ]
+    total: dict[str, int] = {}
+    for endings in results_of(config.run_on, lane_drives, runs, "vehicle", RENEWED):
+        for name, count in endings.items():
+            total[name] = total.get(name, 0) + count
     for population, indices in driven:
         folders = sorted((config.output / population).glob("vehicle_*"))
         for ending in ("", "_phases") if indices else ():

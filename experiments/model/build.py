@@ -20,11 +20,12 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 
 from drift_drake.errors import DriftDrakeError
+from drift_drake.executors import ExecutorConfig
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command import Train, run_train
 from drift_drake.model.training_config import Recipe, TrainingConfig
@@ -55,7 +56,8 @@ class BuildConfig:
     plain_epochs: int = 300
     first_epochs: int = 1200
     later_epochs: int = 420
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    """A cluster's machines must share the output folder; torch takes as many threads as there are workers."""
 
 
 class OtherBuildError(DriftDrakeError, ValueError):
@@ -76,21 +78,30 @@ def stages(config: BuildConfig) -> list[Stage]:
     plain = config.output / "plain.npz"
 
     def drive() -> None:
-        drives.main(drives.DrivesConfig(config.seed, config.train, config.validation, config.held_out, config.held_out,
-                                        config.samples, config.workers, table))  # fmt: skip
+        drives.main(drives.DrivesConfig(
+            config.seed, config.train, config.validation, held_out=config.held_out, wide=config.held_out,
+            samples=config.samples, run_on=config.run_on, output=table,
+        ))  # fmt: skip
 
     def trained(output: Path, recipe: Recipe = "transfer", **changes: Any) -> None:
         lanes = {"lane": table / "train_lane_phases.npz", "validation_lane": table / "validation_lane.npz"}
         tables: dict[str, Any] = {"data": table / "train_phases.npz", "validation": table / "validation.npz"}
         tables |= lanes if recipe == "transfer" else {"lane": None, "validation_lane": None}
-        options = tables | {"output": output, "time_limit": UNLIMITED, "seed": config.seed, "threads": config.workers}
+        options = tables | {
+            "output": output,
+            "time_limit": UNLIMITED,
+            "seed": config.seed,
+            "threads": config.run_on.workers,
+        }
         run_train(Train(TrainingConfig(**(options | changes)), recipe))
 
     out = [Stage("drives", drive), Stage("plain", partial(trained, plain, "windows", epochs=config.plain_epochs))]
     before = plain
     for k in range(config.rounds):
-        lane = lane_drives.LaneDrivesConfig(config.seed, k, 0, config.train, config.validation, before, config.workers,
-                                            table)  # fmt: skip
+        lane = lane_drives.LaneDrivesConfig(
+            config.seed, round=k, train=config.train, validation=config.validation, checkpoint=before,
+            run_on=config.run_on, output=table,
+        )  # fmt: skip
         first = {"epochs": config.first_epochs}
         later = {"epochs": config.later_epochs, "start": before, "learning_rate": 1e-3, "decay": 0.9925}
         model = config.output / f"model_{k}.npz"
@@ -121,7 +132,7 @@ def main(config: BuildConfig) -> None:
     if config.rounds < 1:
         raise OtherBuildError(f"--rounds {config.rounds}: give 1 or more; without lane drives a model learns no drift")
     path = config.output / "build.json"
-    asked = {key: value for key, value in dataclasses.asdict(config).items() if key not in ("output", "workers")}
+    asked = {key: value for key, value in dataclasses.asdict(config).items() if key not in ("output", "run_on")}
     record = json.loads(path.read_text()) if is_done(path) else {"config": asked, "seconds": {}}
     differ = [key for key, value in asked.items() if record["config"].get(key) != value]
     if differ:

@@ -12,14 +12,13 @@ without the first sample of each drive. Broken off, it goes on with the vehicle 
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import tyro
 from numpy.typing import NDArray
 from pydrake.systems.primitives import ConstantVectorSource
-from tqdm import tqdm
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
@@ -27,6 +26,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, content_hash, load_samples, save_samples
 from drift_drake.reference.equilibrium import drift_equilibrium
@@ -36,7 +36,6 @@ from drift_drake.safe_files import write_text
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import SPAWNING, end_with_parent
 
 Array = NDArray[np.float64]
 
@@ -69,7 +68,8 @@ class DrivesConfig:
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution
     samples: int = 325  # a vehicle, at 10 Hz, the first of each drive among them
-    workers: int = 2
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    """A cluster's machines must share the output folder."""
     output: Path = Path("runs/drives")
 
 
@@ -81,9 +81,7 @@ def main(config: DrivesConfig) -> None:
         for index in range(getattr(config, population))
     ]
     # Drake keeps Python systems for ever, so a worker is replaced after a few vehicles.
-    with SPAWNING.Pool(config.workers, end_with_parent, maxtasksperchild=4) as pool:
-        for _ in tqdm(pool.imap_unordered(_drive_vehicle, jobs), total=len(jobs), unit="vehicle"):
-            pass
+    run_jobs(config.run_on, _drive_vehicle, jobs, lambda _job, _nothing: None, "vehicle", tasks_per_worker=4)
     summary: dict[str, Any] = {"config": dataclasses.asdict(config) | {"output": config.output.name}}
     for population in POPULATIONS:
         folders = [config.output / population / f"vehicle_{i:02d}" for i in range(getattr(config, population))]

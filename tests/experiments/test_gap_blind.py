@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -14,7 +15,7 @@ from experiments.gap.blind import Make, case_truth, make, opened
 @pytest.fixture(scope="module")
 def cases(tmp_path_factory):
     out = tmp_path_factory.mktemp("blind")
-    make(Make(out, count=2, workers=1, compiled=True, seed=7))
+    make(Make(out, count=2, run_on=ExecutorConfig(workers=1), compiled=True, seed=7))
     return out
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import InvalidCheckpointError, load_model
 from drift_drake.model.features import (
@@ -26,7 +27,12 @@ torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
 from drift_drake.model.meta_training import DRIFT_COUNT, drifts_of, train  # noqa: E402
-from drift_drake.model.torch_network import initial_parameters, torch_features, trainable_numbers  # noqa: E402
+from drift_drake.model.torch_network import (  # noqa: E402
+    initial_parameters,
+    torch_features,
+    trainable_numbers,
+    training_device,
+)
 from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
 from drift_drake.model.window_objective import WindowObjective, window_nll  # noqa: E402
 
@@ -98,6 +104,22 @@ def test_parameters_number_as_in_the_paper() -> None:
     ):
         parameters = initial_parameters(torch.Generator().manual_seed(0), physical, coupled)
         assert sum(value.numel() for value in parameters.values()) == count
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_without_a_gpu_auto_is_the_cpu_and_cuda_is_refused(config: TrainingConfig) -> None:
+    assert training_device("auto").type == training_device("cpu").type == "cpu"
+    with pytest.raises(InvalidOptionError, match="--device cuda: torch finds no GPU here; choose cpu, or auto"):
+        train(dataclasses.replace(config, device="cuda"))
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
+def test_a_gpu_computes_the_same_objective(config: TrainingConfig) -> None:
+    losses = {}
+    for device in ("cpu", "cuda"):
+        output = config.output.with_name(f"{device}.npz")
+        losses[device] = train(dataclasses.replace(config, epochs=3, device=device, output=output)).record["history"]
+    assert losses["cuda"][-1]["loss"] == pytest.approx(losses["cpu"][-1]["loss"], abs=1e-2)
 
 
 def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network(config: TrainingConfig) -> None:
@@ -265,7 +287,7 @@ def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> Non
 
 def test_targets_are_of_the_contexts_vehicle_and_never_in_the_context(table: Path) -> None:
     drift = load_samples(table)
-    tasks = Tasks(drift, drift._replace(x=drift.x + 0.001), VehicleParameters(), physical=True)
+    tasks = Tasks(drift, drift._replace(x=drift.x + 0.001), VehicleParameters(), True, torch.device("cpu"))
     rows_of = len(drift.x)
     vehicle = np.concatenate([drift.vehicle, drift.vehicle, drift.vehicle + 10, drift.vehicle + 10])
     kinds = set()

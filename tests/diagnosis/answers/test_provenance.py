@@ -121,7 +121,7 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
     asked: list[list[Path]] = []
     given: dict[str, Any] = {}
 
-    def diagnosed(_folder: Path, _vehicle: Any, **options: Any) -> list[Any]:
+    def diagnosed(_folder: Path, _vehicle: Any, _run_on: Any, **options: Any) -> list[Any]:
         asked.append(list(options.pop("only")))
         given.update(options)
         return []
@@ -131,7 +131,7 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
     answers.mkdir()
     arguments = ["diagnose", str(case.parent), "--vehicle", str(files / "car.yaml"), "--json", str(answers), "--quiet"]
     assert main(arguments) == 0
-    del given["progress"], given["refused"]
+    del given["progress"], given["refused"], given["quiet"]
     monkeypatch.setattr(folders, "read_case", lambda _: [])
     monkeypatch.setattr(folders, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
     folders.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")

@@ -121,7 +121,7 @@ def write_page(
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
         answer=diagnosis.answer,
-        posterior=list(diagnosis.answer.posterior.items())[:8],
+        posterior=[(name.replace("+", " + "), p) for name, p in list(diagnosis.answer.posterior.items())[:8]],
         log_name=name,
         errors=errors,
         units=UNITS,

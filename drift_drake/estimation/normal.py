@@ -35,6 +35,7 @@ class Normal:
     information: np.ndarray  # diagonal of a block's information [n]
     covered: np.ndarray  # how hard the car was driven [4] (`windows.regimes`)
     unknown: np.ndarray  # covariance of what calibration left unknown, in units [n, n]
+    recording: np.ndarray  # covariance of the effects from one recording to the next, in units [n, n]
     offset: np.ndarray  # median errors [HORIZONS, channels]
     level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
 
@@ -68,7 +69,8 @@ def _check_normal(normal: Normal) -> None:
     if unknown or not n or len(set(names)) < n:
         raise ValueError(f"'names' must be different effects of the catalogue, not {shown(unknown or list(names))}")
     shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m), "scales": (HORIZONS, len(PREDICTED))}
-    shapes |= dict.fromkeys(("units", "mean", "information"), (n,)) | dict.fromkeys(("covariance", "unknown"), (n, n))
+    shapes |= dict.fromkeys(("units", "mean", "information"), (n,))
+    shapes |= dict.fromkeys(("covariance", "unknown", "recording"), (n, n))
     shapes |= dict.fromkeys(("offset", "level"), shapes["scales"])
     shapes["modes"] = (max(len(np.atleast_1d(normal.modes)), 1), n)
     for key, shape in shapes.items():
@@ -80,7 +82,7 @@ def _check_normal(normal: Normal) -> None:
     for key in ("information", "covered", "level"):
         if np.min(getattr(normal, key)) < 0.0:
             raise ValueError(f"'{key}' must be zero or more")
-    for key in ("precision", "covariance", "unknown"):
+    for key in ("precision", "covariance", "unknown", "recording"):
         matrix = getattr(normal, key)
         least = np.linalg.eigvalsh(matrix)[0]
         negative = least <= 0.0 if key == "precision" else least < -ROUNDED * np.max(np.abs(matrix))

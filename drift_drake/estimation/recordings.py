@@ -1,11 +1,24 @@
-"""What a calibration leaves unknown because its recordings differ: a covariance that is robust to clusters.
+"""What differs from one recording of a car to the next, and what a calibration on some of them leaves unknown.
 
-Batteries empty, tyres warm up, a sensor is mounted anew, and equations that do not follow the car ask for other
-parameters on a circle than in a slalom. Blocks of time within a recording do not show that, whole recordings do: each
-counts as one draw (Liang and Zeger 1986).
+Batteries empty, tyres warm up, wind turns, a sensor is aligned anew, and equations that do not follow the car ask for
+other parameters on a circle than in a slalom. Blocks of time within a recording do not show that, whole recordings do:
+each is one draw (Liang and Zeger 1986). A few recordings show little of it: what is known to vary from recording to
+recording (`Effect.varies`) is taken to, by less than a gap.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
+
+SHARE = 0.5  # of the least gap, that an effect's standard deviation from recording to recording is: two are a gap
+
+
+def everyday(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviations [n] of effects from one recording to the next, whatever a calibration's recordings show."""
+    return np.array([SHARE * CATALOGUE[n].least_for(vehicle) if CATALOGUE[n].varies else 0.0 for n in names])
 
 
 def pulls(scores: np.ndarray, blocks: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -20,7 +33,10 @@ def pulls(scores: np.ndarray, blocks: np.ndarray, covariance: np.ndarray) -> np.
     return np.asarray(-beyond @ covariance)
 
 
-def covariance_between(pulled: np.ndarray) -> np.ndarray:
-    """Covariance [n, n] of an estimate from what each of its recordings pulls it by [K, n]; zero of one recording."""
+def spread(pulled: np.ndarray) -> np.ndarray:
+    """Covariance [n, n] of what single recordings ask for, from what each pulls the estimate by [K, n].
+
+    Of an estimate from all K it is the K-th part. Zero of one recording, which shows none.
+    """
     count = len(pulled)
-    return np.asarray(count / max(count - 1, 1) * pulled.T @ pulled)
+    return np.asarray(count**2 / max(count - 1, 1) * pulled.T @ pulled)

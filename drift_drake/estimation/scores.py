@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.normal import Normal, capped_squares
-from drift_drake.estimation.recordings import covariance_between, pulls
+from drift_drake.estimation.recordings import pulls, spread
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
@@ -146,26 +146,27 @@ class Learnt(NamedTuple):
 
     normal: Normal
     pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
-    between: np.ndarray  # covariance of the effects from that, in units [n, n]
+    between: np.ndarray  # covariance of the effects over all recordings from that, in units [n, n]
 
 
-def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray) -> Learnt:
+def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray) -> Learnt:
     """What is normal, from the day of calibration.
 
     Args:
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
-        prior: standard deviations [n] of the effects, in their units, before those logs.
+        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
+            they differ by from one recording to the next at least (`recordings.everyday`).
     """
     scales = robust_scales(day.errors)
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
     score = block_scores(day, day.errors, scales, precision)
     information = block_information(day, scales, precision)
-    spread = np.maximum(np.cov(score.T), 0.0) * np.eye(len(names)) if len(score) < 3 else np.cov(score.T)
-    spread = spread + 1e-12 * np.trace(spread) * np.eye(len(names))
-    deviation = np.sqrt(np.diag(spread))
+    scatter = np.maximum(np.cov(score.T), 0.0) * np.eye(len(names)) if len(score) < 3 else np.cov(score.T)
+    scatter = scatter + 1e-12 * np.trace(scatter) * np.eye(len(names))
+    deviation = np.sqrt(np.diag(scatter))
     shrink = min(SHRUNK * SHRUNK_AT / len(score), 0.9)
-    correlation = (1.0 - shrink) * spread / np.outer(deviation, deviation) + shrink * np.eye(len(names))
+    correlation = (1.0 - shrink) * scatter / np.outer(deviation, deviation) + shrink * np.eye(len(names))
     covariance = correlation * np.outer(deviation, deviation)
     seen = np.diag(information) > 0.0
     ratio = float(np.mean(np.diag(covariance)[seen] * len(score) / np.diag(information)[seen]))
@@ -174,8 +175,9 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     by_recording, blocks = scores_by_recording(day, score)
     pulled = pulls(by_recording / temper, blocks, alone)
     model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
-    between = covariance_between(pulled)
-    unknown = alone + model_form + between
+    seen_apart = spread(pulled)
+    recording = seen_apart + np.diag(everyday**2)
+    unknown = alone + model_form + recording / len(pulled)
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     offset = np.median(day.errors, axis=0)
@@ -183,9 +185,9 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     normal = Normal(
         names=tuple(names), units=steps, scales=scales, precision=precision, blocks=len(score),
         mean=score.mean(axis=0), covariance=covariance, modes=modes, information=np.diag(information) / len(score),
-        covered=drive_coverage(day.runs), unknown=unknown, offset=offset, level=level,
+        covered=drive_coverage(day.runs), unknown=unknown, recording=recording, offset=offset, level=level,
     )  # fmt: skip
-    return Learnt(normal, pulled, between)
+    return Learnt(normal, pulled, seen_apart / len(pulled))
 
 
 def scores_by_recording(day: Day, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -206,12 +208,18 @@ class Scatter:
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
-    """The normal scatter of this day's scores: that of blocks, and what calibration left unknown."""
-    information = block_information(day, normal.scales, normal.precision)
+    """The normal scatter of this day's scores: of blocks, of what calibration left unknown, of each new recording."""
+    parts = [
+        block_information(dataclasses.replace(day, weights=day.weights * (day.recordings[day.run] == k)),
+                          normal.scales, normal.precision)
+        for k in range(int(day.recordings.max()) + 1)
+    ]  # fmt: skip
+    information = np.sum(parts, axis=0)
     per_block = np.diag(information) / day.blocks
     grown = np.sqrt(per_block / np.maximum(normal.information, 1e-300 + 1e-6 * per_block))
     covariance = BETWEEN_DAYS * day.blocks * normal.covariance * np.outer(grown, grown)
     covariance = covariance + information @ normal.unknown @ information
+    covariance = covariance + np.sum([part @ normal.recording @ part for part in parts], axis=0)
     mixed = day.blocks / len(normal.modes) * normal.modes
     covariance = covariance + mixed.T @ mixed
     covariance += 1e-9 * np.diag(np.diag(covariance)) + 1e-12 * np.eye(len(per_block))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import learn_normal, make_day, units
 from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
@@ -22,8 +23,7 @@ FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
-KEEPS = 0.5  # standard deviations from zero, below which an effect is left out
-EVERYDAY = 0.05  # of the practical range, that a sensor's bias or a road's grade may be on the day of calibration
+KEEPS = 0.025  # of the practical range, below which an effect is left out
 LATE = ("steering_delay", "sensor_latency")  # any may be this car's every day, where that day's drives did not show it
 STATES = ("r", "v", "beta", "omega_r")
 
@@ -99,7 +99,7 @@ def fit_by_prediction(
     held_out = compared(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
     progress("all windows", 0.5)
     fit = fitted_to(thinned(runs, MOST_WINDOWS), chosen, best.theta)
-    kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * EVERYDAY * u.unit]
+    kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * u.unit]
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
         fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
@@ -107,7 +107,8 @@ def fit_by_prediction(
     car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    learnt = learn_normal(make_day(runs, car.constants(), rest, seen, steps), seen, steps, prior)
+    day = make_day(runs, car.constants(), rest, seen, steps)
+    learnt = learn_normal(day, seen, steps, prior, everyday(seen, vehicle) / steps)
     normal = learnt.normal
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
@@ -124,10 +125,12 @@ def fit_by_prediction(
 
 
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
-    """Standard deviation of what any effect may be on the day of calibration, before its logs."""
-    prior = unknown(name, vehicle, stated).prior
-    bias = CATALOGUE[name].stage == "sensor" or name == "road_grade"
-    return EVERYDAY * prior if bias and name not in LATE else prior
+    """Standard deviation of what any effect may be on the day of calibration, before its logs.
+
+    A sensor's bias or a road's grade belongs to no car: it is as on any recording.
+    """
+    bias = (CATALOGUE[name].stage == "sensor" or name == "road_grade") and name not in LATE
+    return float(everyday([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
 
 
 def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:

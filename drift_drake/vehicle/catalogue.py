@@ -74,18 +74,20 @@ OWN: dict[str, Effect] = {
     "drivetrain_friction": Effect(
         "N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle", needs=TORQUE, mass=1.0, radius=1.0
     ),
-    "aero_drag": Effect("N s^2/m^2", 0.4, 2.5, "force q v^2 against the course", mass=1.0, length=-1.0),
-    "rolling_resistance": Effect("-", 0.01, 0.05, "force q m g backwards along the body"),
-    "road_grade": Effect("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q", needs=("psi",)),
+    "aero_drag": Effect("N s^2/m^2", 0.4, 2.5, "force q v^2 against the course", mass=1.0, length=-1.0, varies=True),
+    "rolling_resistance": Effect("-", 0.01, 0.05, "force q m g backwards along the body", varies=True),
+    "road_grade": Effect("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q", needs=("psi",), varies=True),
     "differential_yaw_moment": Effect(
         "N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle", mass=1.0, length=1.0, daily=0.2
     ),
     "gyro_bias": Effect(
-        "rad/s", -0.04, 0.04, "added to the measured yaw rate", stage="sensor", needs=("psi",), length=-0.5
+        "rad/s", -0.04, 0.04, "added to the measured yaw rate", stage="sensor", needs=("psi",), length=-0.5, varies=True
     ),
-    "sideslip_bias": Effect("rad", -0.04, 0.04, "added to the measured sideslip", stage="sensor", needs=("beta",)),
+    "sideslip_bias": Effect(
+        "rad", -0.04, 0.04, "added to the measured sideslip", stage="sensor", needs=("beta",), varies=True
+    ),
     "wheel_radius_error": Effect(
-        "-", -0.05, 0.05, "measured rim speed times (1 + q)", stage="sensor", needs=("omega_r",)
+        "-", -0.05, 0.05, "measured rim speed times (1 + q)", stage="sensor", needs=("omega_r",), varies=True
     ),
     "sensor_latency": Effect(
         "s",

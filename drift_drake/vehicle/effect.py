@@ -13,6 +13,7 @@ from drift_drake.vehicle.parameters import Constants, VehicleParameters
 Stage = Literal["command", "actuator", "motion", "sensor"]
 Command = Literal["delta_cmd", "tau_cmd"]
 REFERENCE = VehicleParameters()
+LEAST_SIGNED, LEAST_UNSIGNED = 0.2, 0.5  # of the size, or of the low end, of a practical range: below it is no gap
 
 
 class Force(Protocol):
@@ -61,6 +62,7 @@ class Effect:
     length: float = 0.0
     radius: float = 0.0
     daily: float = 1.0  # how often it changes from one day to another, beside the others
+    varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it best, in words
     force: Force | None = None
     actuation: Actuation | None = None
@@ -79,6 +81,11 @@ class Effect:
             * (vehicle.wheel_radius / REFERENCE.wheel_radius) ** self.radius
         )
         return self.low * size, self.high * size
+
+    def least_for(self, vehicle: VehicleParameters) -> float:
+        """Least absolute value that is a gap to report, for a car of another size."""
+        low, high = self.range_for(vehicle)
+        return LEAST_SIGNED * max(abs(low), abs(high)) if self.signed else LEAST_UNSIGNED * low
 
 
 def wheelbase(vehicle: VehicleParameters) -> float:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.recordings import covariance_between, pulls
+from drift_drake.estimation.recordings import everyday, pulls, spread
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.parameters import VehicleParameters
 
 TRUTH = np.array([1.0, -2.0])
 BLOCKS = 20
@@ -38,17 +40,33 @@ def test_a_recording_pulls_as_leaving_it_out_shows() -> None:
 def test_the_spread_of_estimates_over_populations_of_recordings_is_found() -> None:
     rng = np.random.default_rng(1)
     draws = [recordings(rng, 12) for _ in range(400)]
-    spread = np.var([regression(*draw) for draw in draws], axis=0)
-    stated = np.mean([np.diag(covariance_between(pulled(*draw))) for draw in draws], axis=0)
-    assert stated == pytest.approx(spread, rel=0.2)
+    found = np.var([regression(*draw) for draw in draws], axis=0)
+    single = np.mean([np.diag(spread(pulled(*draw))) for draw in draws], axis=0)
+    assert single == pytest.approx(np.full(2, 0.1**2), rel=0.25)  # that of one recording
+    assert single / 12 == pytest.approx(found, rel=0.2)
     # Rows that are taken as independent would say a tenth of that.
-    assert np.all(spread > 10.0 * 0.01**2 / (12 * 40))
+    assert np.all(found > 10.0 * 0.01**2 / (12 * 40))
 
 
 def test_one_recording_says_nothing_of_others() -> None:
-    assert np.all(covariance_between(pulls(np.array([[0.3, -0.2]]), np.array([BLOCKS]), np.eye(2))) == 0.0)
+    assert np.all(spread(pulls(np.array([[0.3, -0.2]]), np.array([BLOCKS]), np.eye(2))) == 0.0)
 
 
 def test_what_all_recordings_share_is_no_difference() -> None:
     same = np.tile([0.3, -0.2], (3, 1))  # what the equations lack in every recording
     assert pulls(same, np.full(3, BLOCKS), np.eye(2)) == pytest.approx(np.zeros((3, 2)))
+
+
+def test_what_varies_by_itself_does_so_by_less_than_a_gap() -> None:
+    car = VehicleParameters()
+    found = dict(zip(CATALOGUE, everyday(list(CATALOGUE), car), strict=True))
+    assert {name for name, q in found.items() if q > 0.0} == {n for n, info in CATALOGUE.items() if info.varies}
+    assert all(2.0 * found[name] <= CATALOGUE[name].least_for(car) for name in found)
+    assert found["mass_error"] == 0.0
+    assert found["sideslip_bias"] == pytest.approx(0.004)  # [rad]
+
+
+def test_what_varies_is_scaled_by_the_car() -> None:
+    car = VehicleParameters()
+    small = car.replace(mass=car.mass / 1000.0)
+    assert everyday(["aero_drag"], small) == pytest.approx(everyday(["aero_drag"], car) / 1000.0)

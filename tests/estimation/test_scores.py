@@ -22,6 +22,7 @@ from drift_drake.estimation.scores import (
     summed,
 )
 from drift_drake.estimation.windows import regimes, windowed
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,8 @@ def test_what_is_normal_survives_json(other_car):
     again = normal_from_data(json.loads(json.dumps(normal.as_data())))
     assert again.names == normal.names
     assert again.blocks == normal.blocks
-    for field in ("units", "scales", "precision", "mean", "covariance", "modes", "information", "covered", "unknown"):
+    for field in ("units", "scales", "precision", "mean", "covariance", "modes", "information", "covered", "unknown",
+                  "recording"):  # fmt: skip
         np.testing.assert_array_equal(getattr(again, field), getattr(normal, field))
 
 
@@ -135,3 +137,21 @@ def test_a_yaw_inertia_is_never_known_better_than_the_equations_hold(other_car):
     for name, least in MODEL_FORM.items():
         i = normal.names.index(name)
         assert np.sqrt(normal.unknown[i, i]) * normal.units[i] > least
+
+
+def test_a_day_of_more_recordings_is_less_alone_in_what_recordings_differ_by(other_car, day):
+    normal = other_car.normal
+    i = normal.names.index("sideslip_bias")
+    one = dataclasses.replace(day, runs=[dataclasses.replace(run, recording="one") for run in day.runs])
+    apart = dataclasses.replace(normal, recording=normal.recording * 1e6)  # beside which all else is nothing
+    variances = [np.linalg.inv(scatter_of(some, apart).inverse)[i, i] for some in (one, day)]
+    assert len(set(day.recordings)) > 1
+    assert variances[0] > 1.5 * variances[1]
+
+
+def test_what_varies_from_recording_to_recording_is_no_gap_of_a_calibrated_car(other_car):
+    normal = other_car.normal
+    i = normal.names.index("sideslip_bias")
+    everyday = 0.5 * CATALOGUE["sideslip_bias"].least_for(other_car.guess) / normal.units[i]
+    assert normal.recording[i, i] >= everyday**2
+    assert np.all(np.diag(normal.unknown) >= np.diag(normal.recording) / len(other_car.runs) - 1e-12)

@@ -207,12 +207,16 @@ def doubt_of(search: Search) -> float:
 
 
 def gross(search: Search, h: Hypothesis) -> float:
-    """The largest median error of a channel half a second ahead under a hypothesis, in its scale on calibration day.
+    """The largest median error of a channel half a second ahead under a hypothesis, in deviations that are normal.
 
-    Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say.
+    Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say. Normal is
+    the scale on the day of calibration with what another recording differs by.
     """
-    e = np.abs(search.day.errors_with(h.effects(search.day)))[:, -1] / search.normal.scales[-1]
-    return float(np.max(np.median(e, axis=0)) / MEDIAN_OF_NORMAL)
+    day, normal = search.day, search.normal
+    apart = np.sqrt(np.diag(normal.recording)) * day.jacobian.reshape(*day.errors.shape, -1)[:, -1]
+    e = day.errors_with(h.effects(day))[:, -1] / normal.scales[-1]
+    deviations = np.abs(e) / np.sqrt(1.0 + np.sum(apart**2, axis=-1))
+    return float(np.max(np.median(deviations, axis=0)) / MEDIAN_OF_NORMAL)
 
 
 def nearest_hypothesis(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:

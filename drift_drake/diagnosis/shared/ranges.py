@@ -9,7 +9,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import effect_range
 
 REACH = 1.5  # times the ends of the practical range that a magnitude may reach
-LEAST_UNSIGNED, LEAST_SIGNED = 0.5, 0.2  # of the practical range's low end, or of its size, below which it is no gap
 NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
 FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
 NEAR_END = 0.02  # of the reach
@@ -40,7 +39,7 @@ def range_of(name: str, vehicle: VehicleParameters) -> Range:
     """Magnitudes of an effect that would be a gap, and are believed possible."""
     info = CATALOGUE[name]
     low, high = info.range_for(vehicle)
-    least = LEAST_SIGNED * max(abs(low), abs(high)) if info.signed else LEAST_UNSIGNED * low
+    least = info.least_for(vehicle)
     if info.tolerance:
         least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
     return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))

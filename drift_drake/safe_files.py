@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from drift_drake.errors import OutputError
-from drift_drake.unfinished import unfinished_folder
+from drift_drake.unfinished import PARTIAL, unfinished_folder
 
 STANDARD_OUTPUT = Path("-")
+PROBE = 4096  # bytes that must fit where a result is to be written
 
 
 @contextlib.contextmanager
@@ -118,8 +119,8 @@ def try_folder(folder: Path, option: str) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with unfinished_folder(folder):
-            pass
+        with unfinished_folder(folder) as part:
+            (part / "probe").write_bytes(bytes(PROBE))  # a full disk still takes folders
     except (OSError, ValueError) as error:
         raise OutputError(f"{option} {_sentence(folder, error)}") from None
 
@@ -135,6 +136,7 @@ def _flush(path: Path) -> None:
 
 
 def _sentence(path: Path, error: Exception) -> str:
+    path = Path(*[part for part in path.parts if not part.startswith(PARTIAL)])
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return f"{path}: cannot be written ({reason}); give another place, or make room"
 

@@ -1,5 +1,6 @@
 """Writing: whole or not at all, to where it is possible, and told."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -89,3 +90,13 @@ def test_outputs_are_tried_before_the_work(tmp_path: Path, capsys: pytest.Captur
     try_outputs({"--out": file, "--json": tmp_path / "new", "--report": None})
     assert capsys.readouterr().err == f"--out {file}: exists and will be replaced\n"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_disk_that_is_full_is_told_before_a_computation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_path: Path, _data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OutputError, match=r"--out .*: cannot be written \(No space left"):
+        try_outputs({"--out": tmp_path / "a.json"})
+    assert not list(tmp_path.iterdir())

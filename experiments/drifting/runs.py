@@ -20,7 +20,6 @@ import tyro
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
 from drift_drake.gathering.plan import InfeasiblePlanError
 from drift_drake.gathering.recipe import Recipe
@@ -31,12 +30,13 @@ from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, 
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import is_done, plain, write_json
+from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
+from experiments.settings import OtherExperimentError, keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
@@ -199,10 +199,6 @@ def run_name(model: str, vehicle: int, noise_seed: int) -> str:
     return f"{model}-{vehicle:03d}-{noise_seed}"
 
 
-class OtherExperimentError(DriftDrakeError, ValueError):
-    """A folder that holds runs of another experiment; the message names it and what differs."""
-
-
 # Told in their one sentence.
 REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError, InfeasiblePlanError)
 
@@ -213,13 +209,6 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     Raises:
         OtherExperimentError: the runs there were made with other settings or another checkpoint.
     """
+    checkpoint = load_model(config.checkpoint).content_hash()
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
-    path = folder / "config.json"
-    entry = plain(dataclasses.asdict(config) | {"checkpoint": load_model(config.checkpoint).content_hash()})
-    before = json.loads(path.read_text()) if is_done(path) else {}
-    differ = [name for name in before if name not in free and before[name] != entry.get(name)]
-    if differ:
-        raise OtherExperimentError(
-            f"{folder} holds runs made with another {', '.join(differ)}; give another folder, or the settings of {path}"
-        )
-    write_json(path, entry)
+    keep_settings(folder, dataclasses.asdict(config) | {"checkpoint": checkpoint}, free)

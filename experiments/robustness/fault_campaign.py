@@ -36,6 +36,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.intervals import binomial
 from experiments.made import write_report
+from experiments.settings import keep_settings
 
 FAULTS = {  # begins after one second, in a drift
     "none": "",
@@ -195,10 +196,14 @@ def picture(found: pd.DataFrame) -> Figure:
 
 
 def main(config: CampaignConfig) -> None:
-    """Runs what is missing, then writes table and picture."""
+    """Runs what is missing, then writes table and picture.
+
+    Raises:
+        OtherExperimentError: the folder holds loops made with other settings.
+    """
     folder = make_run_folder("fault_campaign", config.out)
     write_versions(folder)
-    write_json(folder / "config.json", config)
+    keep_settings(folder, dataclasses.asdict(config), free=("loops", "vehicles", "models", "seed", "run_on", "out"))
     loops = folder / "loops"
     loops.mkdir(exist_ok=True)
     jobs = make_jobs(config)

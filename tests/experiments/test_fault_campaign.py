@@ -12,6 +12,7 @@ from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.simulation.faults import KINDS, parse_fault
 from experiments.robustness import fault_campaign
 from experiments.robustness.fault_campaign import FAULTS, CampaignConfig, main, make_jobs, picture, shares, table
+from experiments.settings import OtherExperimentError
 
 QUICK = CampaignConfig(loops=4, vehicles=1, models=("nominal",), distance=22.0,
                        control=ControlConfig(horizon=12, period=0.02, delay=0.02))  # fmt: skip
@@ -48,6 +49,14 @@ def test_a_campaign_is_resumed_and_told(
     assert same == set(done) - {spoilt}
     after = json.loads(spoilt.read_text())
     assert without_times(after) == without_times(before)
+
+
+def test_loops_of_other_settings_are_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fault_campaign, "run_jobs", lambda *_: None)
+    main(dataclasses.replace(QUICK, out=tmp_path))
+    main(dataclasses.replace(QUICK, loops=8, out=tmp_path))
+    with pytest.raises(OtherExperimentError, match="made with another distance; give another folder"):
+        main(dataclasses.replace(QUICK, distance=23.0, out=tmp_path))
 
 
 def run_here(_: ExecutorConfig, function: object, jobs: object, finish: object, _unit: str) -> None:

@@ -15,7 +15,8 @@ from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
-from experiments.drifting.runs import ModelsConfig, OtherExperimentError
+from experiments.drifting.runs import ModelsConfig
+from experiments.settings import OtherExperimentError
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
 SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)

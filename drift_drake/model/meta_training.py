@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from drift_drake.errors import one_line
+from drift_drake.errors import DriftDrakeError, one_line
 from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling, network_inputs
 from drift_drake.model.posterior import block_diagonal, state_blocks
@@ -33,6 +33,10 @@ SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
 DRIFT_COUNT = 200  # samples that stand for what is to be predicted
 FIRST_WEIGHT = 0.3  # of a sample, where it is trained
 FIRST_SHARE = 0.5  # of a sample's noise, the noise of a stretch's mean
+
+
+class TrainingDivergedError(DriftDrakeError, ArithmeticError):
+    """An objective that is no number any more; the message names the epoch and the remedy."""
 
 
 def _objective(
@@ -72,6 +76,8 @@ def train(config: TrainingConfig) -> BayesianModel:
         # The stream of an epoch depends on the epoch alone, so that a resumed run draws what an unbroken one does.
         generator = np.random.default_rng([config.seed, epoch])
         mean_loss = _epoch(objective, parameters, optimizer, generator, config.gradient_clip)
+        if not math.isfinite(mean_loss):
+            raise TrainingDivergedError(f"the objective of epoch {epoch + 1} is {mean_loss}; lower --learning-rate")
         schedule.step()
         if (epoch + 1) % SAVE_EVERY == 0 or epoch + 1 == config.epochs:
             spent_now = round(time.monotonic() - began, 1)

@@ -140,11 +140,14 @@ def predictive_nll(
     count = len(phi)
     own = torch.diag_embed((weight[..., None] * phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1))  # [b, 16, 16, 4, 4]
     told = own.permute(0, 3, 1, 4, 2).reshape(count, MEAN_COUNT, MEAN_COUNT)
-    factor = torch.linalg.cholesky(coupled_precision(parameters) + told)
+    # `cholesky` itself would wait for a GPU, to look whether it failed.
+    factor, failed = torch.linalg.cholesky_ex(coupled_precision(parameters) + told)
+    factor = factor.masked_fill((failed > 0)[:, None, None], torch.nan)
     projected = (weight * torch.einsum("bitf,bit->bif", phi, error)).reshape(count, MEAN_COUNT, 1)
     shift = torch.cholesky_solve(projected, factor).reshape(count, STATE_COUNT, FEATURE_COUNT)
     mean = parameters["prior_mean"] + sigma * shift
-    whole = torch.cholesky_inverse(factor).reshape(count, STATE_COUNT, FEATURE_COUNT, STATE_COUNT, FEATURE_COUNT)
+    unit = torch.eye(MEAN_COUNT).to(factor).expand(count, -1, -1)
+    whole = torch.cholesky_solve(unit, factor).reshape(count, STATE_COUNT, FEATURE_COUNT, STATE_COUNT, FEATURE_COUNT)
     covariance = torch.diagonal(whole, dim1=1, dim2=3).permute(0, 3, 1, 2)  # of each state [b, 4, 16, 16]
     phi, y, mask = targets
     phi = phi.to(y.dtype).permute(0, 2, 1, 3)

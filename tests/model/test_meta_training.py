@@ -26,7 +26,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 torch = pytest.importorskip("torch", reason="training needs the extra `train`")
 
 from drift_drake.model import meta_training  # noqa: E402 (needs torch)
-from drift_drake.model.meta_training import DRIFT_COUNT, drifts_of, train  # noqa: E402
+from drift_drake.model.meta_training import DRIFT_COUNT, TrainingDivergedError, drifts_of, train  # noqa: E402
 from drift_drake.model.torch_network import (  # noqa: E402
     initial_parameters,
     torch_features,
@@ -120,6 +120,14 @@ def test_a_gpu_computes_the_same_objective(config: TrainingConfig) -> None:
         output = config.output.with_name(f"{device}.npz")
         losses[device] = train(dataclasses.replace(config, epochs=3, device=device, output=output)).record["history"]
     assert losses["cuda"][-1]["loss"] == pytest.approx(losses["cpu"][-1]["loss"], abs=1e-2)
+
+
+def test_an_objective_that_is_not_finite_ends_the_training(config: TrainingConfig) -> None:
+    wild = dataclasses.replace(config, learning_rate=1e3, decay=1.0, epochs=200, gradient_clip=None,
+                               output=config.output.with_name("wild.npz"))  # fmt: skip
+    with pytest.raises((TrainingDivergedError, torch.linalg.LinAlgError), match=r"lower --learning-rate|linalg"):
+        train(wild)
+    assert not wild.output.exists()
 
 
 def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network(config: TrainingConfig) -> None:

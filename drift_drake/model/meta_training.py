@@ -1,6 +1,7 @@
 """Offline meta-training of features, prior and noise; with its two objectives the only code that imports torch."""
 
 import dataclasses
+import io
 import json
 import math
 import sys
@@ -23,7 +24,7 @@ from drift_drake.model.torch_network import Parameters, initial_parameters, trai
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
-from drift_drake.safe_files import replacing
+from drift_drake.safe_files import write_bytes
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import check_plausible
 
@@ -236,8 +237,9 @@ def _save_resume(path: Path, config: TrainingConfig, parameters: Parameters, opt
                  epoch: int, spent: float, history: list[dict[str, Any]]) -> None:  # fmt: skip
     state = {"config": json.dumps(_plain(config)), "parameters": parameters, "optimizer": optimizer.state_dict(),
              "schedule": schedule.state_dict(), "epoch": epoch, "spent": spent, "history": history}  # fmt: skip
-    with replacing(path) as part:
-        torch.save(state, part)
+    data = io.BytesIO()  # PyTorch's own writer answers a full disk with an assertion
+    torch.save(state, data)
+    write_bytes(path, data.getvalue())
 
 
 def _resume(path: Path, config: TrainingConfig, parameters: Parameters, optimizer: Any, schedule: Any

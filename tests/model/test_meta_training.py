@@ -1,12 +1,13 @@
 """Meta-training: its objective is the paper's, its checkpoint is its network, and a broken-off run goes on."""
 
 import dataclasses
+import errno
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import InvalidCheckpointError, load_model
 from drift_drake.model.features import (
@@ -354,3 +355,13 @@ def test_tasks_couple_a_prior_that_windows_have_trained(config: TrainingConfig, 
     np.testing.assert_allclose(taken.sample_weight, meta_training.FIRST_WEIGHT)
     further = train(dataclasses.replace(begun, epochs=2))
     assert np.abs(further.precision_factor - block_diagonal(state_blocks(further.precision_factor))).max() > 1e-4
+
+
+def test_a_full_disk_is_one_sentence(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_path: Path, _data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(meta_training, "SAVE_EVERY", 1)
+    with pytest.raises(OutputError, match=r"full\.npz\.resume: cannot be written \(No space left"):
+        train(dataclasses.replace(config, output=config.output.with_name("full.npz")))

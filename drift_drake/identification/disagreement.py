@@ -6,8 +6,8 @@ import numpy as np
 
 MOST = 0.5  # of an estimate's variance, above which the recordings' differences are said to be what makes it uncertain
 ALONE = (
-    "calibrated on one recording: by how much this car differs from one to the next is not known, and is taken as "
-    "nothing when another day is judged; calibrate on several recordings, of different driving"
+    "calibrated on one recording: by how much this car differs from one to the next is not known, but for what varies "
+    "on any car (biases, grade, wind, rolling resistance); calibrate on several recordings, of different driving"
 )
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -123,6 +124,14 @@ def test_a_cause_that_cannot_be_told_from_zero_is_none(late_day, monkeypatch):
     assert "gyro_bias" not in found.probabilities
     found, _ = ranked_hypotheses(late_day.search, none, [hypothesis("gyro_bias", 0.03)], PRIORS)
     assert found.verdict == "effect"
+
+
+def test_what_recordings_differ_by_is_no_gross_gap(late_day):
+    search, none = late_day.search, late_day.search.none()
+    apart = dataclasses.replace(search.normal, recording=100.0 * search.normal.recording)
+    alike = dataclasses.replace(search.normal, recording=0.0 * search.normal.recording)
+    sizes = [another_day.gross(SimpleNamespace(day=search.day, normal=normal), none) for normal in (alike, apart)]
+    assert sizes[1] < 0.5 * sizes[0]
 
 
 def test_causes_that_remove_nothing_are_none_however_many(late_day, monkeypatch):

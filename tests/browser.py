@@ -27,6 +27,11 @@ MEASURE = """<script>setTimeout(() => {
       for (const [other, b] of boxes.slice(i + 1))
         if (wide(a, b) > 2 && high(a, b) > 3) overlaps.push(text + " | " + other);
     }
+    const legend = chart.querySelector("g.legend"), buttons = chart.querySelector(".modebar-group");
+    if (legend && buttons) {
+      const [a, b] = [legend.getBoundingClientRect(), buttons.getBoundingClientRect()];
+      if (wide(a, b) > 0 && high(a, b) > 0) overlaps.push("legend | buttons");
+    }
     return { axes: new Set([...chart.querySelectorAll("g.subplot")].map(axes => axes.classList[1])).size,
              drawn: drawn(chart, "g.trace.scatter") + drawn(chart, ".hm") };
   });

@@ -11,13 +11,14 @@ from drift_drake.plain_files import number
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
+LOST = 1e4  # the same of what is shown and located: a prediction a hundred normal errors off
 LARGEST_NUMBER = 1e100  # of a calibration's file: beyond, its squares are not finite
 ROUNDED = 1e-6  # of a matrix's largest entry, by which rounding may make an eigenvalue negative
 
 
-def capped_squares(e: np.ndarray) -> np.ndarray:
+def capped_squares(e: np.ndarray, cap: float = WORST) -> np.ndarray:
     """Squares of errors in scales, capped: a prediction that far off is lost, however far."""
-    return np.asarray(np.minimum(e**2, WORST))
+    return np.asarray(np.minimum(e**2, cap))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,9 +40,9 @@ class Normal:
     offset: np.ndarray  # median errors [HORIZONS, channels]
     level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
 
-    def squares(self, e: np.ndarray) -> np.ndarray:
+    def squares(self, e: np.ndarray, cap: float = WORST) -> np.ndarray:
         """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
-        return capped_squares((e - self.offset) / self.scales)
+        return capped_squares((e - self.offset) / self.scales, cap)
 
     def as_data(self) -> dict[str, object]:
         """Plain lists, the inverse of `normal_from_data`."""

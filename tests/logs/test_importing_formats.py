@@ -263,6 +263,12 @@ def test_a_look_names_what_the_file_lacks(tmp_path):
     assert yaml.safe_load(text)["signals"]["v"] == {"column": "speed", "unit": "m/s"}
 
 
+def test_a_look_at_a_file_without_numbers_is_refused(tmp_path):
+    (tmp_path / "car.yaml").write_text("mass: heavy\nfriction: some\n")
+    with pytest.raises(InvalidRecordingError, match=r"car.yaml: holds no column of numbers"):
+        look(tmp_path / "car.yaml")
+
+
 def test_an_angle_that_cannot_be_radians_is_guessed_in_degrees(tmp_path):
     t = np.arange(300) * 0.01
     stamps = 1.7e9 + t

@@ -6,16 +6,16 @@ import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
-from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.normal import LOST, WORST, Normal
 from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
 from drift_drake.estimation.windows import HORIZONS, STRIDE
 
 STATES = ("r", "v", "beta", "omega_r")
 
 
-def squares(normal: Normal, e: np.ndarray) -> np.ndarray:
+def squares(normal: Normal, e: np.ndarray, cap: float = WORST) -> np.ndarray:
     """Capped squared errors [windows, HORIZONS, states] about the normal ones, in robust scales."""
-    return normal.squares(e)[..., : len(STATES)]
+    return normal.squares(e, cap)[..., : len(STATES)]
 
 
 def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) -> Reduction:
@@ -85,7 +85,7 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
         unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
     """
     day = search.day
-    before = squares(search.normal, day.errors)
+    before = squares(search.normal, day.errors, LOST if unexplained else WORST)
     normal = search.normal.level[:, : len(STATES)]
     gap = (before - (normal if unexplained else squares(search.normal, day.errors_with(best.effects(day)))))[:, -1]
     by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})

@@ -19,6 +19,7 @@ ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering
 IMPLAUSIBLE = 3.0  # tolerances
 MOST_STRETCHED = 3  # deviations that a sentence names
 LEAST_SAID = 0.005  # share of errors that rounds to a percent
+NOTHING = "nothing"
 VERDICTS = ("effect", "none", "unknown")
 
 
@@ -113,6 +114,8 @@ class Answer:
         if found.get("free_forces_remove") is None:
             near = " and ".join(causes) or "the calibrated car as it is"
             removes = _removed(found.get("removes"))
+            if removes == NOTHING:
+                return " No known cause removes any of it on held-out blocks."
             return f" The nearest known hypothesis, {near}, removes {removes} of it on held-out blocks."
         free = _removed(found.get("free_forces_remove"))
         where = "of the nominal car's squared innovations on parts of runs that were not fitted"
@@ -140,7 +143,7 @@ def _removed(share: float | None) -> str:
     """A share of errors that is removed; what adds to them removes nothing. None: it is not known."""
     if share is None:
         return "an unknown share"
-    return f"{100 * share:.0f} %" if share >= LEAST_SAID else "nothing"
+    return f"{100 * share:.0f} %" if share >= LEAST_SAID else NOTHING
 
 
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:

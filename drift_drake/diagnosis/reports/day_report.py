@@ -57,7 +57,8 @@ def asked(d: DayDiagnosis, limits: list[LimitRow]) -> list[str]:
     if d.answer.verdict == "none":
         return [row.name for row in limits if not row.named or row.share > 1.0]
     rivals = [name for names in d.answer.ambiguity for name in names.split("+") if name in CATALOGUE]
-    near = d.ranked.leading.names if d.answer.verdict == UNKNOWN else ()
+    nearest = d.answer.details.get("nearest") or {}
+    near = d.ranked.leading.names if d.answer.verdict == UNKNOWN and (nearest.get("removes") or 0.0) > 0.0 else ()
     return list(dict.fromkeys([*rivals, *near])) if len(d.answer.ambiguity) > 1 or near else []
 
 

@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.gap import STATES, squares
 from drift_drake.diagnosis.reports.report_figures import UNITS, reach_of
-from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.normal import LOST, Normal
 from drift_drake.estimation.robust_fit import MAD
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun
@@ -51,12 +51,12 @@ def by_horizon(normal: Normal, cars: Cars) -> Markup:
 
 def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) -> Markup:
     """Errors half a second ahead over time, run by run, in those of the day of calibration."""
-    parts = {name: np.sqrt(squares(normal, errors)[:, -1].mean(axis=-1)) for name, errors in cars.items()}
+    parts = {name: np.sqrt(squares(normal, errors, LOST)[:, -1].mean(axis=-1)) for name, errors in cars.items()}
     panels = []
     for k, run in enumerate(day.runs):
         t = run.starts * run.period
         lines = [Line("day of calibration", t[[0, -1]], np.ones(2), NORMAL)]
         lines += [Line(name, t, values[day.run == k]) for name, values in parts.items()]
         sets_in = f"; gap sets in at {onset[run.name]:.1f} s" if run.name in onset else ""
-        panels.append(Panel(f"{run.name}: error, in normal ones{sets_in}", lines, 90))
+        panels.append(Panel(f"{run.name}: error, in normal ones{sets_in}", lines, 90, log=True))
     return stacked(panels, "t [s]")

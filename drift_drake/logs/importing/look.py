@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drift_drake.logs.importing.formats.files import read_topics
+from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.units import DIMENSIONS, QUANTITIES, units_of
 
@@ -88,10 +88,13 @@ def look(path: str | Path) -> Look:
     """A first look at a recorder's file.
 
     Raises:
-        InvalidRecordingError: the file cannot be read.
+        InvalidRecordingError: the file cannot be read, or holds no number.
     """
     topics = read_topics(path)
-    return Look(Path(path).name, [_summary(topic) for topic in topics], *guessed_mapping(topics))
+    summaries = [_summary(topic) for topic in topics]
+    if all(column.low is None for topic in summaries for column in topic.columns):
+        raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")
+    return Look(Path(path).name, summaries, *guessed_mapping(topics))
 
 
 def mapping_text(found: Look) -> str:

@@ -120,6 +120,14 @@ def test_of_an_unknown_gap_no_corrected_car_is_drawn(diagnosis):
         assert absent not in html
 
 
+@needs_browser
+@pytest.mark.parametrize("verdict", ["none", "unknown"])
+def test_the_reports_of_other_verdicts_open_too(diagnosis, tmp_path, verdict):
+    path = tmp_path / f"{verdict}.html"
+    path.write_text(as_verdict(diagnosis, verdict), encoding="utf-8")
+    check_charts(path)
+
+
 def test_limits_to_first_order_grow_with_the_likeness_to_another_effect():
     found = Isolability(("mass_error", "cg_shift"), np.array([[1.0, 0.99], [0.99, 1.0]]), np.array([1e-3, 1e-3]))
     apart = dataclasses.replace(found, likeness=np.eye(2))

@@ -4,7 +4,7 @@
     python -m experiments.monitoring.closed_loop OUT --plants double_track --first 100 --seeds 4
 
 Each drive is a figure-8 under MPC that believes the simulator's car; the change comes at a moment that depends on the
-seed. A file a drive; drives that are there are not made again. Prints one table, and writes it to OUT/table.md.
+seed. A file a drive; drives that are there are not made again. Prints one table, and writes it to OUT/report.md.
 """
 
 import dataclasses
@@ -31,7 +31,6 @@ from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import is_done, write_json, write_versions
-from drift_drake.safe_files import write_text
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.simulation.faults import Fault
@@ -40,6 +39,7 @@ from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.intervals import binomial
+from experiments.made import write_report
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 POLICIES: dict[Mode, Policy] = {
@@ -194,6 +194,22 @@ def row(some: Sequence[dict[str, Any]]) -> str:
     return " | ".join([*cells, f"{slow:.0%}", f"{np.median(told):.1f}".replace("inf", "-"), f"{right} of {len(some)}"])
 
 
+def pairs(results: Sequence[dict[str, Any]]) -> str:
+    """The same drives without the monitor and with a policy: how many it saves, and how many it loses."""
+    drives: dict[str, dict[tuple[str, str, int], bool]] = {}
+    for r in results:
+        key = (r["plant"], r["change"], r["seed"])
+        drives.setdefault(r["mode"], {})[key] = r["metrics"]["outcome"] == "completed"
+    without, lines = drives.get("off", {}), []
+    for mode in [mode for mode in POLICIES if mode in drives and mode not in ("off", "online", "online_forget")]:
+        for plant in dict.fromkeys(key[0] for key in drives[mode]):
+            both = [(without[key], done) for key, done in drives[mode].items() if key[0] == plant and key in without]
+            lost, kept = ([done for before, done in both if before == which] for which in (False, True))
+            lines.append(f"{plant}, {mode}: of {len(lost)} drives lost without it {sum(lost)} are completed, "
+                         f"of {len(kept)} completed without it {len(kept) - sum(kept)} are lost")  # fmt: skip
+    return "\n".join(lines)
+
+
 def main(config: Config) -> None:
     """Makes the drives that are not there, and prints the table."""
     jobs = [Job(plant, change, mode, seed) for seed in range(config.first, config.first + config.seeds)
@@ -203,9 +219,10 @@ def main(config: Config) -> None:
     write_versions(config.out)
     run_jobs(config.executor, drive, [job for job in jobs if not is_done(paths[job.name])],
              lambda job, result: write_json(paths[job.name], result), "drive")  # fmt: skip
-    made = table([json.loads(path.read_text()) for path in paths.values() if is_done(path)])
-    write_text(config.out / "table.md", made + "\n")
-    print(made)
+    results = [json.loads(path.read_text()) for path in paths.values() if is_done(path)]
+    text = f"{table(results)}\n\n{pairs(results)}\n"
+    write_report(config.out, text, config)
+    print(text)
 
 
 if __name__ == "__main__":

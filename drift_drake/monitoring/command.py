@@ -67,6 +67,7 @@ def run_watch(command: Watch) -> None:
         from drift_drake.logs.table import read_run
         from drift_drake.monitoring.events import sentence
         from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
+        from drift_drake.monitoring.monitor import BLOCK
         from drift_drake.monitoring.watch import Row, rows_of, watched
 
     rows: Iterator[Row]
@@ -84,9 +85,9 @@ def run_watch(command: Watch) -> None:
         from drift_drake.monitoring.live_page import shown_while  # jinja2 is slow to import
 
         verdicts = shown_while(verdicts, command.page, str(command.log), monitor.labels, command.follow)
-    reported, end = [], 0.0
-    for t, _, events in verdicts:
-        end = t
+    reported, judged = [], 0.0
+    for _, _, events in verdicts:
+        judged += BLOCK
         for event in events:
             print(sentence(event), file=said_to(command.json), flush=True)
         reported += events
@@ -94,9 +95,21 @@ def run_watch(command: Watch) -> None:
             write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
             sys.stdout.flush()
     if not reported:
-        print(f"{command.log}: nothing has changed until {end:.0f} s", file=said_to(command.json))
+        print(f"{command.log}: {nothing(monitor, judged)}", file=said_to(command.json))
     if command.json is not None and not (command.follow and reported):
         write_text(command.json, _lines(reported))
+
+
+def nothing(monitor: "Monitor", judged: float) -> str:
+    """What is said where no change is reported: that none was seen, or that none could be; judged: [s]."""
+    from drift_drake.monitoring.monitor import SPIN
+
+    if judged > 0.0:
+        return f"nothing has changed in the {judged:.3g} s that could be judged"
+    return (
+        f"no row can be judged: the equations hold above {monitor.slowest:.2g} m/s and below {SPIN:g} rad of sideslip, "
+        "and the filter needs a third of a second; watch a drive"
+    )
 
 
 def monitors(command: Watch, vehicle: VehicleParameters, own: Effects) -> "Callable[[Run], Monitor]":

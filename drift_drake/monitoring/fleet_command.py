@@ -18,6 +18,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
     from drift_drake.monitoring import fleet
+    from drift_drake.monitoring.fleet import FleetDay
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,7 @@ def run_fleet(command: Fleet) -> None:
         here = command.scheduler is None
         with make_executor(ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)) as pool:
             days = days_of(folders, vehicle, own, used, pool)
-    found = compared(problem_of(vehicle, own, used), days)
+    found = compared(problem_of(vehicle, own, used), judged(command.folder, days))
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)
     if command.picture is not None:
@@ -79,6 +80,21 @@ def run_fleet(command: Fleet) -> None:
 
         write_figure(draw_fleet(found), command.picture)
         print(f"{command.picture}: cars by effects", file=said_to(command.json))
+
+
+def judged(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
+    """The days of which something can be judged; the others are told.
+
+    Raises:
+        InvalidLogError: there is none.
+    """
+    kept = [day for day in days if day.sums.rows > 0.0]
+    why = "less than 2 s can be judged: at rest, nearly so, or sideways"
+    if not kept:
+        raise InvalidLogError(f"{folder}: of every day {why}; give days of driving")
+    if others := [f"{day.car}/{day.name}" for day in days if not day.sums.rows > 0.0]:
+        print(f"left out, since {why}: {', '.join(others)}", file=sys.stderr)
+    return kept
 
 
 def day_folders(folder: Path) -> dict[tuple[str, str], Path]:

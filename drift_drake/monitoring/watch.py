@@ -57,11 +57,15 @@ def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects, watched: Sequ
 
 
 def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
-    """At every verdict: the time [s], the verdict (`monitor.State`) and the events to report."""
+    """At every verdict: the time [s], the verdict (`monitor.State`) and the events to report.
+
+    There is one every `BLOCK` seconds in which a row could be judged.
+    """
     state, reported = monitor.start(), Events()
     for row in rows:
+        before = state.verdict
         state = advance(monitor, state, row.y, row.command, row.t)
-        if state.clock[0] > 1.0 and state.clock[1] == 0.0:
+        if state.verdict is not before:
             reported, events = reported.after(monitor, state.verdict, row.t)
             yield row.t, state.verdict, [with_group(monitor, state, event) for event in events]
 

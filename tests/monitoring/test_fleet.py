@@ -1,5 +1,7 @@
 """A fleet in one model: what all share, what one car has, what one day brings; from sums that are drawn here."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -118,3 +120,29 @@ def test_a_cluster_finds_what_one_process_finds(tmp_path):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         assert main([*command, str(tmp_path / "there.json"), "--scheduler", cluster.scheduler_address]) == 0
     assert (tmp_path / "there.json").read_bytes() == (tmp_path / "here.json").read_bytes()
+
+
+def test_days_of_which_nothing_can_be_judged_are_told(tmp_path, capsys):
+    run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=3.0)
+    still = dataclasses.replace(run, v=0.0 * run.v)
+    write_run(still, tmp_path / "fleet" / "a" / "run_0.csv")
+    VehicleParameters().to_yaml(tmp_path / "car.yaml")
+    command = ["fleet", str(tmp_path / "fleet"), "--vehicle", str(tmp_path / "car.yaml"), "--workers", "1"]
+    assert main(command) == 2
+    assert "of every day less than 2 s can be judged" in capsys.readouterr().err
+    write_run(run, tmp_path / "fleet" / "b" / "run_0.csv")
+    assert main(command) == 0
+    told = capsys.readouterr()
+    assert "left out, since less than 2 s can be judged: at rest, nearly so, or sideways: a/runs" in told.err
+    assert told.out.startswith("1 cars, 1 days")
+
+
+def test_a_watched_car_at_rest_is_no_car_that_agrees(tmp_path, capsys):
+    run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=3.0)
+    write_run(dataclasses.replace(run, v=0.0 * run.v), tmp_path / "still.csv")
+    write_run(run, tmp_path / "drive.csv")
+    VehicleParameters().to_yaml(tmp_path / "car.yaml")
+    assert main(["watch", str(tmp_path / "still.csv"), "--vehicle", str(tmp_path / "car.yaml")]) == 0
+    assert "no row can be judged: the equations hold above 3 m/s" in capsys.readouterr().out
+    assert main(["watch", str(tmp_path / "drive.csv"), "--vehicle", str(tmp_path / "car.yaml")]) == 0
+    assert "nothing has changed in the 2.7 s that could be judged" in capsys.readouterr().out

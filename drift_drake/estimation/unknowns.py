@@ -14,6 +14,11 @@ from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
 
 OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
+FIELDS = {  # of the vehicle file, that an effect is a deviation of
+    "torque_gain_error": "gear_ratio", "cg_shift": "front_axle_distance", "drivetrain_inertia_error":
+    "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
+    "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
+}  # fmt: skip
 BROAD = {  # standard deviations where the vehicle file states no tolerance
     "mass_error": 0.2,
     "yaw_inertia_error": 0.3,

@@ -9,7 +9,7 @@ from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import learn_normal, make_day, units
-from drift_drake.estimation.unknowns import OWN, Unknown, added, folded, magnitudes, unknown
+from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
 from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
@@ -119,8 +119,8 @@ def fit_by_prediction(
     return PredictionFit(
         tuple(kept), fit, car, rest, normal, deviations, correlation, held_out,
         tuple(name for name in candidates if name not in fit.names),
-        differences(recordings, [u.name for u in kept], learnt.pulled[:, at], np.diag(learnt.between)[at],
-                    np.diag(normal.unknown)[at]),
+        differences(recordings, [FIELDS.get(u.name, u.name) for u in kept], learnt.pulled[:, at],
+                    np.diag(learnt.between)[at], np.diag(normal.unknown)[at]),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.estimation.unknowns import OWN, folded
+from drift_drake.estimation.unknowns import FIELDS, OWN, folded
 from drift_drake.estimation.usable import usable
 from drift_drake.estimation.windows import windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
@@ -37,11 +37,6 @@ FURTHER = (  # that a car may have beside those asked for, taken in where held-o
     "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
     "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop",
 )  # fmt: skip
-FIELDS = {  # of the vehicle file, that an effect is a deviation of
-    "torque_gain_error": "gear_ratio", "cg_shift": "front_axle_distance", "drivetrain_inertia_error":
-    "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
-    "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
-}  # fmt: skip
 
 
 def identify(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.estimation.windows import HORIZONS, thinned, windowed
+from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import compared, is_held, prior_of, split
 from drift_drake.identification.identify import identify
@@ -71,6 +72,15 @@ def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_c
     bias = prior_of("gyro_bias", other_car.guess, frozenset())
     assert 0.0 < bias < CATALOGUE["gyro_bias"].least_for(other_car.guess)  # below a gap, as on any recording
     assert prior_of("mass_error", other_car.guess, frozenset({"mass"})) == pytest.approx(0.02)
+
+
+def test_what_recordings_disagree_about_is_told_in_the_vehicle_files_names(other_car, monkeypatch):
+    told = []
+    monkeypatch.setattr(by_prediction, "differences", lambda _recordings, names, *_: told.extend(names) or [])
+    runs = [windowed(run.rows(0, 300)) for run in other_car.runs]
+    by_prediction.fit_by_prediction(runs, other_car.guess, Effects(), ["yaw_inertia_error", "cg_shift"], [],
+                                    frozenset(), ["yaw_inertia_error", "cg_shift"], lambda *_: None)  # fmt: skip
+    assert told == ["yaw_inertia", "front_axle_distance"]
 
 
 def test_a_delay_may_be_a_cars_every_day(other_car):

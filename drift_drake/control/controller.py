@@ -38,7 +38,8 @@ class MpcController(LeafSystem):
         prediction: states [(N + 1) * n] that go with the plan.
         statistics: `SolveStatistics`.
 
-    State in the Context: the plan, the last solution (decision vector and multipliers), the statistics.
+    State in the Context: the plan, the last solution (decision vector and multipliers), that of a plan from a fresh
+    guess (NaN without), the statistics.
 
     Args:
         period: [s] between plans.
@@ -73,6 +74,8 @@ class MpcController(LeafSystem):
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._primal = self.DeclareDiscreteState(np.full(self.mpc.problem.size, np.nan))
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
+        beside = np.full(self.mpc.problem.size + self.mpc.multiplier_count, np.nan)
+        self._beside = self.DeclareDiscreteState(beside)
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
 
@@ -108,6 +111,8 @@ class MpcController(LeafSystem):
         discrete.set_value(self._plan, solution.plan.vector())
         discrete.set_value(self._primal, solution.primal)
         discrete.set_value(self._dual, solution.dual)
+        none = np.full(self.mpc.problem.size + self.mpc.multiplier_count, np.nan)
+        discrete.set_value(self._beside, np.concatenate(solution.beside) if solution.beside else none)
         discrete.set_value(self._statistics, np.array(solution.statistics._replace(failures=before.failures)))
 
     def _believed(self, context: Context) -> StepModel:
@@ -119,5 +124,9 @@ class MpcController(LeafSystem):
     def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:
         """The last solution, as the Context holds it."""
         plan = Plan.of(context.get_discrete_state(self._plan).value())
-        primal, dual = (context.get_discrete_state(index).value() for index in (self._primal, self._dual))
-        return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics)
+        primal, dual, both = (
+            context.get_discrete_state(index).value() for index in (self._primal, self._dual, self._beside)
+        )
+        size = self.mpc.problem.size
+        beside = None if np.isnan(both[0]) else (both[:size], both[size:])
+        return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics, beside)

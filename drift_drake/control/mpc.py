@@ -16,6 +16,9 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 
+FOLLOWED = 2.0
+STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution is not followed any further
+
 
 class NoPlanError(DriftDrakeError, RuntimeError):
     """A state from which no plan was found; the message says why."""
@@ -33,6 +36,7 @@ class SolveStatistics(NamedTuple):
     qp_fallbacks: float  # QPs that took a second attempt
     qp_unsolved: float  # QPs that no attempt solved
     slack: float  # [m] the largest planned excursion from the lane
+    restart: float  # 1 while a plan from a fresh guess is worked out beside, `FOLLOWED` once it is the plan
     failed: float  # 1 if this solve failed
     failures: float  # solves that failed since the start
     seconds: float
@@ -46,6 +50,7 @@ class MpcSolution(NamedTuple):
     primal: Array  # decision vector
     dual: Array  # multipliers
     statistics: SolveStatistics
+    beside: tuple[Array, Array] | None = None  # decision vector and multipliers of a plan from a fresh guess, if any
 
 
 class Mpc:
@@ -59,6 +64,10 @@ class Mpc:
     shifted: one, and up to `options.max_iterations` while the defect of the dynamics is above its tolerance. Each is
     taken only if the merit function is below that of the last plan, shifted to now and judged by the model of now;
     where no step is, that plan is the new one. If a later iteration fails, the plan is that of the steps before.
+
+    As the belief moves, the solution followed may end where no step leads on, while another has a tenth of its cost.
+    So where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside, with one
+    iteration a solve for each, and followed from where its dynamics hold, if it costs less.
 
     Attributes:
         problem: the OCP, a MathematicalProgram.
@@ -127,17 +136,38 @@ class Mpc:
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
+        beside = None
         if last is None:
             guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
-            guess, dual = self._shifted(last.primal, (start - last.plan.start) / DT, data), last.dual
+            gone = (start - last.plan.start) / DT
+            guess, dual = self._shifted(last.primal, gone, data), last.dual
+            beside = last.beside and (self._shifted(last.beside[0], gone, data), last.beside[1])
         self.problem.set(self._tightened(covariance, model, data, guess))
-        result = self._solver.solve(guess, dual)
-        if not result.iterations or (result.failed and result.iterations[0].step == 0.0):
-            raise NoPlanError(f"no plan was found: {result.status}; the last one goes on")
+        first = self._solver.solve(guess, dual, 1 if beside else None)
+        if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
+            raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
+        result, beside, restart, seconds = self._or_from_afresh(first, beside, data)
         solution = self.problem.unstack(result.z)
-        statistics = _statistics(result, float(solution.slack.max()))
-        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics)
+        statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
+        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, beside)
+
+    def _or_from_afresh(
+        self, result: SqpResult, beside: tuple[Array, Array] | None, data: OcpData
+    ) -> tuple[SqpResult, tuple[Array, Array] | None, float, float]:
+        """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
+        seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(beside is not None)
+        if beside is not None:
+            other = self._solver.solve(*beside, 1)
+            seconds += sum(iteration.seconds for iteration in other.iterations)
+            beside = None if other.failed or other.status == "line search failed" else (other.z, other.y)
+            if other.status == "feasible":
+                if other.cost < result.cost:
+                    return other, None, FOLLOWED, seconds
+                beside = None
+        if beside is None and result.iterations[-1].step < STUCK:
+            return result, (self.problem.first_guess(data), np.zeros(self.multiplier_count)), 1.0, seconds
+        return result, beside, restart, seconds
 
     def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
         """The data with the lane narrowed, where that is asked for."""
@@ -169,7 +199,7 @@ class Mpc:
         return self.problem.stack(x, u, slack)
 
 
-def _statistics(result: SqpResult, slack: float) -> SolveStatistics:
+def _statistics(result: SqpResult, slack: float, restart: float, seconds: float) -> SolveStatistics:
     iterations = result.iterations
     return SolveStatistics(
         cost=result.cost,
@@ -181,7 +211,8 @@ def _statistics(result: SqpResult, slack: float) -> SolveStatistics:
         qp_fallbacks=float(sum(iteration.second_attempt for iteration in iterations)),
         qp_unsolved=float(sum(iteration.qp_status != "solved" for iteration in iterations)),
         slack=slack,
+        restart=restart,
         failed=0.0,
         failures=0.0,
-        seconds=sum(iteration.seconds for iteration in iterations),
+        seconds=seconds,
     )

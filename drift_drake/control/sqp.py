@@ -123,8 +123,11 @@ class LineSearchSqp:
         )
         self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
 
-    def solve(self, z_guess: Array, y_guess: Array | None = None) -> SqpResult:
-        """Solves the program as its data now stand, from a decision vector (and multipliers, if known)."""
+    def solve(self, z_guess: Array, y_guess: Array | None = None, most: int | None = None) -> SqpResult:
+        """Solves the program as its data now stand, from a decision vector (and multipliers, if known).
+
+        `most`: iterations, where other than the options'.
+        """
         part, options, extra = self._part, self.options, self.problem.extra_cost
         gradient_at_zero, constant, low, high = part.data()
         z = np.asarray(z_guess, dtype=float)
@@ -173,7 +176,7 @@ class LineSearchSqp:
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
-            last = len(iterations) == options.max_iterations
+            last = len(iterations) == (most or options.max_iterations)
             if options.defect_tolerance is not None and np.abs(residual).max() <= options.defect_tolerance:
                 status, last = "feasible", True
         return SqpResult(z, y, cost, primal_residual, status, iterations)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 
+from drift_drake.control.mpc import FOLLOWED
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import PlanStatus
 from drift_drake.simulation.screening import ReadingKind
@@ -37,6 +38,7 @@ class RunMetrics:
     late_solves: int  # that took longer than the control period
     solve_ms_median: float
     solve_ms_99: float
+    restarts: int = 0  # plans from a fresh guess that took the place of one that led no further
     missing_readings: int = 0  # control periods in which the sensors gave no finite reading
     stopped_readings: int = 0  # in which they gave a speed of zero or less
     jumped_readings: int = 0  # in which a reading was out of reach of the last good one
@@ -146,6 +148,7 @@ def run_metrics(
         solver_failures=int(table["solve_failures"].iloc[-1]),
         line_search_failures=int((solves["solve_step"] == 0.0).sum()),
         sqp_iterations=float(solves["solve_iterations"].mean()),
+        restarts=int((solves["solve_restart"] == FOLLOWED).sum()),
         qp_fallbacks=int(solves["solve_qp_fallbacks"].sum()),
         unsolved_qps=int(solves["solve_qp_unsolved"].sum()),
         late_solves=int((milliseconds > 1e3 * table["t"].diff().median()).sum()),

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.control.mpc import FOLLOWED
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import BayesianAdapter
@@ -18,6 +19,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
+from drift_drake.simulation.drive_command import ClosedLoopConfig, build
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)
@@ -122,3 +124,14 @@ def test_a_tightened_lane_needs_an_adapter() -> None:
     control = dataclasses.replace(CONTROL, tightening=1.0)
     with pytest.raises(ValueError, match="give an adapter"):
         ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), control=control)
+
+
+def test_a_plan_that_leads_no_further_is_left_for_one_from_a_fresh_guess() -> None:
+    """With this noise the first beliefs lead the plan into a corner, from where the car spins within 1.6 s."""
+    loop = build(ClosedLoopConfig(model="online", seed=36))
+    run = loop.run(loop.initial_context(36, np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])), RunLimits(time_factor=0.1))
+    assert run.outcome == "time is up"
+    assert run.table["beta"].abs().max() < 0.8
+    assert run.metrics().restarts > 0
+    followed = run.table["solve_restart"].to_numpy() == FOLLOWED
+    assert run.table["solve_cost"].to_numpy()[followed].max() < 100.0

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.control.mpc import FOLLOWED
 from drift_drake.reference.trajectory import Reference, figure_8, straight_line
 from drift_drake.simulation.metrics import before_spin, drifting_share, run_metrics
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -20,7 +21,7 @@ def on_the_reference(reference: Reference, share: float = 1.0) -> pd.DataFrame:
     """A run without any error over the first part of the reference."""
     s = np.linspace(0.0, share * reference.distance, 2000)
     columns = dict(zip(("r", "v", "beta", "omega_r", "e", "dphi"), reference.state(s).T, strict=True))
-    work = ("failures", "step", "iterations", "qp_fallbacks", "qp_unsolved")
+    work = ("restart", "failures", "step", "iterations", "qp_fallbacks", "qp_unsolved")
     zeros = {f"solve_{name}": np.zeros(len(s)) for name in work}
     return pd.DataFrame({"t": reference.time(s), "s": s, **columns, **zeros, "solve_seconds": 1e-3})
 
@@ -67,6 +68,8 @@ def test_late_plans_and_those_of_the_fallback_are_counted(reference: Reference) 
     table.loc[100:102, "solve_seconds"] = 0.011
     table.loc[100:101, ["solve_qp_fallbacks", "solve_iterations"]] = [2.0, 3.0]
     table.loc[101, "solve_qp_unsolved"] = 1.0
+    table.loc[98:101, "solve_restart"] = [1.0, 1.0, 1.0, FOLLOWED]
     metrics = run_metrics(table, "completed", reference, PARAMETERS.steering_limit)
     assert (metrics.late_solves, metrics.qp_fallbacks, metrics.unsolved_qps) == (3, 4, 1)
+    assert metrics.restarts == 1
     assert metrics.sqp_iterations == pytest.approx(1.002)

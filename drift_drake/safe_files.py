@@ -125,6 +125,24 @@ def try_folder(folder: Path, option: str) -> None:
         raise OutputError(f"{option} {_sentence(folder, error)}") from None
 
 
+@contextlib.contextmanager
+def alone_in(folder: Path, option: str) -> Iterator[None]:
+    """Holds the folder of `option` while the block works on its results, so that no two processes mix theirs.
+
+    Raises:
+        OutputError: it cannot be written to, or another process holds it.
+    """
+    try_folder(folder, option)
+    with unfinished_folder(folder) as own:
+        others = [path.name for path in folder.iterdir() if path.name.startswith(PARTIAL) and path.name != own.name]
+        if others:
+            raise OutputError(
+                f"{option} {folder}: another process is writing there; give another folder, or remove {others[0]} if "
+                "none is"
+            )
+        yield
+
+
 def _special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 

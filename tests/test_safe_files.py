@@ -2,12 +2,14 @@
 
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from drift_drake.errors import OutputError
-from drift_drake.safe_files import replacing, try_outputs, write_text, writing_together
+from drift_drake.safe_files import alone_in, replacing, try_outputs, write_text, writing_together
 
 
 def test_a_file_is_written_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -100,3 +102,16 @@ def test_a_disk_that_is_full_is_told_before_a_computation(tmp_path: Path, monkey
     with pytest.raises(OutputError, match=r"--out .*: cannot be written \(No space left"):
         try_outputs({"--out": tmp_path / "a.json"})
     assert not list(tmp_path.iterdir())
+
+
+def test_no_two_processes_write_one_folder(tmp_path: Path) -> None:
+    with alone_in(tmp_path, "--out"):
+        write_text(tmp_path / "a.txt", "mine")  # its own files beside
+        script = "from pathlib import Path\nfrom drift_drake.safe_files import alone_in\nimport sys\n"
+        script += "with alone_in(Path(sys.argv[1]), '--out'): pass"
+        other = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True)
+        assert "--out" in other.stderr
+        assert "another process is writing there" in other.stderr
+    with alone_in(tmp_path, "--out"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]

@@ -1,5 +1,6 @@
 """`drift-drake drive`: the closed loop on a reference."""
 
+import contextlib
 import dataclasses
 from pathlib import Path
 from typing import Literal
@@ -8,7 +9,7 @@ import tyro
 
 from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.interruption import ended_at_once
-from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.safe_files import alone_in, try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -67,13 +68,12 @@ def run_drive(command: ClosedLoopDrive) -> None:
     if command.vehicle is not None:
         read_vehicle(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
-    if command.out is not None:
-        try_folder(command.out, "--out")
-        if any(not path.name.startswith(".") for path in command.out.iterdir()):
+    with contextlib.nullcontext() if command.out is None else alone_in(command.out, "--out"):
+        if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):
             raise OutputError(f"--out {command.out}: holds files already; give a new folder")
-    with ended_at_once():
-        from drift_drake.simulation.drive_command import ClosedLoopConfig, main
+        with ended_at_once():
+            from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 
-    options = {field.name: getattr(command, field.name) for field in dataclasses.fields(command)}
-    del options["json"]
-    write_results(command.json, main(ClosedLoopConfig(**options), said_to(command.json)))
+        options = {field.name: getattr(command, field.name) for field in dataclasses.fields(command)}
+        del options["json"]
+        write_results(command.json, main(ClosedLoopConfig(**options), said_to(command.json)))

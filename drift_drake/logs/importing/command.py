@@ -12,7 +12,7 @@ from drift_drake.interruption import ended_at_once
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
-from drift_drake.safe_files import try_folder, try_outputs, writing_together
+from drift_drake.safe_files import alone_in, try_outputs, writing_together
 from drift_drake.standard_output import said_to, write_results, write_text
 
 if TYPE_CHECKING:
@@ -81,24 +81,35 @@ def run_import(command: Import) -> None:
             "--mapping and --out are needed to import; 'drift-drake import --look FILE' prints a first mapping"
         )
     mapping = read_mapping(command.mapping)
-    if command.out.exists() and (not command.out.is_dir() or run_paths(command.out)):
-        raise OutputError(f"{command.out}: is a file or holds runs already; give a new folder")
+    if command.out.exists() and not command.out.is_dir():
+        raise OutputError(f"{command.out}: is a file; give a new folder")
     if not command.start < command.end:
         raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
     for name in command.trust:
         if name not in COLUMNS:
             raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
-    try_folder(command.out, "--out")
-    try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
+    with alone_in(command.out, "--out"):
+        _import(command, mapping, command.out)
+
+
+def _import(command: Import, mapping: RecorderMapping, out: Path) -> None:
+    """Imports into a folder that no other process writes to.
+
+    Raises:
+        InvalidRecordingError: names the file, the place and the remedy; OutputError: the folder holds runs already.
+    """
+    if run_paths(out):
+        raise OutputError(f"{out}: holds runs already; give a new folder")
+    try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
     with ended_at_once():
         from drift_drake.logs.importing.importer import import_recordings
 
     runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
-    write_case(command.out, runs, report, mapping)
+    write_case(out, runs, report, mapping)
     print(summary(report), file=said_to(command.json))
     if command.json is not None:
-        write_text(command.json, (command.out / IMPORT_REPORT).read_text(encoding="utf-8"))
+        write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
 
 
 def write_case(folder: Path, runs: list[Run], report: "ImportReport", mapping: RecorderMapping) -> None:

@@ -63,6 +63,7 @@ def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.n
     """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
     used = judged_states(problem)
     sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])
+    sums = sums[sums[:, 0] > 0.0]  # a run's last restarts have no row half a second on: no blocks to draw
     draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
     totals = sums[draws].sum(axis=1)
     low, high = np.quantile(np.sqrt(totals[:, 1] / totals[:, 0]), [0.025, 0.975])

@@ -1,0 +1,195 @@
+"""How much faster than real time the simulations are, where their time goes, and how memory grows.
+
+    python -m experiments.drifting.benchmark_simulation
+
+Of the closed loop: seconds driven for one of CPU, with the learnt model adapting at 100 Hz, and the parts: plans, what
+the plant's derivatives take, and the rest, which is Drake and the other systems. Of the car alone (plant, sensors, an
+actuator with a plan, logs): the same. The peer of the plant is the same right-hand side, called as a plain function as
+often as Drake calls it. All times are CPU times of one thread.
+"""
+
+import dataclasses
+import gc
+import resource
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from drift_drake.control.plan import Plan
+from drift_drake.reference.trajectory import figure_8
+from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
+from drift_drake.simulation.drive import Drive, DriveLimits
+from drift_drake.simulation.drive_command import ClosedLoopConfig, build
+from drift_drake.simulation.runner import make_simulator
+from drift_drake.threads import one_blas_thread
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.made import write_report
+
+Array = NDArray[np.float64]
+DERIVATIVES = "DoCalcTimeDerivatives"
+ERROR = np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])  # at the start, as in `drift-drake drive`
+
+
+@dataclasses.dataclass(frozen=True)
+class BenchmarkConfig:
+    """Size of the benchmark."""
+
+    repeats: int = 5
+    """Of each simulation; medians are stated."""
+    car_seconds: float = 60.0
+    """[s] that the car alone is simulated for."""
+    loops: int = 20
+    """That are built one after the other, for memory."""
+    minutes: float = 10.0
+    """[min] of one closed loop on a circle, for memory."""
+    out: Path | None = None
+
+
+class Counted:
+    """Counts the calls of an object's method and their CPU time, while it stands in for it."""
+
+    def __init__(self, owner: Any, name: str) -> None:
+        self._owner, self._name, self._method = owner, name, getattr(owner, name)
+        self.calls, self.seconds = 0, 0.0
+
+    def __enter__(self) -> "Counted":
+        setattr(self._owner, self._name, self._timed)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        delattr(self._owner, self._name)
+
+    def _timed(self, *arguments: Any) -> Any:
+        start = time.thread_time()
+        result = self._method(*arguments)
+        self.seconds += time.thread_time() - start
+        self.calls += 1
+        return result
+
+
+class HeldPlan(LeafSystem):
+    """Gives the same plan for ever: a slalom of small steering."""
+
+    def __init__(self, steps: int) -> None:
+        LeafSystem.__init__(self)
+        u = np.column_stack([0.03 * np.sin(0.5 * np.arange(steps + 1)), np.full(steps + 1, 40.0)])
+        self._plan = Plan(0.0, u).vector()
+        self.DeclareVectorOutputPort("plan", self._plan.size, self._calc)
+
+    def _calc(self, context: Context, output: BasicVector) -> None:  # noqa: ARG002
+        output.SetFromVector(self._plan)
+
+
+def cpu(call: Callable[[], Any]) -> tuple[float, Any]:
+    """(CPU time [s], result) of a call."""
+    start = time.thread_time()
+    result = call()
+    return time.thread_time() - start, result
+
+
+def closed_loop(seed: int) -> dict[str, float]:
+    """One figure-8 with the adapting model: seconds driven for one of CPU, and shares of its CPU time."""
+    loop = build(ClosedLoopConfig(model="online"))
+    context = loop.initial_context(seed, ERROR)
+    mpc = loop.controller.mpc  # type: ignore[union-attr]
+    with Counted(loop.car.plant, DERIVATIVES) as plant, Counted(mpc, "solve") as solves:
+        seconds, run = cpu(lambda: loop.run(context))
+    plans = solves.seconds
+    driven = float(run.table["t"].iloc[-1])
+    return {
+        "seconds for one of CPU": driven / seconds,
+        "share of plans": plans / seconds,
+        "share of the plant's derivatives": plant.seconds / seconds,
+        "share of Drake and the rest": 1.0 - (plans + plant.seconds) / seconds,
+        "derivatives a second": plant.calls / driven,
+    }
+
+
+def car_alone(seconds: float, seed: int) -> dict[str, float]:
+    """The car with a plan that does not change: seconds driven for one of CPU, and shares of its CPU time."""
+    parameters, steps = VehicleParameters(), int(10 * seconds)
+    drive = Drive(parameters, HeldPlan(steps), steps, 0.1, np.zeros((steps + 1, 2)), (0.0, 40.0))
+    limits = DriveLimits(max_speed=np.inf)
+    with Counted(drive.car.plant, DERIVATIVES) as plant:
+        spent, (table, ending) = cpu(lambda: drive.run(np.array([0.0, 12.0, 0.0, 12.0, 0.0, 0.0]), 0.0, seconds, seed,
+                                                       limits))  # fmt: skip
+    driven = float(table["t"].iloc[-1])
+    return {
+        "seconds for one of CPU": driven / spent,
+        "share of the plant's derivatives": plant.seconds / spent,
+        "of these alone": driven / plant.seconds,
+        "derivatives a second": plant.calls / driven,
+        "ended early": float(ending != "time"),
+    }
+
+
+def megabytes() -> float:
+    """The most memory that this process has had."""
+    gc.collect()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def memory(config: BenchmarkConfig) -> dict[str, float]:
+    """Growth of the peak [MB]: a loop built and dropped, and over a long run of one, which is logged."""
+    reference = figure_8(VehicleParameters())
+    for _ in range(2):
+        build(ClosedLoopConfig(model="online"))
+    before = megabytes()
+    for _ in range(config.loops):
+        build(ClosedLoopConfig(model="online"))
+    each = (megabytes() - before) / config.loops
+    loop = build(ClosedLoopConfig(model="online"))
+    simulator = make_simulator(loop.diagram, loop.initial_context(0, ERROR))
+    simulator.AdvanceTo(reference.duration)  # compiled code and buffers are there
+    before = megabytes()
+    end = reference.duration + 60.0 * config.minutes
+    simulator.AdvanceTo(end)
+    return {"MB a loop built": each, "MB of a long run": megabytes() - before, "minutes": config.minutes}
+
+
+def medians(runs: list[dict[str, float]]) -> dict[str, float]:
+    """Median of each number."""
+    return {name: float(np.median([run[name] for run in runs])) for name in runs[0]}
+
+
+@one_blas_thread()
+def run(config: BenchmarkConfig) -> dict[str, Any]:
+    """All numbers."""
+    closed_loop(0)  # compiles, and loads what is loaded once
+    car_alone(1.0, 0)
+    return {
+        "machine": machine(),
+        "closed loop, the learnt model adapting at 100 Hz": medians([closed_loop(k) for k in range(config.repeats)]),
+        "the car alone": medians([car_alone(config.car_seconds, k) for k in range(config.repeats)]),
+        "memory": memory(config),
+    }
+
+
+def table(numbers: dict[str, Any]) -> str:
+    """The numbers as Markdown."""
+    lines = [f"{numbers['machine']}; medians", "", "| | | |", "| --- | --- | --- |"]
+    for what, found in numbers.items():
+        if isinstance(found, dict):
+            lines += [f"| {what} | {name} | {value:.3g} |" for name, value in found.items()]
+    return "\n".join(lines)
+
+
+def main(config: BenchmarkConfig) -> None:
+    """Runs, prints and stores the benchmark."""
+    folder = make_run_folder("benchmark_simulation", config.out)
+    numbers = run(config)
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", numbers)
+    write_versions(folder)
+    write_report(folder, table(numbers), config)
+    print(table(numbers))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(BenchmarkConfig, description=__doc__))

@@ -1,0 +1,52 @@
+"""The benchmarks of simulation and of training, at a size that says nothing of times."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from experiments.drifting import benchmark_simulation
+
+
+def test_the_car_alone_is_driven_and_its_derivatives_counted() -> None:
+    found = benchmark_simulation.car_alone(0.5, 0)
+    assert found["ended early"] == 0.0
+    assert found["derivatives a second"] > 300.0  # three at each step of 10 ms at most
+    assert 0.0 < found["share of the plant's derivatives"] < 1.0
+    assert found["of these alone"] > found["seconds for one of CPU"]
+
+
+def test_a_method_that_was_counted_is_itself_again() -> None:
+    owner = type("Owner", (), {"twice": lambda _, x: 2 * x})()
+    with benchmark_simulation.Counted(owner, "twice") as counted:
+        assert [owner.twice(k) for k in (1, 2)] == [2, 4]
+    assert counted.calls == 2
+    assert "twice" not in vars(owner)
+
+
+def test_simulation_s_numbers_are_a_table() -> None:
+    text = benchmark_simulation.table({"machine": "a machine", "memory": {"MB a loop built": 1.2345}})
+    assert text.splitlines()[-1] == "| memory | MB a loop built | 1.23 |"
+
+
+def test_training_is_timed_on_each_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("torch", reason='training needs the extra "train"')
+    from experiments.model import benchmark_training
+
+    asked: list[Any] = []
+
+    def trained(config: Any) -> SimpleNamespace:
+        asked.append(config)
+        last = {"seconds": 5.0, "validation": -60.0 if config.device == "cpu" else -50.0}
+        seconds = 8.0 if config.device == "cpu" else 4.0
+        return SimpleNamespace(record={"device": config.device, "history": [last], "seconds": seconds, "epochs": 4})
+
+    monkeypatch.setattr(benchmark_training, "train", trained)
+    monkeypatch.setattr(benchmark_training.torch.cuda, "is_available", lambda: True)
+    benchmark_training.main(benchmark_training.BenchmarkConfig(drives=tmp_path, target=-58.0, out=tmp_path / "out"))
+    assert [config.stop_at for config in asked] == [-58.0, -58.0]
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "| cpu | 5 | 4 | 2.00 | -60.00 |" in report
+    assert "| cuda | not reached | 4 | 1.00 | -50.00 |" in report
+    assert "1/2.0 of the CPU's time" in report

@@ -38,9 +38,9 @@ def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(drive_command, "main", lambda config, _: asked.append(config))
     path = tmp_path / "car.yaml"
     assert main(["init", str(path)]) == 0
-    words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(tmp_path)]
+    words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(tmp_path / "out")]
     assert main(words) == 0
-    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=tmp_path)]
+    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=tmp_path / "out")]
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         np.ones(2),
         np.ones(4),
         np.eye(2),
+        np.eye(2),
         np.zeros((HORIZONS, len(PREDICTED))),
         np.ones((HORIZONS, len(PREDICTED))),
     ).as_data(),

@@ -38,9 +38,10 @@ def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(drive_command, "main", lambda config, _: asked.append(config))
     path = tmp_path / "car.yaml"
     assert main(["init", str(path)]) == 0
-    words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(tmp_path / "out")]
+    out = tmp_path / "out"
+    words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(out)]
     assert main(words) == 0
-    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=tmp_path / "out")]
+    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=out)]
 
 
 @pytest.mark.parametrize(

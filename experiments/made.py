@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drift_drake.run_folder import machine
+from drift_drake.run_folder import machine, write_json, write_versions
 from drift_drake.safe_files import write_text
 
 ROOT = Path(__file__).parents[1]
@@ -25,6 +25,15 @@ def write_report(folder: Path, text: str, config: Any) -> None:
         text: Markdown; config: the dataclass that the run was made from.
     """
     write_text(folder / "report.md", f"{text.rstrip()}\n\n{made(config)}\n")
+
+
+def write_benchmark(folder: Path, config: Any, numbers: Any, text: str) -> None:
+    """Writes a benchmark's config, numbers, versions and report into its run folder, and prints its table."""
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", numbers)
+    write_versions(folder)
+    write_report(folder, text, config)
+    print(text)
 
 
 def made(config: Any) -> str:

@@ -31,10 +31,10 @@ from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
+from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.made import write_report
+from experiments.made import write_benchmark
 
 Array = NDArray[np.float64]
 
@@ -290,11 +290,7 @@ def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder = make_run_folder("benchmark_mpc", config.out)
     numbers = run(config)
-    write_json(folder / "config.json", config)
-    write_json(folder / "numbers.json", numbers)
-    write_versions(folder)
-    write_report(folder, table(numbers), config)
-    print(table(numbers))
+    write_benchmark(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

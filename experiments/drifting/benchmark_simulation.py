@@ -4,8 +4,7 @@
 
 Of the closed loop: seconds driven for one of CPU, with the learnt model adapting at 100 Hz, and the parts: plans, what
 the plant's derivatives take, and the rest, which is Drake and the other systems. Of the car alone (plant, sensors, an
-actuator with a plan, logs): the same. The peer of the plant is the same right-hand side, called as a plain function as
-often as Drake calls it. All times are CPU times of one thread.
+actuator with a plan, logs): the same. All times are CPU times of one thread.
 """
 
 import dataclasses
@@ -23,13 +22,13 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drift_drake.control.plan import Plan
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
+from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
 from drift_drake.simulation.runner import make_simulator
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.made import write_report
+from experiments.made import write_benchmark
 
 Array = NDArray[np.float64]
 DERIVATIVES = "DoCalcTimeDerivatives"
@@ -184,11 +183,7 @@ def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder = make_run_folder("benchmark_simulation", config.out)
     numbers = run(config)
-    write_json(folder / "config.json", config)
-    write_json(folder / "numbers.json", numbers)
-    write_versions(folder)
-    write_report(folder, table(numbers), config)
-    print(table(numbers))
+    write_benchmark(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ import tyro
 from drift_drake.errors import DriftDrakeError
 from drift_drake.model.meta_training import train
 from drift_drake.model.training_config import TrainingConfig
-from drift_drake.run_folder import machine, make_run_folder, write_json, write_versions
-from experiments.made import write_report
+from drift_drake.run_folder import machine, make_run_folder
+from experiments.made import write_benchmark
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,11 +89,7 @@ def main(config: BenchmarkConfig) -> None:
     }
     if {"cpu", "cuda"} <= set(found):
         numbers["ratio"] = found["cpu"]["seconds an epoch"] / found["cuda"]["seconds an epoch"]
-    write_json(folder / "config.json", config)
-    write_json(folder / "numbers.json", numbers)
-    write_versions(folder)
-    write_report(folder, table(numbers), config)
-    print(table(numbers))
+    write_benchmark(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

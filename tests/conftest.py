@@ -10,10 +10,9 @@ from drift_drake.estimation.normal import Normal
 from drift_drake.identification import identify as identification
 from drift_drake.identification.calibration import Identification
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import Truth, make_case
-from experiments.other_worlds.double_track import Days, first_guess, make_day
+from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 
 TRUE_STIFFNESS = -0.25
@@ -42,7 +41,7 @@ class OtherCar:
 @pytest.fixture(scope="session")
 def other_car():
     """Some parameters known, some effects left out: which is quick."""
-    runs, guess = make_day(OTHER_CAR, {}, DAY_ONE, 0), first_guess(CARS[OTHER_CAR.car])
+    runs, guess = make_day(OTHER_CAR, {}, DAY_ONE, 0), first_guess(OTHER_CAR.car)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(identification, "FURTHER", ())
         found = identification.identify(

@@ -252,8 +252,8 @@ def simulate(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.r
 
 
 def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau: np.ndarray, effects: Effects,
-           rng: np.random.Generator, name: str) -> Run:  # fmt: skip
-    """What the sensors log of true states [rows, 7 or more]: biased, late, noisy."""
+           rng: np.random.Generator, name: str, noise: float = 1.0) -> Run:  # fmt: skip
+    """What the sensors log of true states [rows, 7 or more]: biased, late, `noise` times as noisy as usual."""
     t = np.arange(len(states)) * PERIOD
     true = {
         "r": states[:, 0] + effects.gyro_bias,
@@ -269,7 +269,7 @@ def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau
     columns: dict[str, Any] = {}
     for column, values in true.items():
         late = np.interp(t - effects.sensor_latency, t, values)
-        columns[column] = late + NOISE[column] * rng.standard_normal(len(t))
+        columns[column] = late + noise * NOISE[column] * rng.standard_normal(len(t))
     return Run(name=name, t=t, delta_cmd=delta, tau_cmd=tau, **columns)
 
 

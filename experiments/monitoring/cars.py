@@ -12,11 +12,10 @@ from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import monitor_of
 from drift_drake.run_folder import write_json
-from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
-from experiments.other_worlds.double_track import Days, first_guess, make_day
+from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 
 CAR: Literal["coupe"] = "coupe"
@@ -44,7 +43,7 @@ def double_track_simulator(folder: Path) -> Simulator:
     days = Days(Path(), car=CAR, seed=SEED, duration=DURATION)
     runs, path = make_day(days, {}, DAY_ONE, 0), folder / "coupe.yaml"
     if not path.exists():
-        found = identify(runs, first_guess(CARS[CAR]), case=CAR, criterion="prediction")
+        found = identify(runs, first_guess(CAR), case=CAR, criterion="prediction")
         write_vehicle(path, found.vehicle, found.effects)
         write_json(folder / "calibration.json", found.calibration.sentence())
     vehicle, effects = read_vehicle(path)

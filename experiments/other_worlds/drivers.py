@@ -1,8 +1,12 @@
 """Drivers of a day: open-loop steering, speed held by torque, and a car that slides is caught."""
 
+import dataclasses
+
 import numpy as np
 
+from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.cases import STEERING_RATE, TORQUE_RATE, slewed
 
 DAY_ONE = ("slalom", "power", "transient", "circle")
@@ -14,6 +18,8 @@ RESISTANCE = 0.2  # [m/s^2] that a held speed takes
 CATCH = 0.15  # [rad] of sideslip at which the driver steers against it and comes off the throttle
 START_SPEED = 9.0  # [m/s] of a day-one run
 TOP_SPEED = 24.0  # [m/s]
+SPIN, SLOWEST = 1.0, 4.0  # [rad], [m/s] at which a run ends
+FULL_SIZE = 2.5  # [m] wheelbase of the car that these figures are for
 
 
 class DayDriver:
@@ -88,9 +94,8 @@ class DayDriver:
         frequency_time = 0.2 * t + 0.5 * 0.2 * t * t  # cycles of a sweep from 0.2 Hz that gains 0.2 Hz a second
         return self._turn(self.speed) * np.sin(2.0 * np.pi * frequency_time), self._hold(self.speed, v)
 
-    def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
-        """Commands a row later, from the time [s], the state (r, v, beta, ...) and the last commands."""
-        v, beta = float(state[1]), float(state[2])
+    def wanted(self, t: float, v: float, beta: float) -> tuple[float, float]:
+        """Steering [rad] and acceleration [m/s^2] at a time [s], speed [m/s] and sideslip [rad]."""
         if self.kind in OTHER:
             delta, push = self._as_other(t, v)
         else:
@@ -99,8 +104,40 @@ class DayDriver:
             push = min(push, 0.0)
         if abs(beta) > CATCH:
             delta, push = 0.3 * delta + beta, min(push, RESISTANCE)
+        return delta, push
+
+    def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
+        """Commands a row later, from the time [s], the state (r, v, beta, ...) and the last commands."""
+        delta, push = self.wanted(t, float(state[1]), float(state[2]))
         car = self.car
         return (
             slewed(delta, last[0], STEERING_RATE, -car.steering_limit, car.steering_limit),
             slewed(push * self.torque_unit, last[1], TORQUE_RATE, car.torque_min, car.torque_max),
+        )
+
+
+class ScaledDriver:
+    """The manoeuvres of `DayDriver` on a car of any size, at the same accelerations (Froude's law of similarity).
+
+    Attributes:
+        time: its unit and that of speeds, over a full-size car's; start_speed: of a run [m/s].
+    """
+
+    def __init__(self, kind: str, rng: np.random.Generator, car: VehicleParameters, effort: float = 1.0) -> None:
+        self.car = car
+        self.time = float(np.sqrt((car.front_axle_distance + car.rear_axle_distance) / FULL_SIZE))
+        grip = dataclasses.replace(CARS["coupe"].front_tire, lateral_friction=car.friction)
+        half = 0.5 * FULL_SIZE
+        full_size = CARS["coupe"].replace(front_axle_distance=half, rear_axle_distance=half, front_tire=grip)
+        self.driver = DayDriver(kind, rng, full_size, effort)
+        self.start_speed = self.time * float(self.driver.start()[1])
+        self.torque_unit = car.mass * car.wheel_radius / car.gear_ratio  # [N m] for 1 m/s^2
+
+    def command(self, t: float, v: float, beta: float, last: tuple[float, float]) -> tuple[float, float]:
+        """Commands a row later, from the time [s], speed [m/s], sideslip [rad] and the last commands."""
+        delta, push = self.driver.wanted(t / self.time, v / self.time, beta)
+        car, torque_rate = self.car, TORQUE_RATE * self.torque_unit / self.driver.torque_unit
+        return (
+            slewed(delta, last[0], STEERING_RATE / self.time, -car.steering_limit, car.steering_limit),
+            slewed(push * self.torque_unit, last[1], torque_rate / self.time, car.torque_min, car.torque_max),
         )

@@ -1,9 +1,9 @@
-"""Makes worlds for `road`: double-track cars, and the multi-body cars of a `days.py` where one is given.
+"""Makes worlds for `road`: double-track cars, cars of other sizes, multi-body cars of a `days.py` where one is given.
 
     python -m experiments.other_worlds.make_worlds runs/worlds --cars coupe roadster --seeds 0 1 --smooth 0 8
     python -m experiments.other_worlds.make_worlds runs/worlds --cars --multibody PATH/days.py --seeds 0
 
-Each world is a folder of its own (`double_track` says of what); one that is there is not made again. A `days.py` takes
+Each world is a folder of its own (`days` says of what); one that is there is not made again. A `days.py` takes
 `OUT --car C --seed S --smooth HZ --none N` and writes the same files; its cars need the package vehiclemodels, of the
 extra `worlds`.
 """
@@ -22,8 +22,8 @@ import tyro
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.double_track.cars import CARS
-from experiments.other_worlds.double_track import RANGE, Days
-from experiments.other_worlds.double_track import main as make_days
+from experiments.other_worlds.days import ALL_CARS, RANGE, Days
+from experiments.other_worlds.days import main as make_days
 
 PACKAGE = "vehiclemodels"
 
@@ -39,16 +39,16 @@ class Worlds:
     out: Annotated[Path, tyro.conf.Positional]
     """Folder for the worlds."""
     cars: tuple[str, ...] = tuple(CARS)
-    """Double-track cars."""
+    """Cars of `days.ALL_CARS`; small, truck and electric are those on brush tyres."""
     seeds: tuple[int, ...] = (0,)
     smooth: tuple[float, ...] = (0.0, 8.0)
     """Bandwidths [Hz] of the sensors' low-pass; 0: none."""
     other_drives: tuple[bool, ...] = (False, True)
-    """Whether double-track days but the first are driven otherwise than the first."""
+    """Whether days but the first are driven otherwise than the first."""
     none: int = 4
     """Days without an effect, of each world."""
     count: int = len(RANGE)
-    """Days with one effect, of each double-track world."""
+    """Days with one effect, of each world but the multi-body ones."""
     multibody: Path | None = None
     """A days.py of multi-body cars."""
     multibody_cars: tuple[int, ...] = (1, 3)
@@ -88,9 +88,9 @@ def worlds_of(config: Worlds) -> list[Days | MultiBody]:
     Raises:
         MissingWorldError: a car that there is not, or the multi-body cars cannot be made.
     """
-    strange = [car for car in config.cars if car not in CARS]
+    strange = [car for car in config.cars if car not in ALL_CARS]
     if strange:
-        raise MissingWorldError(f"unknown car {strange[0]}; there are {', '.join(CARS)}")
+        raise MissingWorldError(f"unknown car {strange[0]}; there are {', '.join(ALL_CARS)}")
     out: list[Days | MultiBody] = []
     for car, seed, smooth, other in itertools.product(config.cars, config.seeds, config.smooth, config.other_drives):
         name = f"{car}-{seed}-{smooth:g}hz" + ("-other" if other else "")

@@ -2,7 +2,7 @@
 
     python -m experiments.other_worlds.road WORLD ... --out runs/road
 
-A WORLD is a folder as `make_worlds` and `double_track` write it: day_one/run_*.csv, CODE/run_*.csv, start.yaml, and
+A WORLD is a folder as `make_worlds` and `days` write it: day_one/run_*.csv, CODE/run_*.csv, start.yaml, and
 labels.json, which is opened once all answers are there. What is done is kept: start again to go on.
 """
 

@@ -1,4 +1,4 @@
-"""Days of a double-track car: what is written, and that it is what was asked for."""
+"""Days of double-track cars: what is written, and that it is what was asked for."""
 
 import dataclasses
 import json
@@ -10,16 +10,8 @@ from drift_drake.logs.table import read_case
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.vehicle_file import read_vehicle
-from experiments.other_worlds.double_track import (
-    RANGE,
-    Days,
-    drawn_effects,
-    first_guess,
-    main,
-    make_day,
-    simulate,
-    smoothed,
-)
+from experiments.other_worlds.days import RANGE, Days, drawn_effects, first_guess, main, make_day, smoothed
+from experiments.other_worlds.double_track import simulate
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
 
 
@@ -82,7 +74,7 @@ def test_sensors_effects_change_the_log_and_not_the_motion(tmp_path):
 
 
 def test_the_first_guess_knows_all_but_the_tyres():
-    guess, car = first_guess(CARS["saloon"]), CARS["saloon"].single_track()
+    guess, car = first_guess("saloon"), CARS["saloon"].single_track()
     assert guess.replace(
         friction=car.friction,
         front_stiffness=car.front_stiffness,

@@ -10,6 +10,8 @@ from typing import Annotated
 
 import matplotlib
 
+from diagrams.command import run_command
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
@@ -179,4 +181,4 @@ def main(config: ReplayConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ReplayConfig))
+    run_command(main, ReplayConfig)

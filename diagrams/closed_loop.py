@@ -4,15 +4,8 @@ python -m diagrams.closed_loop            # drives the figure-8, writes numbers,
 python -m diagrams.closed_loop --graph    # draws the diagram
 """
 
-import sys
-
-import tyro
-
-from drift_drake.errors import DriftDrakeError
+from diagrams.command import run_command
 from drift_drake.simulation.drive_command import ClosedLoopConfig, main
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(ClosedLoopConfig))
-    except DriftDrakeError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, ClosedLoopConfig)

@@ -6,8 +6,8 @@ python -m diagrams.drive
 from pathlib import Path
 
 import numpy as np
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
@@ -27,4 +27,4 @@ def main(out: Path | None = None) -> None:
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    run_command(main)

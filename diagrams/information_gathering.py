@@ -5,16 +5,14 @@ python -m diagrams.information_gathering --graph         # draws the diagram of 
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 
-import tyro
-
+from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.gathering.gather import execution, taught
-from drift_drake.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.gathering.recipe import Recipe
-from drift_drake.model.checkpoint import InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
@@ -70,7 +68,4 @@ def _report(name: str, belief: Posterior) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(Options))
-    except (InvalidCheckpointError, InfeasiblePlanError) as error:
-        sys.exit(f"error: {error}")
+    run_command(main, Options)

@@ -5,13 +5,12 @@ python -m diagrams.replay RUN.csv --vehicle car.yaml --corrected corrected.yaml 
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from drift_drake.logs.table import InvalidLogError
+from diagrams.command import run_command
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.side_by_side import side_by_side
@@ -19,7 +18,6 @@ from drift_drake.playback.comparison import compare, drawn, wide_table
 from drift_drake.playback.play import describe, play, prepare, read_cars, write_replay
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
-from drift_drake.vehicle.parameters import InvalidVehicleError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +62,4 @@ def main(config: ReplayConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(ReplayConfig))
-    except (InvalidLogError, InvalidVehicleError) as error:
-        sys.exit(f"error: {error}")
+    run_command(main, ReplayConfig)

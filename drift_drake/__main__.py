@@ -2,14 +2,16 @@
 
 import sys
 
-from drift_drake.interruption import ended_at_once
+from drift_drake.interruption import ended_at_once, leave_ends_to_the_system
 
 
 def main() -> int:
     """Runs the command line; returns its exit code."""
-    with ended_at_once("drift-drake"):
+    with ended_at_once():
         from drift_drake import cli
-    return cli.main()
+    code = cli.main()
+    leave_ends_to_the_system()
+    return code
 
 
 if __name__ == "__main__":

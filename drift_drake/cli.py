@@ -5,8 +5,6 @@ when its command is given, and imports in turn what is slow to import once its o
 """
 
 import difflib
-import os
-import signal
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -14,11 +12,9 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
-from drift_drake.errors import DriftDrakeError, InvalidOptionError, one_line, shown
-from drift_drake.interruption import ENDS, TerminatedError, ended_at_once, terminable
-
-BAD_INPUT = 2  # exit code for input that cannot be used
-NOT_READ = 141  # where standard output is closed by its reader, as of other programs in a shell
+from drift_drake.ending import BAD_INPUT, ended_well
+from drift_drake.errors import InvalidOptionError, shown
+from drift_drake.interruption import ended_at_once
 
 
 class Command(NamedTuple):
@@ -60,27 +56,7 @@ COMMANDS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        with terminable():
-            code = _run(words)
-            sys.stdout.flush()
-            return code
-    except DriftDrakeError as error:
-        print(f"drift-drake: {one_line(error)}", file=sys.stderr)
-        return BAD_INPUT
-    except BrokenPipeError:  # `| head` has read what it wanted; nothing more can be said, not even at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return NOT_READ
-    except OSError as error:  # a path that the system refuses: too long a name, a folder that may not be read
-        if error.filename is None:
-            raise
-        print(f"drift-drake: {shown(str(error.filename))}: cannot be used ({error.strerror}); give another path",
-              file=sys.stderr)  # fmt: skip
-        return BAD_INPUT
-    except (KeyboardInterrupt, TerminatedError) as end:
-        how, code = ENDS[signal.SIGINT if isinstance(end, KeyboardInterrupt) else signal.SIGTERM]
-        print(f"drift-drake: {how}; files are as they were before, or complete", file=sys.stderr)
-        return code
+    return ended_well(lambda: _run(words), "drift-drake: ", "files are as they were before, or complete")
 
 
 def _run(words: list[str]) -> int:
@@ -93,7 +69,7 @@ def _run(words: list[str]) -> int:
         print(f"drift-drake {version('drift_drake')}")
     else:
         name, *rest = words
-        with ended_at_once("drift-drake"):
+        with ended_at_once():
             import tyro
 
             options, run = load(name)

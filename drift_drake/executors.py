@@ -23,7 +23,7 @@ from typing import Any, Literal, TypeVar
 from tqdm import tqdm
 
 from drift_drake.errors import DriftDrakeError, InvalidOptionError
-from drift_drake.workers import SPAWNING, end_with_parent, worker_processes
+from drift_drake.workers import SPAWNING, end_with_parent, track_resources, worker_processes
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -105,6 +105,7 @@ def _processes(workers: int, tasks_per_worker: int) -> Iterator[Submit]:
     """Submits to processes of this machine; a process that ends takes its own job with it and no other."""
     from pebble import ProcessPool
 
+    track_resources()
     pool = ProcessPool(workers, tasks_per_worker, end_with_parent, (), SPAWNING)
     try:
         yield lambda function, job: pool.schedule(function, args=[job])

@@ -4,7 +4,7 @@ import contextlib
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
@@ -16,23 +16,20 @@ class TerminatedError(BaseException):
 
 
 @contextlib.contextmanager
-def terminable() -> Iterator[None]:
-    """Within the block, SIGTERM raises `TerminatedError`, so that worker processes and unfinished files are cleaned up.
+def terminable() -> Iterator[list[signal.Signals]]:
+    """Within the block Ctrl-C raises KeyboardInterrupt and SIGTERM `TerminatedError`, so that what was begun is undone.
 
+    Gives the signals that came: compiled code may hand on another exception than the one that was raised within it.
     Only the main thread can ask for it.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    came: list[signal.Signals] = []
 
-    def end(_number: int, _frame: FrameType | None) -> None:
-        raise TerminatedError
+    def end(number: int, _frame: FrameType | None) -> None:
+        came.append(signal.Signals(number))
+        raise KeyboardInterrupt if number == signal.SIGINT else TerminatedError
 
-    before = signal.signal(signal.SIGTERM, end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with _answered(end):
+        yield came
 
 
 @contextlib.contextmanager
@@ -46,22 +43,38 @@ def ctrl_c_waits() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def ended_at_once(name: str = "drift-drake") -> Iterator[None]:
+def ended_at_once(prefix: str = "drift-drake: ") -> Iterator[None]:
     """Within the block, which must have begun nothing, Ctrl-C and SIGTERM end the process in one line.
 
     For imports: an exception raised within those of compiled modules is lost, or becomes another one. Only the main
     thread can ask for it.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def end(number: int, _frame: FrameType | None) -> None:
         how, code = ENDS[signal.Signals(number)]
-        os.write(2, f"{name}: {how} before anything was begun\n".encode())
+        os.write(2, f"{prefix}{how} before anything was begun\n".encode())
         os._exit(code)
 
-    before = {number: signal.signal(number, end) for number in ENDS}
+    with _answered(end):
+        yield
+
+
+def leave_ends_to_the_system() -> None:
+    """For a command that is over: Python's own end, which takes a moment, has no lines of its own for a signal."""
+    for number in _heeded():
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _heeded() -> list[signal.Signals]:
+    """Those that are not ignored, as a shell's background jobs ignore Ctrl-C; none but in the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        return []
+    return [number for number in ENDS if signal.getsignal(number) is not signal.SIG_IGN]
+
+
+@contextlib.contextmanager
+def _answered(end: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    before = {number: signal.signal(number, end) for number in _heeded()}
     try:
         yield
     finally:

@@ -22,9 +22,24 @@ class _Worker(SpawnProcess):
     """
 
     def start(self) -> None:
-        resource_tracker.ensure_running()  # as the first start would, which then undoes the mask
+        track_resources()  # as the first start would, which then undoes the mask
         with ctrl_c_waits():
             super().start()
+
+
+def track_resources() -> None:
+    """Starts Python's process that removes a killed command's semaphores, which then need no warning.
+
+    To be called before anything of `multiprocessing` is made, which would start it otherwise.
+    """
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join([*([before] if before else []), "ignore:resource_tracker:UserWarning"])
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        del os.environ["PYTHONWARNINGS"]
+        if before is not None:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 class _Spawning(SpawnContext):
@@ -42,6 +57,7 @@ def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     They end at once if the block raises (Ctrl-C included) or if this process ends, by a signal too. Not forked: a fork
     would copy Drake's, BLAS's and other threads in whatever state they are.
     """
+    track_resources()
     before = set(multiprocessing.active_children())
     watched, held = SPAWNING.Pipe(duplex=False)
     pool = ProcessPoolExecutor(count, mp_context=SPAWNING, initializer=end_with_parent, initargs=(watched,))

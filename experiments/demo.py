@@ -10,14 +10,15 @@ import dataclasses
 import json
 import logging
 import time
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 from tqdm import tqdm
 
+from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
@@ -30,7 +31,7 @@ from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import SPAWNING, end_with_parent
+from drift_drake.workers import worker_processes
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
@@ -118,19 +119,20 @@ def main(config: DemoConfig) -> None:
     drifts: dict[str, DriveResult] = {}
     with (
         tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,
-        SPAWNING.Pool(config.workers, end_with_parent) as pool,
+        worker_processes(config.workers) as pool,
     ):
-        diagnosing = pool.apply_async(diagnosed, (config.log,))  # the longest job comes first
+        diagnosing = pool.submit(diagnosed, config.log)  # the longest job comes first
         rounds = gathering(config, learnt, bar)
         beliefs = {"prior": learnt.prior()} | {name: one.belief for name, one in rounds.items()}
         beliefs.setdefault("twice_info", beliefs["once_info"])
         bar.set_description("drifting the figure-8")
         jobs = [drift_job(config, kind, learnt, beliefs.get(kind, beliefs["prior"])) for kind in reversed(MODELS)]
-        for name, driven in pool.imap_unordered(drift, jobs):
+        for done in as_completed([pool.submit(drift, job) for job in jobs]):
+            name, driven = done.result()
             drifts[name] = driven
             bar.update()
         bar.set_description("diagnosing the log")
-        diagnosis = diagnosing.get()
+        diagnosis = diagnosing.result()
         bar.update()
         bar.set_description("drawing")
         runs = {kind: drifts[kind] for kind in MODELS}
@@ -152,4 +154,4 @@ def main(config: DemoConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(DemoConfig))
+    run_command(main, DemoConfig)

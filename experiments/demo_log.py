@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from diagrams.command import run_command
 from drift_drake.demo.command import SAMPLE_LOG
 from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.run_folder import write_json
@@ -41,4 +42,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -18,7 +18,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pygraphviz
-import tyro
+
+from diagrams.command import run_command
 
 PACKAGE = "drift_drake"
 ROOT = Path(__file__).parents[1]
@@ -156,4 +157,4 @@ def main(config: StructureConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(StructureConfig, description=__doc__))
+    run_command(main, StructureConfig, __doc__)

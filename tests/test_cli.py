@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.cli import BAD_INPUT, COMMANDS, NOT_READ, main
+from drift_drake.cli import BAD_INPUT, COMMANDS, main
 from drift_drake.diagnosis.answers import apply
+from drift_drake.ending import NOT_READ
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle

@@ -12,7 +12,7 @@ BEGINNING = """
 import time
 from drift_drake.interruption import ended_at_once
 
-with ended_at_once("drift-drake"):
+with ended_at_once():
     print("ready", flush=True)
     try:
         time.sleep(60.0)

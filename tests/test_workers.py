@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pebble import ProcessPool
 
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -116,9 +117,9 @@ def ctrl_c_is_blocked() -> bool:
 def test_workers_never_see_ctrl_c() -> None:
     with worker_processes(1) as executor:
         assert executor.submit(ctrl_c_is_blocked).result()
-    with SPAWNING.Pool(1, maxtasksperchild=1) as pool:
-        assert pool.apply(ctrl_c_is_blocked)
-        assert pool.apply(ctrl_c_is_blocked)  # by the next process
+    with ProcessPool(1, 1, context=SPAWNING) as pool:
+        assert pool.schedule(ctrl_c_is_blocked).result()
+        assert pool.schedule(ctrl_c_is_blocked).result()  # by the next process
     assert not ctrl_c_is_blocked()
 
 

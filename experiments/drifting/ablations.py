@@ -19,18 +19,18 @@ Broken off, it goes on where it was (give --out).
 """
 
 import dataclasses
-import sys
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import run_jobs
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model
@@ -44,7 +44,6 @@ from drift_drake.vehicle.bicycle import INPUTS, STATES
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
 from experiments.drifting.runs import (
-    REFUSALS,
     DriftConfig,
     DriveJob,
     Learnt,
@@ -200,7 +199,7 @@ def table(rows: list[Variant], summary: dict[str, Any], errors: dict[str, dict[s
 def main(config: AblationsConfig) -> None:
     """Runs what is missing, then writes the table."""
     if config.control.period != LOG_PERIOD:
-        raise SystemExit(f"error: samples are made from rows {LOG_PERIOD} s apart; leave --control.period at that")
+        raise InvalidOptionError(f"samples are made from rows {LOG_PERIOD} s apart; leave --control.period at that")
     folder = make_run_folder("ablations", config.out)
     open_folder(folder, config)
     write_versions(folder)
@@ -251,7 +250,4 @@ def belief_errors(
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(AblationsConfig))
-    except REFUSALS as error:
-        sys.exit(f"error: {error}")
+    run_command(main, AblationsConfig)

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver
 from pydrake.systems.framework import Context
 
+from diagrams.command import run_command
 from drift_drake.control.controller import MpcController
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
@@ -294,4 +294,4 @@ def main(config: BenchmarkConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchmarkConfig))
+    run_command(main, BenchmarkConfig)

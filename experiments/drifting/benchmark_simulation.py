@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
+from diagrams.command import run_command
 from drift_drake.control.plan import Plan
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine, make_run_folder
@@ -187,4 +187,4 @@ def main(config: BenchmarkConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchmarkConfig, description=__doc__))
+    run_command(main, BenchmarkConfig, __doc__)

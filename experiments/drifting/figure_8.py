@@ -9,13 +9,10 @@ the models, `drift_drake.executors` for clusters. Written: config.json, runs.csv
 Tables II and III beside ours), time_series.png, overhead.png. Broken off, it goes on where it was (give --out).
 """
 
-import sys
-
-import tyro
-
+from diagrams.command import run_command
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drifting.report import completion_table, draw, paper_table, refusal_sentence, summarise
-from experiments.drifting.runs import REFUSALS, ModelsConfig, open_folder, reference, run_models
+from experiments.drifting.runs import ModelsConfig, open_folder, reference, run_models
 from experiments.made import write_report
 
 
@@ -41,7 +38,4 @@ def main(config: ModelsConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(ModelsConfig))
-    except REFUSALS as error:
-        sys.exit(f"error: {error}")
+    run_command(main, ModelsConfig)

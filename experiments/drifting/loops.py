@@ -9,21 +9,19 @@ established, which for the paper's adapting prior was "upward of 150 meters". Br
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
 from experiments.drifting.report import LABELS, completion_table, draw, refusal_sentence, summarise
 from experiments.drifting.runs import (
-    REFUSALS,
     Model,
     ModelsConfig,
     open_folder,
@@ -132,7 +130,4 @@ def main(config: LoopsConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(LoopsConfig))
-    except REFUSALS as error:
-        sys.exit(f"error: {error}")
+    run_command(main, LoopsConfig)

@@ -10,15 +10,14 @@ and on held-out ones whose friction drops at once on the way. Broken off, it goe
 
 import dataclasses
 import json
-import sys
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-import tyro
 from matplotlib.figure import Figure
 
+from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
 from drift_drake.model.adapter import BayesianAdapter
@@ -40,7 +39,7 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder, reference
+from experiments.drifting.runs import DriftConfig, open_folder, reference
 from experiments.intervals import binomial
 from experiments.made import write_report
 
@@ -232,7 +231,4 @@ def main(config: DetectionConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(DetectionConfig))
-    except REFUSALS as error:
-        sys.exit(f"error: {error}")
+    run_command(main, DetectionConfig)

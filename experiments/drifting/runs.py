@@ -20,13 +20,12 @@ import tyro
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.executors import ExecutorConfig, JobsFailedError, NoClusterError, run_jobs
-from drift_drake.gathering.plan import InfeasiblePlanError
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import familiar_to
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -36,7 +35,7 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
-from experiments.settings import OtherExperimentError, keep_settings
+from experiments.settings import keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
@@ -197,10 +196,6 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:
     """Of a run's files."""
     return f"{model}-{vehicle:03d}-{noise_seed}"
-
-
-# Told in their one sentence.
-REFUSALS = (OtherExperimentError, NoClusterError, JobsFailedError, InvalidCheckpointError, InfeasiblePlanError)
 
 
 def open_folder(folder: Path, config: DriftConfig) -> None:

@@ -11,15 +11,14 @@ Broken off, it goes on where it was (give --out).
 """
 
 import dataclasses
-import sys
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import tyro
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from diagrams.command import run_command
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population
@@ -29,7 +28,7 @@ from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibriu
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drifting.runs import REFUSALS, DriftConfig, open_folder
+from experiments.drifting.runs import DriftConfig, open_folder
 from experiments.made import write_report
 
 Array = NDArray[np.float64]
@@ -150,7 +149,4 @@ def report(found: pd.DataFrame) -> str:
 
 
 if __name__ == "__main__":
-    try:
-        run(tyro.cli(SteadyDriftConfig))
-    except REFUSALS as error:
-        sys.exit(f"error: {error}")
+    run_command(run, SteadyDriftConfig)

@@ -6,18 +6,23 @@ Drake's renderer needs OpenGL (Mesa's does, without a screen).
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Literal
 
 import pandas as pd
 import tyro
 
+from diagrams.command import run_command
+from drift_drake.errors import DriftDrakeError
 from drift_drake.pictures.still import still
 from drift_drake.pictures.style import save
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.report import LABELS
 from experiments.drifting.runs import reference, run_name
+
+
+class MissingRunError(DriftDrakeError, FileNotFoundError):
+    """A run that is not in the folder."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,13 +47,13 @@ def read_runs(config: StillConfig) -> dict[str, pd.DataFrame]:
     """The runs by model.
 
     Raises:
-        FileNotFoundError: names the run that is not there.
+        MissingRunError: names the run that is not there.
     """
     runs = {}
     for model in config.models:
         path = config.folder / f"{run_name(model, config.vehicle, config.attempt)}.csv"
         if not path.exists():
-            raise FileNotFoundError(f"{path}: no such run; give --models, --vehicle and --attempt of the experiment's")
+            raise MissingRunError(f"{path}: no such run; give --models, --vehicle and --attempt of the experiment's")
         runs[LABELS.get(model, model)] = pd.read_csv(path)
     return runs
 
@@ -63,7 +68,4 @@ def main(config: StillConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(StillConfig, description=__doc__))
-    except (FileNotFoundError, ValueError) as error:
-        sys.exit(f"error: {error}")
+    run_command(main, StillConfig, __doc__)

@@ -24,6 +24,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -238,9 +239,8 @@ Command = (
 )
 
 
-def main() -> None:
-    """Entry point of `python -m experiments.gap.blind`."""
-    command = tyro.cli(Command, description=__doc__)  # type: ignore[arg-type]
+def main(command: Make | Respond | Score | Calibrate) -> None:
+    """Makes, answers, scores or calibrates."""
     if isinstance(command, Make):
         make(command)
     elif isinstance(command, Respond):
@@ -252,4 +252,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main, Command, __doc__)

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import spearmanr
 from tqdm import tqdm
 
+from diagrams.command import run_command
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.diagnosis.answers.correction import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
@@ -210,4 +210,4 @@ def main(config: CorrectedLoopConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(CorrectedLoopConfig))
+    run_command(main, CorrectedLoopConfig)

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import tyro
 from matplotlib.figure import Figure
 
+from diagrams.command import run_command
 from drift_drake.identification.identify import identify
 from drift_drake.run_folder import make_run_folder, write_json
 from drift_drake.safe_files import write_figure
@@ -163,4 +163,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

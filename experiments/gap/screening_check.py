@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.screening.screened import Screened, screened
@@ -216,4 +216,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

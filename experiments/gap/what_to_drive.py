@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from diagrams.command import run_command
 from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import tracking_gains
@@ -232,4 +232,4 @@ def main(config: WhatToDriveConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(WhatToDriveConfig))
+    run_command(main, WhatToDriveConfig)

@@ -11,7 +11,6 @@ has seen nothing. Broken off, the experiment goes on with the vehicles that are 
 import dataclasses
 import json
 import os
-import sys
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,6 +20,7 @@ import pandas as pd
 import tyro
 from numpy.typing import NDArray
 
+from diagrams.command import run_command
 from drift_drake.control.plan import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
@@ -35,7 +35,7 @@ from drift_drake.gathering.plan import (
     plan_drive,
 )
 from drift_drake.gathering.recipe import Recipe
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed
 from drift_drake.model.samples import load_samples
@@ -249,7 +249,4 @@ def main(config: InformationConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(InformationConfig))
-    except (InvalidCheckpointError, InfeasiblePlanError, MissingDrivesError) as error:
-        sys.exit(f"error: {error}")
+    run_command(main, InformationConfig)

@@ -13,13 +13,13 @@ rounds after the first are planned by the checkpoint that the rounds before have
 
 import dataclasses
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.control.plan import DT
 from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
@@ -27,7 +27,7 @@ from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, results_of
 from drift_drake.gathering.gather import execution
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, save_samples
@@ -196,7 +196,4 @@ def main(config: LaneDrivesConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(LaneDrivesConfig))
-    except InvalidCheckpointError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, LaneDrivesConfig)

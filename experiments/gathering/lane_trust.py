@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from diagrams.command import run_command
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.gathering.gather import gather
@@ -118,4 +118,4 @@ def main(config: LaneTrust) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(LaneTrust, description=__doc__))
+    run_command(main, LaneTrust, __doc__)

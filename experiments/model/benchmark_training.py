@@ -7,14 +7,12 @@ look at the validation vehicles (every 25 epochs) that is at the target or below
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Any
 
 import torch
-import tyro
 
-from drift_drake.errors import DriftDrakeError
+from diagrams.command import run_command
 from drift_drake.model.meta_training import train
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.run_folder import machine, make_run_folder
@@ -93,7 +91,4 @@ def main(config: BenchmarkConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(BenchmarkConfig, description=__doc__))
-    except DriftDrakeError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, BenchmarkConfig, __doc__)

@@ -15,7 +15,6 @@ the same numbers on the same machine and library versions; elsewhere torch's sum
 import dataclasses
 import json
 import math
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -24,6 +23,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig
 from drift_drake.model.checkpoint import load_model
@@ -156,7 +156,4 @@ def main(config: BuildConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(BuildConfig, description=__doc__))
-    except DriftDrakeError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, BuildConfig, __doc__)

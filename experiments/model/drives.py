@@ -20,6 +20,7 @@ import tyro
 from numpy.typing import NDArray
 from pydrake.systems.primitives import ConstantVectorSource
 
+from diagrams.command import run_command
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
 from drift_drake.control.step_model import NominalStepModel
@@ -214,4 +215,4 @@ def _true_parameters(parameters: VehicleParameters, effects: Effects) -> Vehicle
 
 
 if __name__ == "__main__":
-    main(tyro.cli(DrivesConfig))
+    run_command(main, DrivesConfig)

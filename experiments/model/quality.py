@@ -10,21 +10,21 @@ figures (PNG).
 """
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 
+from diagrams.command import run_command
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import (
     GAUSSIAN_COVERAGE,
@@ -245,7 +245,4 @@ def main(config: QualityConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(QualityConfig))
-    except InvalidCheckpointError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, QualityConfig)

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.history import unpacked
 from drift_drake.monitoring.monitor import advance
@@ -75,4 +76,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

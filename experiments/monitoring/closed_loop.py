@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -226,4 +227,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import load_model
@@ -255,4 +256,4 @@ def main(command: Make | Judge) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Command, description=__doc__))  # type: ignore[call-overload]
+    run_command(main, Command, __doc__)

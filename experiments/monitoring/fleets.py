@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from diagrams.command import run_command
 from drift_drake.executors import ExecutorConfig, make_executor
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.fleet import FleetFindings, compared
@@ -90,4 +91,4 @@ def write_fleet(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

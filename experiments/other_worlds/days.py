@@ -17,6 +17,7 @@ import tyro
 from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
+from diagrams.command import run_command
 from drift_drake.logs.table import Run, write_run
 from drift_drake.run_folder import write_json, write_versions
 from drift_drake.vehicle.double_track.cars import CARS
@@ -167,4 +168,4 @@ def main(config: Days) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Days, description=__doc__))
+    run_command(main, Days, __doc__)

@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import tyro
-
+from diagrams.command import run_command
 from drift_drake.identification.options import Criterion
 from drift_drake.logs.importing.command import write_case
 from drift_drake.logs.importing.importer import import_recordings
@@ -196,4 +195,4 @@ def main(config: HandChanges) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(HandChanges, description=__doc__))
+    run_command(main, HandChanges, __doc__)

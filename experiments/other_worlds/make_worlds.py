@@ -19,6 +19,8 @@ from typing import Annotated
 
 import tyro
 
+from diagrams.command import run_command
+from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.double_track.cars import CARS
@@ -28,7 +30,7 @@ from experiments.other_worlds.days import main as make_days
 PACKAGE = "vehiclemodels"
 
 
-class MissingWorldError(RuntimeError):
+class MissingWorldError(DriftDrakeError, RuntimeError):
     """A world that cannot be made here; the message names the remedy."""
 
 
@@ -128,4 +130,4 @@ def main(config: Worlds) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Worlds, description=__doc__))
+    run_command(main, Worlds, __doc__)

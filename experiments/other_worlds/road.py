@@ -13,6 +13,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from diagrams.command import run_command
+from drift_drake.errors import DriftDrakeError
 from drift_drake.identification.options import Criterion
 from drift_drake.logs.table import run_paths
 from drift_drake.pictures.style import save
@@ -41,7 +43,7 @@ class Road:
     """Of the calibration, as `drift-drake identify` takes it."""
 
 
-class InvalidWorldError(ValueError):
+class InvalidWorldError(DriftDrakeError, ValueError):
     """A folder that is no world; the message names it and the remedy."""
 
 
@@ -109,4 +111,4 @@ def main(config: Road) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Road, description=__doc__))
+    run_command(main, Road, __doc__)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.diagnosis.reports.report import write_report as write_diagnosis
 from drift_drake.estimation.horizons import HORIZONS, STATES
@@ -175,4 +175,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from matplotlib.figure import Figure
 
+from diagrams.command import run_command
 from drift_drake.errors import unit_suffix
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_figure, write_text
@@ -112,4 +112,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

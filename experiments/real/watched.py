@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.logs.table import Run, read_case, read_run
 from drift_drake.monitoring.calibrated import NormalScores, calibrated_monitor, learn_normal_scores
 from drift_drake.monitoring.watch import rows_of, watched
@@ -118,4 +118,4 @@ def main(config: Config) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Config, description=__doc__))
+    run_command(main, Config, __doc__)

@@ -9,7 +9,6 @@ its lane is reported by fault. Broken off, it goes on where it was (give --out).
 
 import dataclasses
 import json
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,9 +18,9 @@ import pandas as pd
 import tyro
 from matplotlib.figure import Figure
 
+from diagrams.command import run_command
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
@@ -232,7 +231,4 @@ def report(folder: Path, jobs: list[Job], config: CampaignConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(tyro.cli(CampaignConfig))
-    except DriftDrakeError as error:
-        sys.exit(f"error: {error}")
+    run_command(main, CampaignConfig)

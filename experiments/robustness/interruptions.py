@@ -1,11 +1,11 @@
-"""Long commands ended at random moments, by kill -9 and by Ctrl-C, then given again: the same results to the bit.
+"""Long commands ended at random moments, by kill -9, Ctrl-C and SIGTERM, then given again: the same results to the bit.
 
     python -m experiments.robustness.interruptions --count 80
 
 Each command is first run through undisturbed. Then, in a fresh folder, it is ended at random moments, up to four times,
 and given again until it ends by itself; every number that it wrote must be that of the undisturbed run, times and dates
-aside. Ctrl-C, which reaches all of a command's processes as at a terminal, must be answered in one line. Broken off,
-it goes on where it was (give --out).
+aside. Ctrl-C, which reaches all of a command's processes as at a terminal, and SIGTERM must be answered in one line,
+and nothing be said after kill -9. Broken off, it goes on where it was (give --out).
 """
 
 import contextlib
@@ -18,16 +18,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-import tyro
 from tqdm import tqdm
 
-from drift_drake.interruption import terminable
+from diagrams.command import run_command
+from drift_drake.errors import DriftDrakeError
+from drift_drake.interruption import ENDS
 from drift_drake.run_folder import is_done, make_run_folder, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.unfinished import PARTIAL
@@ -35,8 +36,13 @@ from experiments.robustness.long_commands import COMMANDS
 
 MOST_OFTEN = 4  # interruptions of one attempt
 PATIENCE = 120.0  # [s] beyond which a command that was interrupted hangs
+HELPERS = 0.5  # [s] in which a command's processes end after it
 OF_TIME = ("second", "_ms_", "late_solves", "date", "made", "spent")  # in names of numbers that no run repeats
 NOT_RESULTS = ("versions.json", "summary.json", "config.json", "report.md")
+
+
+class UndisturbedError(DriftDrakeError, RuntimeError):
+    """A command that does not even end well undisturbed; the message says what it said."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +52,10 @@ class InterruptionsConfig:
     count: int = 80
     """Attempts; each is interrupted up to four times."""
     commands: tuple[str, ...] = tuple(COMMANDS)
+    signals: tuple[Literal["SIGINT", "SIGTERM", "SIGKILL"], ...] = ("SIGINT", "SIGTERM", "SIGKILL")
+    """Drawn from with equal probability."""
+    latest: float = 1.0
+    """Moment of an interruption, as a share of the undisturbed run's duration; 0.2: within the imports mostly."""
     seed: int = 0
     out: Path | None = None
 
@@ -116,14 +126,19 @@ def interrupted(arguments: list[str], number: signal.Signals, moment: float, log
             code = process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             return {"hangs": True, "said": "", "code": None, "seconds": PATIENCE}
-    return {"hangs": False, "said": last_lines(log, before), "code": code, "seconds": time.monotonic() - start}
+    seconds = time.monotonic() - start
+    time.sleep(HELPERS)
+    return {"hangs": False, "said": last_lines(log, before), "code": code, "seconds": seconds}
 
 
-def answered(end: dict[str, Any]) -> bool:
-    """Whether Ctrl-C was answered in one line: the program's, unless it had not begun or had ended."""
+def answered(end: dict[str, Any], number: signal.Signals) -> bool:
+    """Whether a signal was answered in one line: the program's, unless it had not begun or had ended."""
     lines = end["said"].splitlines()
-    begun_already = any(package in end["said"] for package in ("drift_drake", "experiments", "interrupted"))
-    return end["code"] == 0 or not begun_already or (len(lines) == 1 and "interrupted" in lines[0])
+    if number not in ENDS:
+        return not lines
+    how = ENDS[number][0]
+    begun_already = any(word in end["said"] for word in ("drift_drake", "experiments", how))
+    return end["code"] == 0 or not begun_already or (len(lines) == 1 and how in lines[0])
 
 
 def last_lines(log: Path, start: int = 0) -> str:
@@ -132,7 +147,7 @@ def last_lines(log: Path, start: int = 0) -> str:
     return "\n".join(line for line in lines if line.strip() and "%|" not in line and "it/s" not in line)
 
 
-def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], duration: float,
+def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], duration: float, names: Sequence[str],
             generator: np.random.Generator) -> dict[str, Any]:  # fmt: skip
     """One command in a fresh folder, ended a few times and then given again."""
     folder.mkdir(parents=True)
@@ -142,16 +157,13 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
     arguments = COMMANDS[name].arguments(inputs, out)
     ends = []
     for k in range(int(generator.integers(1, MOST_OFTEN + 1))):
-        number = signal.SIGINT if generator.random() < 0.5 else signal.SIGKILL
+        number = signal.Signals[str(generator.choice(names))]
         moment = float(generator.uniform(0.0, duration))
         # A file each: what a killed command's helpers still say is not of the next one.
         end = interrupted(arguments, number, moment, folder / f"end_{k}.log")
-        ends.append(
-            {"signal": number.name, "moment": moment, "one_line": number == signal.SIGKILL or answered(end)} | end
-        )
+        ends.append({"signal": number.name, "moment": moment, "one_line": answered(end, number)} | end)
         if end["code"] == 0:
             break
-        time.sleep(0.2)  # workers end with the process that started them
     log = folder / "resumed.log"
     with begun(arguments, log) as process:
         code = process.wait()
@@ -162,8 +174,8 @@ def attempt(name: str, inputs: Path, folder: Path, wanted: dict[str, str], durat
 
 def main(config: InterruptionsConfig) -> None:
     """Makes the interruptions that are missing and reports the outcome."""
-    # Commands inherit what is ignored: a shell's background jobs ignore Ctrl-C.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in a shell's background job; commands would inherit it
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     folder = make_run_folder("interruptions", config.out)
     undisturbed = {name: _undisturbed(name, folder) for name in config.commands}
     found = []
@@ -174,7 +186,8 @@ def main(config: InterruptionsConfig) -> None:
             generator = np.random.default_rng([config.seed, index])
             trial = folder / "attempts" / f"{index:03d}_{os.getpid()}"
             wanted, duration = undisturbed[name]
-            made = attempt(name, folder / name / "inputs", trial, wanted, duration, generator)
+            moments = config.latest * duration
+            made = attempt(name, folder / name / "inputs", trial, wanted, moments, config.signals, generator)
             # Where a command had ended before it was to be interrupted, the next moments are drawn earlier.
             shorter = min([duration, *(end["seconds"] for end in made["ends"] if end["code"] == 0)])
             undisturbed[name] = wanted, shorter
@@ -186,7 +199,7 @@ def main(config: InterruptionsConfig) -> None:
     print(f"{len(ends)} interruptions of {len(found)} commands ({', '.join(config.commands)}): "
           f"{sum(not one['same'] for one in found)} with other results, {sum(one['code'] != 0 for one in found)} that "
           f"could not go on, {sum(end['hangs'] for end in ends)} hangs, "
-          f"{sum(not end['one_line'] for end in ends)} not reported in one line, "
+          f"{sum(not end['one_line'] for end in ends)} not answered in one line, "
           f"{sum(one['left'] > 0 for one in found)} that left an unfinished file\nresults in {folder}")  # fmt: skip
 
 
@@ -206,12 +219,11 @@ def _undisturbed(name: str, folder: Path) -> tuple[dict[str, str], float]:
         with begun(COMMANDS[name].arguments(inputs, out), folder / name / "log.txt") as process:
             code = process.wait()
         if code != 0:
-            raise SystemExit(f"error: {name}: {last_lines(folder / name / 'log.txt')}")
+            raise UndisturbedError(f"{name}: {last_lines(folder / name / 'log.txt')}")
         write_json(done, {"results": results(out), "time": time.monotonic() - start})
     known = json.loads(done.read_text())
     return known["results"], known["time"]
 
 
 if __name__ == "__main__":
-    with terminable():
-        main(tyro.cli(InterruptionsConfig))
+    run_command(main, InterruptionsConfig)

@@ -1,69 +1,126 @@
-"""Ctrl-C in an experiment is answered in one line, from its imports on."""
+"""Ctrl-C and SIGTERM in an experiment or a diagram are answered in one line, from the imports on."""
 
+import ast
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
-ENDS = {
-    "as it is": "time.sleep(60.0)",
-    "as an import of a compiled module hands it on": """
+ROOT = Path(__file__).parents[2]
+ENDS = pytest.mark.parametrize(
+    ("number", "how", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
+)
+SWALLOWING = """
+print("ready", flush=True)
 try:
+    import time
     time.sleep(60.0)
 except BaseException:
-    raise ImportError("initialization failed")
+    raise ImportError("initialization failed")  # as Drake's import says it
+"""
+WORKING = """
+import time
+from diagrams.command import run_command
+
+
+def main() -> None:
+    print("ready", flush=True)
+    {}
+
+
+run_command(main)
+"""
+BODIES = {
+    "as it is": "time.sleep(60.0)",
+    "as compiled code hands it on": """
+    try:
+        time.sleep(60.0)
+    except BaseException:
+        raise RuntimeError("a callback failed")
 """,
 }
-
-
-@pytest.mark.parametrize("how", sorted(ENDS))
-def test_ctrl_c_is_answered_in_one_line(how: str) -> None:
-    script = f"import time\nimport experiments\nprint('ready', flush=True)\n{ENDS[how]}"
-    process = subprocess.Popen([sys.executable, "-c", script], env=ENVIRONMENT, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True,
-                               preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
-    assert process.stdout is not None
-    assert process.stdout.readline() == "ready\n"
-    process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=60.0)
-    assert process.returncode != 0
-    assert error.split("\n") == ["", "interrupted; the same command with the same folder goes on where it was", ""]
-
-
 STARTING = """
 import time
-import experiments
-from drift_drake.workers import worker_processes
+from diagrams.command import run_command
+from drift_drake.executors import ExecutorConfig, run_jobs
+
+
+def main() -> None:
+    print("ready", flush=True)
+    run_jobs(ExecutorConfig(), time.sleep, [60.0, 60.0], print, "job", quiet=True)
+
 
 if __name__ == "__main__":
-    with worker_processes(2) as pool:
-        print("ready", flush=True)
-        pool.submit(print)
-        sum(range(10**8))  # some seconds in which this process cannot answer
-time.sleep(60.0)  # a worker imports this file
+    run_command(main)
+time.sleep(1.0)  # a worker imports this file
 """
 
 
-def test_workers_that_are_only_starting_leave_the_answer_to_their_parent(tmp_path: Path) -> None:
-    script = tmp_path / "starting.py"
-    script.write_text(STARTING)
-    process = subprocess.Popen([sys.executable, str(script)], env=ENVIRONMENT, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True,
+def said_after(arguments: list[str], path: Path, end: Callable[[int], None], wait: float = 0.0) -> tuple[int, str]:
+    """(exit code, standard error) of Python, once it says that it is ready and is ended after so many seconds."""
+    process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               env=os.environ | {"PYTHONPATH": os.pathsep.join([str(path), str(ROOT)])},
+                               start_new_session=True,
                                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
-    time.sleep(1.0)  # into the workers' imports
-    os.killpg(process.pid, signal.SIGINT)
+    time.sleep(wait)
+    end(process.pid)
     _, error = process.communicate(timeout=60.0)
-    assert error.split("\n") == ["", "interrupted; the same command with the same folder goes on where it was", ""]
+    return process.returncode, error
 
 
-def test_other_errors_are_told_as_they_are() -> None:
-    done = subprocess.run([sys.executable, "-c", "import experiments\nraise ValueError('x')"], env=ENVIRONMENT,
+@ENDS
+@pytest.mark.parametrize("module", ["experiments.model.drives", "diagrams.closed_loop"])
+def test_imports_end_at_once(tmp_path: Path, module: str, number: signal.Signals, how: str, code: int) -> None:
+    (tmp_path / "pydrake").mkdir()
+    (tmp_path / "pydrake" / "__init__.py").write_text(SWALLOWING)
+    said = said_after(["-m", module], tmp_path, lambda process: os.kill(process, number))
+    assert said == (code, f"{module}: {how} before anything was begun\n")
+
+
+@ENDS
+@pytest.mark.parametrize("body", sorted(BODIES))
+def test_work_ends_in_one_line(tmp_path: Path, body: str, number: signal.Signals, how: str, code: int) -> None:
+    (tmp_path / "working.py").write_text(WORKING.format(BODIES[body]))
+    ended, error = said_after([str(tmp_path / "working.py")], tmp_path, lambda process: os.kill(process, number))
+    assert ended == code
+    assert error.startswith(f"experiments: {how}; what is done stays")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("wait", [0.3, 4.0])  # within the workers' imports; at work
+def test_workers_leave_the_answer_to_their_parent(tmp_path: Path, wait: float) -> None:
+    (tmp_path / "starting.py").write_text(STARTING)
+    for end in (lambda process: os.killpg(process, signal.SIGINT), lambda process: os.kill(process, signal.SIGTERM)):
+        code, error = said_after([str(tmp_path / "starting.py")], tmp_path, end, wait)
+        assert code in (130, 143)
+        assert error.count("\n") == 1
+
+
+def test_nothing_is_said_after_a_kill(tmp_path: Path) -> None:
+    (tmp_path / "starting.py").write_text(STARTING)
+    end: Callable[[int], None] = lambda process: os.kill(process, signal.SIGKILL)  # noqa: E731
+    assert said_after([str(tmp_path / "starting.py")], tmp_path, end, 4.0) == (-signal.SIGKILL, "")
+
+
+def test_other_errors_are_told_as_they_are(tmp_path: Path) -> None:
+    (tmp_path / "failing.py").write_text(WORKING.format("raise ValueError('x')"))
+    done = subprocess.run([sys.executable, str(tmp_path / "failing.py")], env=os.environ | {"PYTHONPATH": str(ROOT)},
                           capture_output=True, text=True)  # fmt: skip
     assert done.stderr.endswith("ValueError: x\n")
+
+
+@pytest.mark.parametrize("package", ["diagrams", "experiments"])
+def test_every_module_that_can_be_run_ends_so(package: str) -> None:
+    others = []
+    for path in (ROOT / package).rglob("*.py"):
+        last = ast.parse(path.read_text()).body[-1:]
+        if last and isinstance(last[0], ast.If) and "run_command(" not in ast.unparse(last[0]):
+            others.append(path.name)
+    assert others == []

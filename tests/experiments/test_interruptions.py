@@ -1,6 +1,7 @@
 """Commands that are ended and given again, on a small one of every habit; a real one too."""
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -19,17 +20,25 @@ from experiments.robustness.interruptions import (
 from experiments.robustness.long_commands import LongCommand
 
 STEADY = """
-import sys, time
-from pathlib import Path
+import sys
+from drift_drake.interruption import ended_at_once
 
-import experiments  # answers Ctrl-C
-from drift_drake.run_folder import is_done, write_json
+with ended_at_once():
+    import time
+    from pathlib import Path
+    from drift_drake.ending import ended_well
+    from drift_drake.run_folder import is_done, write_json
 
-for i in range(8):
-    path = Path(sys.argv[1]) / f"{i}.json"
-    if not is_done(path):
-        time.sleep(0.05)
-        write_json(path, {"value": i, "seconds": time.time()})
+
+def main() -> None:
+    for i in range(8):
+        path = Path(sys.argv[-1]) / f"{i}.json"
+        if not is_done(path):
+            time.sleep(0.05)
+            write_json(path, {"value": i, "seconds": time.time()})
+
+
+sys.exit(ended_well(lambda: main() or 0, "", "what is done stays"))
 """
 CARELESS = STEADY.replace("if not is_done(path)", "if not path.exists()").replace(
     'write_json(path, {"value": i, "seconds": time.time()})',
@@ -57,7 +66,7 @@ def test_a_command_that_writes_files_whole_gives_the_same_results(
     main(config)
     said = capsys.readouterr().out
     assert (
-        "of 2 commands (steady): 0 with other results, 0 that could not go on, 0 hangs, 0 not reported in one line"
+        "of 2 commands (steady): 0 with other results, 0 that could not go on, 0 hangs, 0 not answered in one line"
         in said
     )
     made = {path: path.stat().st_mtime_ns for path in (small / "out").glob("attempt_*.json")}
@@ -80,17 +89,22 @@ def test_a_command_that_does_not_is_found_out(small: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "said", "well"),
+    ("number", "code", "said", "well"),
     [
-        (130, "drift-drake: interrupted; files are as they were before, or complete", True),
-        (0, "done", True),
-        (-2, "Traceback\n  File site.py\nKeyboardInterrupt", True),  # Python itself had not started
-        (-2, "Traceback\n  File drift_drake/cli.py\nKeyboardInterrupt", False),
-        (1, "interrupted\nTraceback", False),
+        (signal.SIGINT, 130, "drift-drake: interrupted; files are as they were before, or complete", True),
+        (signal.SIGINT, 0, "done", True),
+        (signal.SIGINT, -2, "Traceback\n  File site.py\nKeyboardInterrupt", True),  # Python itself had not started
+        (signal.SIGINT, -2, "Traceback\n  File drift_drake/cli.py\nKeyboardInterrupt", False),
+        (signal.SIGINT, 1, "interrupted\nTraceback", False),
+        (signal.SIGTERM, 143, "experiments.demo: terminated; what is done stays", True),
+        (signal.SIGTERM, 143, "drift_drake: terminated\nresource_tracker: leaked semaphores", False),
+        (signal.SIGTERM, -15, "", True),
+        (signal.SIGKILL, -9, "", True),
+        (signal.SIGKILL, -9, "resource_tracker: leaked semaphores", False),
     ],
 )
-def test_ctrl_c_is_to_be_answered_in_one_line(code: int, said: str, well: bool) -> None:
-    assert answered({"code": code, "said": said}) == well
+def test_a_signal_is_to_be_answered_in_one_line(number: signal.Signals, code: int, said: str, well: bool) -> None:
+    assert answered({"code": code, "said": said}, number) == well
 
 
 def test_times_are_no_results(tmp_path: Path) -> None:
@@ -116,5 +130,5 @@ def test_progress_bars_are_not_what_a_command_says(tmp_path: Path) -> None:
 def test_real_commands_give_the_same_results(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(InterruptionsConfig(count=1, commands=(name,), out=tmp_path))
     assert (
-        "0 with other results, 0 that could not go on, 0 hangs, 0 not reported in one line" in capsys.readouterr().out
+        "0 with other results, 0 that could not go on, 0 hangs, 0 not answered in one line" in capsys.readouterr().out
     )

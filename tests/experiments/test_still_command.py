@@ -27,7 +27,7 @@ def test_the_command_says_so_in_one_sentence(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "experiments.drifting.still", str(tmp_path)], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ")
+    assert done.returncode == 2
+    assert done.stderr.startswith("experiments.drifting.still: ")
     assert "twice_info-000-0.csv: no such run" in done.stderr
     assert done.stderr.count("\n") == 1

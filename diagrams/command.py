@@ -1,0 +1,40 @@
+"""How `python -m diagrams.NAME` and `python -m experiments.FOLDER.NAME` begin and end.
+
+Ctrl-C and SIGTERM end each in one line, from the imports on; what is done stays.
+"""
+
+import contextlib
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from drift_drake.interruption import ended_at_once, leave_ends_to_the_system
+
+NAME = next((word for word in sys.orig_argv if word.startswith(("diagrams.", "experiments."))), "experiments")
+_importing = contextlib.ExitStack()
+if sys.argv[0] == "-m":  # as Python has it while it looks for the module that it is to run, and imports its packages
+    _importing.enter_context(ended_at_once(f"{NAME}: "))
+
+
+def run_command(main: Callable[..., object], options: Any = None, description: str | None = None) -> NoReturn:
+    """Reads a module's options from the command line, runs its `main` with them and ends Python.
+
+    Args:
+        options: type of main's one argument, for `tyro.cli`; None where main's own parameters are the options.
+    """
+    import tyro
+
+    from drift_drake.ending import ended_well
+
+    def run() -> int:
+        if options is None:
+            tyro.cli(main, description=description)
+        else:
+            main(tyro.cli(options, description=description))
+        return 0
+
+    _importing.close()
+    kept = "what is done stays; long experiments, given the same folder again, go on where they were"
+    code = ended_well(run, f"{NAME}: ", kept)
+    leave_ends_to_the_system()
+    sys.exit(code)

@@ -63,7 +63,7 @@ def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
 class RivalsStepModel(StepModel):
     """The first hypothesis's car, with the rival's memory run along beside it, as the model of an OCP.
 
-    State: the first's six and its memory [8], then the memory [8] that the rival would have.
+    State: the first's six and its memory, then the memory that the rival would have.
     """
 
     def __init__(self, first: EffectsStepModel, second: EffectsStepModel, gain: Array, bias: Array) -> None:
@@ -72,7 +72,7 @@ class RivalsStepModel(StepModel):
         self.memory_scale = np.concatenate([first.memory_scale, second.memory_scale])
 
     def second_state(self, x: Array) -> Array:
-        """The rival's state [N, 14]."""
+        """The rival's state [N, 6 + memory]."""
         return np.concatenate([x[:, :BODY] * self.gain + self.bias, x[:, BODY + MEMORY :]], axis=1)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

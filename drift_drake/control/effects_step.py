@@ -18,6 +18,8 @@ from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.vehicle.effects import (
     COUNT,
+    INSTALLED_STATES,
+    MEMORIES,
     RATE_LIMIT_TIME,
     Effects,
     Memory,
@@ -26,12 +28,12 @@ from drift_drake.vehicle.effects import (
     settled_memory,
 )
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-from drift_drake.vehicle.scalar import jitable
+from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 Array = NDArray[np.float64]
 
-MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0])
-STATE_SIZE = 6 + len(Memory._fields)
+MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
+STATE_SIZE = 6 + MEMORIES
 COMPLEX_STEP = 1e-30
 PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
               "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
@@ -119,12 +121,12 @@ def _contiguous(x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Ar
 
 @jitable
 def _rates(x: Any, delta: Any, tau: Any, curvature: Any, p: Constants, q: Effects, out: Any) -> None:
-    memory = Memory(x[6], x[7], x[8], x[9], x[10], x[11], x[12], x[13])
+    memory = Memory(*fixed_tuple(x[6:], MEMORIES))
     m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, memory, delta, tau, p, q)
     e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
     out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
-    out[6], out[7], out[8], out[9] = d.steering, d.torque, d.front_slip, d.rear_slip
-    out[10], out[11], out[12], out[13] = d.front_heat, d.rear_heat, d.a_x, d.a_y
+    for i, rate in enumerate(d):
+        out[6 + i] = rate
 
 
 @jitable
@@ -177,10 +179,11 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
 
 
 def _free(q: Effects) -> Array:
-    """Which of `Memory` nothing lags or relaxes [8] (bool)."""
+    """Which of `Memory` nothing lags or relaxes (bool)."""
     relaxed = q.tyre_relaxation > 0.0
     lagged = q.steering_lag + q.steering_rate_limit > 0.0
-    return np.array([not lagged, q.torque_lag <= 0.0, not relaxed, not relaxed, False, False, False, False])
+    installed = [getattr(q, name) == 0.0 for name in INSTALLED_STATES]
+    return np.array([not lagged, q.torque_lag <= 0.0, not relaxed, not relaxed, *[False] * 4, *installed])
 
 
 class MemoryObserver(LeafSystem):
@@ -189,7 +192,7 @@ class MemoryObserver(LeafSystem):
     What no effect lags or relaxes follows the commands and the slips at once, so that an effect may begin at any time.
 
     Input ports: measured_state [7]; command [2], in force; theta (optional), magnitudes in place of the model's own.
-    Output port: memory [8] (`effects.Memory`).
+    Output port: memory (`effects.Memory`).
     State in the Context, each `period`: the memory and the command of the last tick; the memory starts settled.
     """
 
@@ -199,20 +202,19 @@ class MemoryObserver(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._command = self.DeclareVectorInputPort("command", 2)
         self._theta = self.DeclareVectorInputPort("theta", COUNT)
-        size = len(Memory._fields)
         # Time, memory, state and command of the last tick.
         held = self.DeclareDiscreteState(np.full(1 + STATE_SIZE + 2, np.nan))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command, self._theta)}
         self.DeclareVectorOutputPort(
             "memory",
-            size,
+            MEMORIES,
             lambda context, output: output.SetFromVector(self._now(context)[7:-2]),
             prerequisites_of_calc={*inputs, self.discrete_state_ticket(held), self.time_ticket()},
         )
 
     def _now(self, context: Context) -> Array:
-        """(time, measured state [6], memory [8], command [2]) at this tick, the memory run on from the last one."""
+        """(time, measured state [6], memory, command [2]) at this tick, the memory run on from the last one."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if t - held[0] < 0.5 * self._period:
             return held

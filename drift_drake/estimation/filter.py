@@ -139,7 +139,7 @@ def filter_run(
     rows = y.shape[0]
     step = period / SUBSTEPS
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
-    probe, out = np.zeros(SIZE, np.complex128), np.zeros(SIZE + 2, np.complex128)
+    probe = np.zeros(SIZE, np.complex128)
     jacobian = np.zeros((SIZE + 2, CORRECTED))
     n, m = CORRECTED, MEASURED
     p, f, t = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -159,20 +159,18 @@ def filter_run(
     innovations[: first + 1] = 0.0
     gain[: first + 1] = 0.0
     whitening[: first + 1] = 0.0
-    linearise(
-        z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, out, jacobian
-    )
+    linearise(z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, jacobian)
     for row in range(first + 1, rows):
         transition(jacobian, period, f, t, scratch)
         propagate(f, process, period, p, t)
         advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
-        linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, out, jacobian)
+        linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
         rates_of(z, delta[at], torque[at], constants, effects, push, k)
-        predict_measurement(z, k[13], k[14], effects, predicted)
+        predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         for j in range(n):
-            h[4, j] = jacobian[13, j]
-            h[5, j] = jacobian[14, j]
+            h[4, j] = jacobian[SIZE, j]
+            h[5, j] = jacobian[SIZE + 1, j]
         update_covariance(h, noise, used, p, gain[row], whitening[row], ph, s, low, t, scratch)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
 
@@ -212,7 +210,7 @@ def observe_run(
     innovations: Any,
     states: Any,
 ) -> Any:
-    """Innovations [rows, 9] of one run under frozen gains; `states` [rows, 13] receives the corrected states.
+    """Innovations [rows, 9] of one run under frozen gains; `states` [rows, SIZE] receives the corrected states.
 
     Args:
         pushes: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
@@ -237,7 +235,7 @@ def observe_run(
         if pushed:
             push[:] = pushes[row]
         rates_of(z, delta[at], torque[at], constants, effects, push, k)
-        predict_measurement(z, k[13], k[14], effects, predicted)
+        predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
         if keep:
             states[row] = z

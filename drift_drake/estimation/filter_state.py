@@ -1,7 +1,8 @@
 """The diagnosis's filter state: how it moves, what is measured of it, and both linearised; compiled.
 
-z [13]: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats front and rear,
-filtered accelerations a_x and a_y. Measurements [9] are in the order of `CHANNELS`.
+z: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats front and rear,
+filtered accelerations a_x and a_y, and states of effects from other packages. Measurements [9] are in the order of
+`CHANNELS`.
 """
 
 from typing import Any
@@ -12,6 +13,7 @@ from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.effects import (
+    MEMORIES,
     Memory,
     changed_constants,
     measured,
@@ -19,11 +21,12 @@ from drift_drake.vehicle.effects import (
     settled_memory,
     unbiased,
 )
-from drift_drake.vehicle.scalar import cos, jitable, sin
+from drift_drake.vehicle.scalar import cos, fixed_tuple, jitable, sin
 
 CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
 FILTER_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", "front_slip", "rear_slip")
-SIZE = 13  # of z
+HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
+SIZE = 7 + HELD  # of z
 CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
 
@@ -36,9 +39,9 @@ MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' f
 def state_rates(
     z: Any, delta: Any, torque: Any, constants: Any, effects: Any, force_x: Any, force_y: Any, moment: Any
 ) -> Any:
-    """Rates of z [13] and the body acceleration (a_x, a_y), on floats or complex numbers."""
+    """Rates of z and the body acceleration (a_x, a_y), on floats or complex numbers."""
     zero = 0.0 * z[0]
-    memory = Memory(zero, zero, z[7], z[8], z[9], z[10], z[11], z[12])
+    memory = Memory(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
     motion, rates = motion_with_effects(
         z[0], z[1], z[2], z[3], z[4], memory, delta + zero, torque + zero, constants, effects, force_x, force_y, moment
     )
@@ -51,12 +54,7 @@ def state_rates(
         z[0],
         z[1] * cos(course),
         z[1] * sin(course),
-        rates.front_slip,
-        rates.rear_slip,
-        rates.front_heat,
-        rates.rear_heat,
-        rates.a_x,
-        rates.a_y,
+        *rates[2:],
         motion.a_x,
         motion.a_y,
     )
@@ -65,8 +63,8 @@ def state_rates(
 @compiled
 def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
     rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
-    out[0], out[1], out[2], out[3], out[4], out[5], out[6] = rates[:7]
-    out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = rates[7:]
+    for i, rate in enumerate(rates):
+        out[i] = rate
 
 
 @compiled
@@ -88,7 +86,10 @@ def between(values: Any, place: Any) -> Any:
 def runge_kutta(
     z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
-    """One step of h seconds, in place, between two places of the commands' grid; k [15], w [2, 13] are scratch."""
+    """One step of h seconds, in place, between two places of the commands' grid.
+
+    k [SIZE + 2] and w [2, SIZE] are scratch.
+    """
     middle = 0.5 * (at + end)
     rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
     for i in range(SIZE):
@@ -113,7 +114,7 @@ def runge_kutta(
 def advance(
     z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
-    """One row of Runge-Kutta steps, in place, under a further force and moment; k [15], w [2, 13] are scratch.
+    """One row of Runge-Kutta steps, in place, under a further force and moment; k [SIZE + 2], w [2, SIZE] are scratch.
 
     The steps are split where the driven rim of a light axle settles faster than they could follow.
     """
@@ -137,7 +138,8 @@ def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constant
         z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
     at = STAGES * first
     memory = settled_memory(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
-    z[7], z[8], z[9], z[10], z[11], z[12] = memory[2:]
+    for i, state in enumerate(memory[2:]):
+        z[7 + i] = state
 
 
 @compiled
@@ -158,10 +160,9 @@ def linearise(
     relaxed: Any,
     graded: Any,
     probe: Any,
-    out: Any,
     jacobian: Any,
 ) -> Any:
-    """Complex-step Jacobian [15, 9] of the rates and accelerations with respect to the corrected states."""
+    """Complex-step Jacobian [SIZE + 2, 9] of the rates and accelerations with respect to the corrected states."""
     for j in range(CORRECTED):
         for i in range(SIZE + 2):
             jacobian[i, j] = 0.0
@@ -172,10 +173,8 @@ def linearise(
             probe[i] = z[i]
         probe[j] += 1e-20j
         rates = state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)
-        out[0], out[1], out[2], out[3], out[4], out[5], out[6] = rates[:7]
-        out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = rates[7:]
-        for i in range(SIZE + 2):
-            jacobian[i, j] = out[i].imag * 1e20
+        for i, rate in enumerate(rates):
+            jacobian[i, j] = rate.imag * 1e20
     course = z[4] + z[2]
     if not graded:
         jacobian[5, 4] = -z[1] * np.sin(course)

@@ -49,7 +49,7 @@ class Regression:
 
 
 def filtered_states(problem: Problem, gains: Gains, fit: Fitted) -> list[np.ndarray]:
-    """Corrected states [rows, 13] of each run under a fit."""
+    """Corrected states [rows, SIZE] of each run under a fit."""
     out = []
     for i, run in enumerate(problem.runs):
         states = np.empty((len(run.y), SIZE))

@@ -40,7 +40,7 @@ def roll_out(
     """Predicted measurements out [starts, horizons, 9] at `steps` [horizons] rows after each start; NaN beyond the end.
 
     Args:
-        states: filtered states [rows, 13]; the rest as in `filter.filter_run`.
+        states: filtered states [rows, SIZE]; the rest as in `filter.filter_run`.
     """
     rows = states.shape[0]
     step = period / SUBSTEPS
@@ -59,7 +59,7 @@ def roll_out(
             done = steps[h]
             at = STAGES * end
             rates_of(z, delta[at], torque[at], constants, effects, push, k)
-            predict_measurement(z, k[13], k[14], effects, predicted)
+            predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
             out[s, h] = predicted
 
 

@@ -144,9 +144,9 @@ def predict(
     """
     z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     _measured_state(start_y[0], effects, memory)
-    memory[7], memory[8], memory[9], memory[10], memory[11], memory[12] = settled_memory(
-        memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects
-    )[2:]
+    settled = settled_memory(memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects)
+    for i, state in enumerate(settled[2:]):
+        memory[7 + i] = state
     carried, follow = 0, 2
     for s in range(len(starts)):
         start = starts[s]

@@ -56,7 +56,7 @@ class Bank(NamedTuple):
 class BankState(NamedTuple):
     """What is carried from row to row."""
 
-    z: np.ndarray  # [m, 13] states of the cars
+    z: np.ndarray  # [m, SIZE] states of the cars
     actuators: np.ndarray  # [m, 2] road-wheel angle before its offset [rad], engine torque [N m]
     p: np.ndarray  # [9, 9] covariance of the first car
     jacobian: np.ndarray  # [15, 9] of the first car's rates, at the last prediction
@@ -108,9 +108,9 @@ def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
 
 @compiled
 def _linearised(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, jacobian: Any) -> Any:
-    probe, out = np.zeros(SIZE, np.complex128), np.zeros(SIZE + 2, np.complex128)
+    probe = np.zeros(SIZE, np.complex128)
     relaxed, graded = effects.tyre_relaxation > 0.0, effects.road_grade != 0.0
-    linearise(z, delta, torque, constants, effects, relaxed, graded, probe, out, jacobian)
+    linearise(z, delta, torque, constants, effects, relaxed, graded, probe, jacobian)
 
 
 @compiled
@@ -156,11 +156,11 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
         _actuated(bank, state, j, delta, torque)
         advance(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.pushes[j], k)
-        predict_measurement(z, k[13], k[14], effects, predicted)
+        predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:
             _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)
             measurement_matrix(effects, h)
-            h[4, :n], h[5, :n] = state.jacobian[13], state.jacobian[14]
+            h[4, :n], h[5, :n] = state.jacobian[SIZE], state.jacobian[SIZE + 1]
             update_covariance(h, bank.noise, used, state.p, gain, whitening, ph, s, low, t, scratch)
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
 

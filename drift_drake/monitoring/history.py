@@ -131,11 +131,6 @@ def packed(history: History) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def packed_size(n: int) -> int:
-    """Length of `packed`."""
-    return SLOTS + (SLOTS + 1) * (3 + n + n * (n + 1) // 2)
-
-
 def unpacked(vector: np.ndarray, n: int) -> History:
     """The inverse of `packed`."""
     lower, at = np.tril_indices(n), SLOTS

@@ -2,7 +2,8 @@
 
 Functions of the physics take floats, complex numbers and Drake's scalars alike and are compiled by numba: plain
 arithmetic and the functions of `drift_drake.vehicle.scalar` (sin, cos, exp, tanh, sqrt, maximum, select, ...). They
-have no memory, and give nothing where the magnitude is zero.
+give nothing where the magnitude is zero, and see the car now and nothing of before, but for one state of the effect's
+own where it has a `rate`: that state is then their last argument.
 """
 
 import dataclasses
@@ -40,13 +41,33 @@ class Reading(Protocol):
         """What is added to the readings of the yaw rate [rad/s], the sideslip [rad] and the rim speed [m/s]."""
 
 
+class Rate(Protocol):
+    """How an effect's own state moves."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, magnitude: Any, state: Any
+    ) -> Any:
+        """Its derivative by time, delta [rad] and tau [N m] without the effects of other packages; finite and stable
+        at a magnitude of zero, too."""
+
+
+class Start(Protocol):
+    """The state of an effect where a run starts."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, magnitude: Any
+    ) -> Any:
+        """That of a car that has driven so for long, arguments as of `Rate`."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Effect:
     """One effect: unit, practical range, where it acts and what it needs to be seen.
 
     The range is that of the reference car, `VehicleParameters()`; `mass`, `length` and `radius` are the powers of a
     car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
-    has one of `force`, `actuation` and `reading`.
+    has one of `force`, `actuation` and `reading`; beside the first two it may have a state of its own, by
+    `rate` and `start`.
     """
 
     unit: str
@@ -67,6 +88,8 @@ class Effect:
     force: Force | None = None
     actuation: Actuation | None = None
     reading: Reading | None = None
+    rate: Rate | None = None
+    start: Start | None = None
 
     @property
     def signed(self) -> bool:

@@ -7,7 +7,6 @@ what is measured (`measured`); delays of either are systems of their own (`drift
 """
 
 from collections import namedtuple
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from drift_drake.vehicle.bicycle import (
@@ -20,7 +19,8 @@ from drift_drake.vehicle.bicycle import (
     static_loads,
     wheel_acceleration,
 )
-from drift_drake.vehicle.installed import installed_effects, physics
+from drift_drake.vehicle.installed import installed_effects
+from drift_drake.vehicle.joined import joined
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
 from drift_drake.vehicle.tyre import tyre_force
@@ -69,16 +69,11 @@ class Effects(NamedTuple):
     sensor_latency: Any = 0.0
 
 
-if not TYPE_CHECKING and installed_effects():
-    more = tuple(installed_effects())
-    everything = (*Effects._fields, *more)
-    Effects = namedtuple("Effects", everything, defaults=(0.0,) * len(everything), module=__name__)
-
-COUNT = len(Effects._fields)
-
-
 class Memory(NamedTuple):
-    """States that effects own; as a value or as a time derivative."""
+    """States that effects own; as a value or as a time derivative.
+
+    Those of effects that other packages install are fields too, behind these, by the names of the effects.
+    """
 
     steering: Any = 0.0  # [rad] road-wheel angle before the offset
     torque: Any = 0.0  # [N m] engine
@@ -90,42 +85,26 @@ class Memory(NamedTuple):
     a_y: Any = 0.0  # [m/s^2] filtered
 
 
-def _chained(kind: str, nothing: Callable[..., Any], join: Callable[..., Callable[..., Any]]) -> Callable[..., Any]:
-    """One function of `Effects` from those of all installed effects."""
-    chain = jitable(nothing)
-    for name, function in physics(kind):
-        chain = jitable(join(chain, jitable(function), Effects._fields.index(name)))
-    return chain
+INSTALLED_STATES = tuple(name for name, effect in installed_effects().items() if effect.rate)
 
 
-def _after(before: Any, change: Any, index: int) -> Callable[..., Any]:
-    def actuation(delta: Any, tau: Any, v: Any, q: Effects) -> Any:
-        angle, torque = before(delta, tau, v, q)
-        return change(angle, torque, v, q[index])
-
-    return actuation
+def _longer(record: Any, more: tuple[str, ...]) -> Any:
+    """A named tuple with further fields behind its own, all zero by default."""
+    fields = (*record._fields, *more)
+    return namedtuple(record.__name__, fields, defaults=(0.0,) * len(fields), module=__name__)
 
 
-def _with_force(before: Any, force: Any, index: int) -> Callable[..., Any]:
-    def total(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Constants, q: Effects) -> Any:
-        x, y, moment = before(r, v, beta, omega_r, psi, car, q)
-        more_x, more_y, more_moment = force(r, v, beta, omega_r, psi, car, q[index])
-        return x + more_x, y + more_y, moment + more_moment
+if not TYPE_CHECKING and installed_effects():
+    Effects = _longer(Effects, tuple(installed_effects()))
+    Memory = _longer(Memory, INSTALLED_STATES)
 
-    return total
+COUNT = len(Effects._fields)
+MEMORIES = len(Memory._fields)
+NO_MEMORY = Memory()
 
-
-def _with_error(before: Any, reading: Any, index: int) -> Callable[..., Any]:
-    def total(r: Any, beta: Any, omega_r: Any, q: Effects) -> Any:
-        errors, more = before(r, beta, omega_r, q), reading(r, beta, omega_r, q[index])
-        return errors[0] + more[0], errors[1] + more[1], errors[2] + more[2]
-
-    return total
-
-
-installed_actuation = _chained("actuation", lambda delta, tau, v, q: (delta, tau), _after)  # noqa: ARG005
-installed_force = _chained("force", lambda r, v, beta, omega_r, psi, car, q: (0.0, 0.0, 0.0), _with_force)  # noqa: ARG005
-installed_reading = _chained("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error)  # noqa: ARG005
+installed_actuation, installed_force, installed_reading, installed_rates, installed_starts = joined(
+    Effects._fields, Memory._fields
+)
 HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)
 
 
@@ -195,10 +174,10 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     """
     p = changed_constants(nominal, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
-    wheel_angle, torque = installed_actuation(
-        select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset,
-        select(0.0, q.torque_lag, memory.torque, tau), v, q)  # fmt: skip
-    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q)
+    own_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
+    own_torque = select(0.0, q.torque_lag, memory.torque, tau)
+    wheel_angle, torque = installed_actuation(own_angle, own_torque, v, q, memory)
+    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, memory)
 
     f_zf, f_zr = shifted_loads(memory.a_x, p, q)
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
@@ -228,7 +207,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
     omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
-    rates = Memory(
+    rates = (
         select(0.0, lagged_steering, steering_rate(memory.steering, delta, q), 0.0 * delta),
         select(0.0, q.torque_lag, (tau - memory.torque) / maximum(q.torque_lag, 1e-3), 0.0 * tau),
         relaxation_rate(v_x, memory.front_slip, kinematic_front, q),
@@ -238,7 +217,9 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         (a_x - memory.a_x) / LOAD_FILTER_TIME,
         (a_y - memory.a_y) / LOAD_FILTER_TIME,
     )
-    return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
+    further = installed_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, memory)
+    motion = Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y)
+    return motion, Memory(*(rates + further))
 
 
 @jitable
@@ -247,16 +228,17 @@ def settled_memory(
 ) -> Memory:
     """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
-    angle, _ = installed_actuation(delta + q.steering_offset, tau, v, q)
+    zero = 0.0 * v
+    starts = installed_starts(r, v, beta, omega_r, delta + q.steering_offset, tau, p, q)
+    unmoved = Memory(*((zero, zero, zero, zero, zero, zero, zero, zero) + starts))  # noqa: RUF005 (for numba)
+    angle, _ = installed_actuation(delta + q.steering_offset, tau, v, q, unmoved)
     v_x, v_y = front_contact_velocity(r, v, beta, angle, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
-    zero = 0.0 * v_x
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
-    memory = Memory(delta + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero, zero, zero)
+    settled = (delta + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero)
+    memory = Memory(*(settled + (zero, zero) + starts))  # noqa: RUF005 (for numba)
     motion, _ = motion_with_effects(r, v, beta, omega_r, psi, memory, delta, tau, nominal, q)
-    return Memory(
-        memory.steering, memory.torque, memory.front_slip, memory.rear_slip, zero, zero, motion.a_x, motion.a_y
-    )
+    return Memory(*(settled + (motion.a_x, motion.a_y) + starts))  # noqa: RUF005 (for numba)
 
 
 @jitable

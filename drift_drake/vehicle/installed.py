@@ -9,6 +9,7 @@ where `SIDE_WIND` is a `vehicle.effect.Effect` with its physics.
 """
 
 import hashlib
+import math
 import sys
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -70,6 +71,7 @@ def _check_physics(where: str, effect: Effect) -> None:
     if given != [wanted]:
         stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in PHYSICS.items())
         raise InvalidExtensionError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
+    state = _check_state(where, effect)
     trials: dict[str, tuple[tuple[Any, ...], tuple[float, ...]]] = {
         "force": ((0.1, 12.0, 0.02, 12.1, 0.3, REFERENCE.constants()), (0.0, 0.0, 0.0)),
         "actuation": ((0.05, 100.0, 12.0), (0.05, 100.0)),
@@ -77,7 +79,7 @@ def _check_physics(where: str, effect: Effect) -> None:
     }
     arguments, nothing = trials[wanted]
     try:
-        found = tuple(float(value) for value in getattr(effect, wanted)(*arguments, 0.0))
+        found = tuple(float(value) for value in getattr(effect, wanted)(*arguments, 0.0, *state))
     except Exception as error:
         raise InvalidExtensionError(f"{where}: its {wanted} fails ({one_line(error)}); correct it") from None
     if found != nothing:
@@ -86,15 +88,36 @@ def _check_physics(where: str, effect: Effect) -> None:
         )
 
 
+def _check_state(where: str, effect: Effect) -> tuple[float, ...]:
+    """The state of an effect at a magnitude of zero, if it has one, seen to be finite and so its rate."""
+    if effect.rate is None and effect.start is None:
+        return ()
+    if effect.rate is None or effect.start is None or effect.reading:
+        raise InvalidExtensionError(
+            f"{where}: a state needs both rate and start, beside a force or an actuation; give both or none"
+        )
+    moving = (0.1, 12.0, 0.02, 12.1, 0.05, 100.0, REFERENCE.constants(), 0.0)
+    try:
+        state = float(effect.start(*moving))
+        rate = float(effect.rate(*moving, state))
+    except Exception as error:
+        raise InvalidExtensionError(f"{where}: its rate or start fails ({one_line(error)}); correct it") from None
+    if not (math.isfinite(state) and math.isfinite(rate)):
+        raise InvalidExtensionError(
+            f"{where}: its state {state:g} or rate {rate:g} is not finite at a magnitude of zero; bound its divisor"
+        )
+    return (state,)
+
+
 def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
-    """(name, function) of the installed effects that have a `force`, an `actuation` or a `reading`."""
+    """(name, function) of the installed effects that have a function of this kind (`force`, ..., `start`)."""
     pairs = [(name, getattr(effect, kind)) for name, effect in installed_effects().items()]
     return [(name, function) for name, function in pairs if function is not None]
 
 
 def effect_functions() -> list[tuple[str, Callable[..., Any]]]:
     """(name, function) of all installed effects."""
-    return [pair for kind in PHYSICS.values() for pair in physics(kind)]
+    return [pair for kind in (*PHYSICS.values(), "rate", "start") for pair in physics(kind)]
 
 
 def fingerprint(functions: Iterable[tuple[str, Callable[..., Any]]]) -> str:

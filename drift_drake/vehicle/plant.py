@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
 from drift_drake.compilation import compiled
-from drift_drake.vehicle.bicycle import STATES, motion
+from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
-from drift_drake.vehicle.effects import COUNT, Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.effects import COUNT, MEMORIES, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
@@ -21,7 +21,6 @@ PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
 
 CONSTANTS = len(Constants._fields)
 
-StateView = namedview("StateView", STATES)
 PlantStateView = namedview("PlantStateView", PLANT_STATES)
 PlantStateWithMemoryView = namedview("PlantStateWithMemoryView", PLANT_STATES_WITH_MEMORY)
 
@@ -40,7 +39,7 @@ def nominal_motion(x: Any, u: Any, wrench: Any, p: Constants) -> Any:
 @jitable
 def changed_motion(x: Any, u: Any, wrench: Any, p: Constants, q: Effects) -> Any:
     """`effects.motion_with_effects` at the plant's state x, with the effects' states behind the ten of the car."""
-    memory = Memory(x[10], x[11], x[12], x[13], x[14], x[15], x[16], x[17])
+    memory = Memory(*fixed_tuple(x[10:], MEMORIES))
     return motion_with_effects(x[0], x[1], x[2], x[3], x[9], memory, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2])
 
 
@@ -56,8 +55,7 @@ def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: 
     """Rates of `PLANT_STATES_WITH_MEMORY`."""
     m, memory = changed_motion(x, u, wrench, p, q)
     rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
-    return (*rates, memory.steering, memory.torque, memory.front_slip, memory.rear_slip, memory.front_heat,
-            memory.rear_heat, memory.a_x, memory.a_y)  # fmt: skip
+    return (*rates, *memory[:])  # a slice is a plain tuple, which numba can add
 
 
 # The same functions compiled for floats. Constants and magnitudes come as arrays, which compiled code takes faster than
@@ -78,7 +76,7 @@ class SingleTrackPlant(PathPlant):
 
     Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
     from the path), s [m] along the path, x, y [m], psi [rad] in the fixed frame; behind them, only when an effect
-    acts on the motion, the eight states of `effects.Memory` (the effects' own). `state_view` names them.
+    acts on the motion, the states of `effects.Memory` (the effects' own). `state_view` names them.
 
     Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
     0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on

@@ -17,8 +17,9 @@ from drift_drake.estimation.prior import TOLERANCE_OF
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import Effects, Memory, make_effects, motion_with_effects, settled_memory
+from drift_drake.vehicle.effects import MEMORIES, Effects, Memory, make_effects, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, Tolerance, VehicleParameters
+from drift_drake.vehicle.scalar import fixed_tuple
 from experiments.gap.strange_effects import FAMILIES, Strange, ring_rates, rung_torque, strange_wrench
 
 PERIOD = 0.01  # [s] of the log
@@ -26,6 +27,8 @@ FINE = 20  # integration steps a row
 STEERING_RATE = 3.0  # [rad/s] of the driver's commands
 TORQUE_RATE = 1500.0  # [N m/s]
 SPIN = 1.1  # [rad] of sideslip at which a run ends
+RING = 7 + MEMORIES  # place of the driveline's ringing in the plant's state
+STATES = RING + 2
 NOISE = {
     "x": 0.01,
     "y": 0.01,
@@ -50,18 +53,19 @@ class Truth:
 
 @compiled
 def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any, out: Any) -> Any:
-    """z: r, v, beta, omega_r, psi, x, y, eight memories, ring, ring rate, a_x, a_y (outputs only)."""
-    memory = Memory(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14])
+    """z: r, v, beta, omega_r, psi, x, y, the effects' memory, ring, ring rate, a_x, a_y (outputs only)."""
+    memory = Memory(*fixed_tuple(z[7:RING], MEMORIES))
     f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[5], z[6], z[4], delta, tau, constants, strange)
-    torque = rung_torque(tau, z[15], strange)
+    torque = rung_torque(tau, z[RING], strange)
     rates, m = motion_with_effects(
         z[0], z[1], z[2], z[3], z[4], memory, delta, torque, constants, effects, f_x, f_y, m_z
     )
     out[0], out[1], out[2], out[3] = rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot
     out[4], out[5], out[6] = z[0], z[1] * np.cos(z[4] + z[2]), z[1] * np.sin(z[4] + z[2])
-    out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14] = m
-    out[15], out[16] = ring_rates(z[15], z[16], tau)
-    out[17], out[18] = rates.a_x, rates.a_y
+    for i, rate in enumerate(m):
+        out[7 + i] = rate
+    out[RING], out[RING + 1] = ring_rates(z[RING], z[RING + 1], tau)
+    out[STATES], out[STATES + 1] = rates.a_x, rates.a_y
 
 
 @compiled
@@ -76,8 +80,8 @@ def _at(history: Any, rows: Any, place: Any) -> Any:
 def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, effects: Any, strange: Any) -> Any:
     """From row to row + 1; commands up to row + 1 are known."""
     h = PERIOD / FINE
-    k1, k2, k3, k4 = np.zeros(19), np.zeros(19), np.zeros(19), np.zeros(19)
-    n = 17
+    n = STATES
+    k1, k2, k3, k4 = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
     late = effects.steering_delay / PERIOD
     for i in range(FINE):
         a, b, c = row + i / FINE, row + (i + 0.5) / FINE, row + (i + 1) / FINE
@@ -90,7 +94,7 @@ def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, eff
         _rates(z + h * k3[:n], c * PERIOD, dc, tc, constants, effects, strange, k4)
         z += h / 6.0 * (k1[:n] + 2.0 * k2[:n] + 2.0 * k3[:n] + k4[:n])
     _rates(z, (row + 1) * PERIOD, dc, tc, constants, effects, strange, k1)
-    return k1[17], k1[18]
+    return k1[n], k1[n + 1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -232,14 +236,13 @@ def simulate(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.r
     delta, tau = np.zeros(rows), np.zeros(rows)
     state = driver.start()
     delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
-    z = np.zeros(17)
+    z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
     z[:4] = state
-    z[7:15] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, effects)
-    z[15] = tau[0]
-    scratch = np.zeros(19)
+    z[7:RING] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, effects)
+    z[RING] = tau[0]
     _rates(z, 0.0, delta[0], tau[0], constants, effects, strange, scratch)
-    states, accelerations = np.zeros((rows, 17)), np.zeros((rows, 2))
-    states[0], accelerations[0] = z, scratch[17:]
+    states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
+    states[0], accelerations[0] = z, scratch[STATES:]
     end = rows
     for row in range(rows - 1):
         delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))

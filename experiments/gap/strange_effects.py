@@ -34,7 +34,6 @@ FAMILIES: dict[str, Family] = {
     "driveline_oscillation": Family("-", 0.15, 0.5, False, "torque at the axle rings at 3 Hz after each change"),
     "slippery_patch": Family("-", 0.15, 0.45, False, "friction is lower on stripes of the ground"),
 }
-FAMILY_NAMES = tuple(FAMILIES)
 
 RING_FREQUENCY = 19.0  # [rad/s]
 RING_DAMPING = 0.12

@@ -11,7 +11,7 @@ from drift_drake.vehicle.double_track.rollout import LOG_STATES, advance, start
 from drift_drake.vehicle.effects import Effects, combined, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap import cases as gap_cases
-from experiments.gap.cases import NOISE, PERIOD, SPIN, Driver, sensed, true_constants
+from experiments.gap.cases import NOISE, PERIOD, RING, SPIN, STATES, Driver, sensed, true_constants
 from experiments.gap.strange_effects import Strange
 from experiments.other_worlds.drivers import DayDriver
 
@@ -38,13 +38,13 @@ def changed_drive(
     delta, tau = np.zeros(rows), np.zeros(rows)
     state = driver.start()
     delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
-    z, scratch = np.zeros(17), np.zeros(19)
+    z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
     z[:4] = state
-    z[7:15] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, nominal)
-    z[15] = tau[0]
+    z[7:RING] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, nominal)
+    z[RING] = tau[0]
     gap_cases._rates(z, 0.0, delta[0], tau[0], constants, nominal, NOTHING, scratch)
-    states, accelerations = np.zeros((rows, 17)), np.zeros((rows, 2))
-    states[0], accelerations[0] = z, scratch[17:]
+    states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
+    states[0], accelerations[0] = z, scratch[STATES:]
     end, change = rows, round(onset / PERIOD)
     for row in range(rows - 1):
         if row == change:  # actuators and tyres that begin to lag do so from where they are

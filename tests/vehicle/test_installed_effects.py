@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WIND = """
 from drift_drake import Effect
-from drift_drake.vehicle.scalar import cos, sin
+from drift_drake.vehicle.scalar import cos, maximum, minimum, select, sin
 
 def push(r, v, beta, omega_r, psi, car, magnitude):
     return -magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
@@ -25,13 +25,27 @@ def limp(delta, tau, v, magnitude):
 def drift(r, beta, omega_r, magnitude):
     return magnitude * omega_r, 0.0, 0.0
 
+def boosted(delta, tau, v, magnitude, state):
+    return delta, select(0.0, magnitude, minimum(tau, state), tau)
+
+def build_up(r, v, beta, omega_r, delta, tau, car, magnitude, state):
+    return (tau - state) / maximum(magnitude, 0.02)
+
+def boost(r, v, beta, omega_r, delta, tau, car, magnitude):
+    return tau
+
 SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right pushes with q", needs=("psi",),
                    shown_by="straight stretches there and back", force=push)
 LIMP_MODE = Effect("-", 0.05, 0.6, "torque falls by q", "actuator", needs=("tau_cmd",), actuation=limp)
 GYRO_SCALE = Effect("rad/m", -0.005, 0.005, "the yaw rate reads q omega_r more", "sensor", reading=drift)
+TURBO_LAG = Effect("s", 0.05, 0.5, "torque rises with a lag of q, and falls at once", "actuator",
+                   needs=("tau_cmd",), actuation=boosted, rate=build_up, start=boost)
+HALF = Effect("s", 0.05, 0.5, "a state without a start", "actuator", actuation=boosted, rate=build_up)
+ENDLESS = Effect("s", 0.05, 0.5, "a rate without a limit", "actuator", actuation=boosted, start=boost,
+                 rate=lambda r, v, beta, omega_r, delta, tau, car, q, state: (tau - state) / q)
 BROKEN = Effect("N", -1.0, 1.0, "always there", force=lambda r, v, beta, omega_r, psi, car, q: (1.0, 0.0, 0.0))
 """
-EFFECTS = {"side_wind": "SIDE_WIND", "limp_mode": "LIMP_MODE", "gyro_scale": "GYRO_SCALE"}
+EFFECTS = {"side_wind": "SIDE_WIND", "limp_mode": "LIMP_MODE", "gyro_scale": "GYRO_SCALE", "turbo_lag": "TURBO_LAG"}
 
 
 def install(folder: Path, effects: dict[str, str]) -> None:
@@ -77,13 +91,40 @@ for make, mass in ((lambda q: VehiclePlant(car, q), car.mass), (lambda q: Double
     assert rates(limping, 0.0)[3] < rates(still, 0.0)[3] - 1.0
 assert VehiclePlant(car, make_effects({"side_wind": 500.0})).ToAutoDiffXd().has_memory
 
+# A state: the torque rises as that of a first-order lag, and falls at once.
+lag = 0.3
+plant = VehiclePlant(car, make_effects({"turbo_lag": lag}))
+assert plant.state_names[-1] == "turbo_lag"
+context = plant.CreateDefaultContext()
+plant.set_initial(context, [0.0, 12.0, 0.0, 12.1, 0.0, 0.0], actuation=(0.0, 100.0))
+plant.GetInputPort("actuation").FixValue(context, [0.0, 160.0])
+late = plant.EvalTimeDerivatives(context).CopyToVector()
+np.testing.assert_allclose(late[-1], 60.0 / lag)
+same = VehiclePlant(car, make_effects({"gyro_scale": 0.001}))
+np.testing.assert_allclose(late[:10], rates(same, 0.0), rtol=1e-9, atol=1e-9)
+plant.GetInputPort("actuation").FixValue(context, [0.0, 40.0])
+assert plant.EvalTimeDerivatives(context).CopyToVector()[3] < late[3] - 1.0
+try:
+    DoubleTrackPlant(CARS["coupe"], make_effects({"turbo_lag": lag}))
+except ValueError as error:
+    assert "turbo_lag" in str(error)
+
 # Sensors, and back.
 q = make_effects({"gyro_scale": 0.002, "gyro_bias": 0.01})
 assert measured(0.1, 0.0, 10.0, q)[0] == 0.1 + 0.01 + 0.02
 np.testing.assert_allclose(unbiased(*measured(0.1, 0.02, 10.0, q), q), [0.1, 0.02, 10.0], atol=1e-12)
 
-# A one-step model takes what has no heading.
+# A one-step model takes what has no heading, states included, and differentiates it.
 EffectsStepModel(car, make_effects({"limp_mode": 0.3}))
+model = EffectsStepModel(car, make_effects({"turbo_lag": lag}))
+x = np.zeros((1, 15))
+x[0, 1], x[0, 3], x[0, 14] = 12.0, 12.1, 100.0
+u = np.array([[0.0, 160.0]])
+x_next, by_x, by_u, by_u_next = model.linearize(x, u, u, np.zeros(1))
+np.testing.assert_allclose(x_next[0, 14], 160.0 - 60.0 * np.exp(-0.1 / lag), rtol=1e-4)
+np.testing.assert_allclose(by_x[0, 14, 14], np.exp(-0.1 / lag), rtol=1e-4)
+np.testing.assert_allclose(by_u[0, 14, 1] + by_u_next[0, 14, 1], 1.0 - np.exp(-0.1 / lag), rtol=1e-4)
+assert by_x[0, 3, 14] > 0.0
 try:
     EffectsStepModel(car, make_effects({"side_wind": 300.0}))
 except ValueError as error:
@@ -148,6 +189,8 @@ write_vehicle("storm.yaml", VehicleParameters(), make_effects({"side_wind": 1e6}
         ({"storm": "STORM"}, "effect storm (wind:STORM): cannot be imported"),
         ({"number": "WIND"}, "effect number (wind:WIND): cannot be imported"),
         ({"push": "push"}, "effect push (wind:push): is no drift_drake.Effect"),
+        ({"half": "HALF"}, "a state needs both rate and start"),
+        ({"endless": "ENDLESS"}, "its rate or start fails"),
         ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
         ({"aero_drag": "SIDE_WIND"}, "effect aero_drag: is in the catalogue already"),
     ],
@@ -161,22 +204,25 @@ def test_one_that_cannot_be_used_is_one_sentence(tmp_path: Path, effects: dict[s
 
 
 DIAGNOSED = """
+import sys
 import numpy as np
 from drift_drake import VehicleParameters, write_vehicle, write_run, Effects
 from experiments.gap.cases import Truth, make_case
 car = VehicleParameters()
-for run in make_case(Truth({"side_wind": 900.0}, {}, {"friction": 0.01}), car, np.random.default_rng(2)):
+for run in make_case(Truth({sys.argv[1]: float(sys.argv[2])}, {}, {"friction": 0.01}), car, np.random.default_rng(2)):
     write_run(run, f"logs/{run.name}.csv")
 car.to_yaml("car.yaml")
 """
 
 
 @pytest.mark.slow
-def test_a_diagnosis_names_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "magnitude"), [("side_wind", 900.0), ("turbo_lag", 0.25)])
+def test_a_diagnosis_names_one(tmp_path: Path, name: str, magnitude: float) -> None:
     """Compiled: what a user gets."""
     install(tmp_path, EFFECTS)
     (tmp_path / "logs").mkdir()
-    made = run(tmp_path, "-c", DIAGNOSED, jit=True)
+    made = run(tmp_path, "-c", DIAGNOSED, name, str(magnitude), jit=True)
     assert made.returncode == 0, made.stderr
     told = run(tmp_path, "-m", "drift_drake", "diagnose", "logs", "--vehicle", "car.yaml", "--quiet", jit=True)
-    assert told.stdout.startswith("logs: side_wind "), told.stdout + told.stderr
+    assert told.stdout.startswith(f"logs: {name} "), told.stdout + told.stderr
+    assert float(told.stdout.split()[2]) == pytest.approx(magnitude, rel=0.1)

@@ -28,8 +28,6 @@ TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
-Errors = Callable[[Mapping[str, float]], np.ndarray]
-
 
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:

@@ -14,13 +14,20 @@ from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, Motion, planar_motion, w
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants, changed_constants
 from drift_drake.vehicle.double_track.loads import roll_arm_moment, wheel_loads
 from drift_drake.vehicle.double_track.tires import tire_force
-from drift_drake.vehicle.effects import Effects, installed_actuation, installed_force, steering_rate
+from drift_drake.vehicle.effects import (
+    INSTALLED_STATES,
+    NO_MEMORY,
+    Effects,
+    installed_actuation,
+    installed_force,
+    steering_rate,
+)
 from drift_drake.vehicle.scalar import cos, jitable, maximum, select, sin, tanh
 
 NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
-                   "differential_yaw_moment")  # fmt: skip
+                   "differential_yaw_moment", *INSTALLED_STATES)  # fmt: skip
 """Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
-differential of its own."""
+differential of its own; and those of other packages that have a state, which is none of this car's."""
 
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
 
@@ -167,13 +174,13 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     lagged_steering = q.steering_lag + q.steering_rate_limit
     steering, torque = installed_actuation(
         select(0.0, lagged_steering, own.steering, delta) + q.steering_offset,
-        select(0.0, q.torque_lag, own.torque, tau), v, q)  # fmt: skip
+        select(0.0, q.torque_lag, own.torque, tau), v, q, NO_MEMORY)  # fmt: skip
 
     forces = wheel_forces(own, p)
     left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
     w = wheel_motion(r, v, beta, omega_r, left, right, own.rim_difference, own.roll_rate, p)
     ground_x, ground_y, m_z = ground_wrench(forces, left, right, p)
-    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q)
+    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, NO_MEMORY)
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
     drag, uphill = p.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
     a_x = (ground_x - drag * cos(beta) - uphill * cos(psi) + force_x + own_x) / p.mass

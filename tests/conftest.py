@@ -1,6 +1,7 @@
 """Short simulated cases for the tests of estimation and diagnosis, made once."""
 
 import dataclasses
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,11 @@ from experiments.other_worlds.drivers import DAY_ONE
 TRUE_STIFFNESS = -0.25
 DURATION = 3.0
 OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
+
+
+def pytest_configure():
+    """Ctrl-C is heard by the tests and by what they start, in the background of a shell too, which ignores it there."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclasses.dataclass(frozen=True)

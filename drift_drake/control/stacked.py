@@ -113,15 +113,13 @@ class StackedDynamics:
     def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
         """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
 
-        Differences of the model's exact Jacobians, all stages and directions in one batch.
+        Differences of the model's exact derivatives, all stages and directions in one batch.
         """
-        n = self.layout.state_size
         points = self.layout.shifted_stages(z)
         repeats = len(points[0]) // self.layout.horizon
-        _, a, b, b_next = self.model.linearize(*points, np.tile(self.curvature, repeats))
-        jacobian = np.concatenate([a, b, b_next], axis=2) * self._block_scale
-        weights = np.tile(multipliers.reshape(-1, n), (repeats, 1))
-        return self.layout.difference(np.einsum("ki,kil->kl", weights, jacobian))
+        weights = np.tile(multipliers.reshape(-1, self.layout.state_size) / self.layout.state_scale, (repeats, 1))
+        gradient = self.model.weighted_gradient(*points, np.tile(self.curvature, repeats), weights)
+        return self.layout.difference(gradient * self.layout.block_scale)
 
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:

@@ -48,6 +48,12 @@ class StepModel(Protocol):
         by_x, by_u, by_u_next = np.split(jacobian, [n, n + 2], axis=2)
         return self.step(x, u, u_next, curvature), by_x, by_u, by_u_next
 
+    def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
+        """The derivative of weights [N, n] times x_next by (x, u, u_next) [N, n+4], from `linearize` as a rule."""
+        _, by_x, by_u, by_u_next = self.linearize(x, u, u_next, curvature)
+        gradient: Array = (weights[:, None] @ np.concatenate([by_x, by_u, by_u_next], axis=2))[:, 0]
+        return gradient
+
     def observer(self, period: float) -> LeafSystem | None:  # noqa: ARG002 (a model with further states needs it)
         """The system that follows the model's further states in closed loop, every `period` [s]; None without any.
 

@@ -76,15 +76,20 @@ def covariance_after(precision: Array, phi: Array) -> Array:
 
 
 def after_others(after: Array, phi: Array) -> Array:
-    """What is left of the covariance after all stages but one, for each of these [N, 64, 64].
+    """What is left of the covariance after all stages but one, for each of these [N, 64, 64]."""
+    projected, weighted = others_factors(after, phi)
+    return np.asarray(after + np.swapaxes(projected, 1, 2) @ weighted, dtype=np.float64)
 
-    A stage is taken out of the covariance after all of them, `after` [64, 64], by Woodbury's identity.
+
+def others_factors(after: Array, phi: Array) -> tuple[Array, Array]:
+    """(P, M P) [N, 4, 64], with which A + P' M P is what is left of the covariance after all stages but one.
+
+    A stage is taken out of the covariance after all of them, `after` A [64, 64], by Woodbury's identity.
     """
     projected, spread = spread_of_features(after, phi)
     projected = projected.reshape(*projected.shape[:-2], -1)
-    left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi after Phi^T
-    result: Array = after + np.swapaxes(projected, 1, 2) @ np.linalg.solve(left, projected)
-    return result
+    left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi A Phi'
+    return projected, np.asarray(np.linalg.solve(left, projected), dtype=np.float64)
 
 
 def stage_gradient(by_z: Array, size: int) -> Array:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.qp import QpOptions
-from drift_drake.control.sqp import LineSearchSqp, SqpOptions
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
@@ -27,6 +27,7 @@ Objective = Literal["eq8", "updated", "drifts"]
 # OSQP's. The information's weight makes these costs larger than the controller's: on validation vehicles, of a later
 # plan's QPs a fifth were cut off at their limit of iterations with 10, one in forty with 100.
 QP_RHO = 100.0
+HEAT = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ def plan_drive(
     seed: int = 0,
     lateral: Array | None = None,
 ) -> Trajectory:
-    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses the lowest cost wins.
+    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses that with the lowest cost after `HEAT` iterations.
 
     Args:
         alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
@@ -100,24 +101,40 @@ def plan_drive(
     )
     solver = LineSearchSqp(problem, options)
     straight = problem.GetInitialGuess(problem.decision_variables())
-    rng = np.random.default_rng(seed)
-    best = None
-    for start in range(config.starts if alpha > 0.0 else 1):
-        guess = straight
-        if start > 0:
-            x, u, _ = problem.unstack(straight)
-            u[1:, 0] = 0.06 * np.sin(np.arange(config.steps) * rng.uniform(0.2, 0.6) + rng.uniform(0.0, 2.0 * np.pi))
-            u[1:, 1] = rng.uniform(50.0, 250.0)
-            guess = problem.stack(x, u)
-        result = solver.solve(guess)
-        if not result.failed and result.primal_residual < FEASIBLE and (best is None or result.cost < best.cost):
-            best = result
-    if best is None:
-        raise InfeasiblePlanError(
-            "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
-        )
+    guesses = _first_guesses(problem, straight, config.starts if alpha > 0.0 else 1, np.random.default_rng(seed))
+    best = _best(solver, guesses)
     x, u, _ = problem.unstack(best.z)
     return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
+
+
+def _first_guesses(
+    problem: OptimalControlProblem, straight: Array, count: int, generator: np.random.Generator
+) -> list[Array]:
+    """The straight line, and beyond the first one of `count` random steering along it."""
+    guesses = [straight]
+    while len(guesses) < count:
+        x, u, _ = problem.unstack(straight)
+        u[1:, 0] = 0.06 * np.sin(
+            np.arange(len(u) - 1) * generator.uniform(0.2, 0.6) + generator.uniform(0.0, 2.0 * np.pi)
+        )
+        u[1:, 1] = generator.uniform(50.0, 250.0)
+        guesses.append(problem.stack(x, u))
+    return guesses
+
+
+def _best(solver: LineSearchSqp, guesses: list[Array]) -> SqpResult:
+    """The solution from the guess that leads furthest in `HEAT` iterations; from the next one where it fails."""
+    most = solver.options.max_iterations
+    heats = [solver.solve(guess, most=min(HEAT, most)) for guess in guesses]
+    for heat in sorted(heats, key=lambda result: (result.failed, result.cost)):
+        result = heat
+        if heat.status == "iterations" and most > HEAT:
+            result = solver.solve(heat.z, heat.y, most - HEAT)
+        if not result.failed and result.primal_residual < FEASIBLE:
+            return result
+    raise InfeasiblePlanError(
+        "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
+    )
 
 
 def info_ocp(

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.gathering.information import after_others, covariance_after, stage_gradient
+from drift_drake.gathering.information import covariance_after, others_factors, stage_gradient
 from drift_drake.model.features import Network, features, features_and_pullback, network_inputs
 from drift_drake.model.posterior import spread_of_features, weighed
 
@@ -65,8 +65,8 @@ class PredictiveInformationCost:
         phi = features(self._network, network_inputs(x, u, u_next))
         after = covariance_after(self._precision, phi)
         wanted = (self._rows.T / self._variances(after)) @ self._rows / self._count
-        others = after_others(after, phi)
-        seen, states = others @ wanted @ others, range(phi.shape[-2])
+        others, seen = _others_and_seen(after, phi, wanted)
+        states = range(phi.shape[-2])
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
@@ -81,3 +81,17 @@ class PredictiveInformationCost:
             return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
 
         return gradient
+
+
+def _others_and_seen(after: Array, phi: Array, wanted: Array) -> tuple[Array, Array]:
+    """C, what is left of the covariance after all stages but one, and C W C, both [N, 64, 64].
+
+    C = A + P' M P is A, the covariance after all of them, and a term of rank four (`others_factors`), so that C W C is
+    A W A and terms of that rank.
+    """
+    projected, weighted = others_factors(after, phi)
+    transposed = np.swapaxes(projected, 1, 2)
+    by_after = wanted @ after
+    across = weighted @ by_after + 0.5 * (weighted @ wanted @ transposed) @ weighted
+    half = transposed @ across
+    return after + transposed @ weighted, after @ by_after + half + np.swapaxes(half, 1, 2)

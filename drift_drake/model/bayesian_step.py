@@ -122,6 +122,32 @@ class BayesianStepModel(StepModel):
             matrix[:, range(2), range(2)] = factor
         return next_state, a, b, b_next
 
+    def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
+        """See `StepModel`: one reverse pass through the network, where `linearize` needs one for each learnt state."""
+        learnt = STATE_COUNT
+        rates, by_x, by_u = linearize(x[:, :6], u, curvature, self._nominal)
+        z, body = network_inputs(x, u, u_next), weights[:, :6].copy()
+        gradient = np.zeros((len(x), 12))
+        if self._trapezoid:
+            x_next = np.empty((len(x), 6))
+            x_next[:, :learnt] = x[:, :learnt] + self._dt * rates[:, :learnt]
+            x_next[:, 3] = 0.0
+            x_next[:, :learnt] += self._mean.value(z)
+            _, by_state, by_next = _trapezoid_path(x, x_next, curvature, self._dt)
+            path = weights[:, None, 4:6]
+            gradient[:, :6] = (path @ by_state)[:, 0]
+            body[:, :learnt] += (path @ by_next)[:, 0]
+            body[:, 4:] = 0.0
+        by_z = self._mean.weighted_gradient(z, body[:, :learnt])
+        body[:, 3] = 0.0  # h_4 = 0
+        gradient[:, :6] += body + self._dt * (body[:, None] @ by_x)[:, 0]
+        gradient[:, :learnt] += by_z[:, :learnt]
+        keep, by_now, by_end = (factor * weights[:, LAGGED] for factor in self._lag)
+        gradient[:, LAGGED] = keep + by_z[:, learnt + 4 :]
+        gradient[:, 8:10] = by_now + self._dt * (body[:, None] @ by_u)[:, 0] + by_z[:, learnt : learnt + 2]
+        gradient[:, 10:] = by_end + by_z[:, learnt + 2 : learnt + 4]
+        return gradient
+
 
 def _trapezoid_path(x: Array, x_next: Array, curvature: Array, dt: float) -> tuple[Array, Array, Array]:
     """(e, dphi) [n, 2] at the end of a step whose first four states are known at both ends, and its derivatives.

@@ -81,7 +81,9 @@ def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
 
 def _outputs(network: Network, h2: Array) -> Array:
     """phi [..., 4, 16] from the last hidden layer [..., 128]."""
-    return np.einsum("...h,ihf->...if", h2, network.w_out, optimize=True) + network.b_out
+    rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
+    outputs: Array = (h2 @ rows.T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
+    return outputs
 
 
 def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
@@ -140,8 +142,9 @@ def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[
     hidden = _hidden(network, z)
 
     def pullback(by_phi: Array) -> Array:
-        seed = np.einsum("ihf,...if->...h", network.w_out, by_phi, optimize=True)
-        return _reverse(network, hidden, seed[..., None, :])[..., 0, :]
+        rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
+        seed = by_phi.reshape(*by_phi.shape[:-2], 1, len(rows)) @ rows
+        return _reverse(network, hidden, seed)[..., 0, :]
 
     return _outputs(network, hidden[1]), pullback
 
@@ -209,3 +212,11 @@ class MeanFunction:
         g1 *= slope1
         jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
         return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)
+
+    def weighted_gradient(self, z: Array, weights: Array) -> Array:
+        """d (weights times g) / dz [n, 10] at z [n, 10], weights [n, 4]: one reverse pass."""
+        inputs, by_physics = _inputs(z, self._network.nominal)
+        h1, h2 = self._forward(inputs)[:2]
+        back = (weights @ self._w3) * (1.0 - h2 * h2)
+        back = (back @ self._w2_t) * (1.0 - h1 * h1)
+        return _by_z((back @ self._w1_t)[:, None], by_physics)[:, 0]

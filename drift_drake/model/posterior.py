@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.compilation import compiled
+
 Array = NDArray[np.float64]
 
 
@@ -117,11 +119,38 @@ def spread_of_features(covariance: Array, phi: Array) -> tuple[Array, Array]:
     Args:
         covariance: Lambda^{-1} [..., 64, 64]; phi: features [..., 4, 16].
     """
-    states, count = phi.shape[-2:]
-    by_states = covariance.reshape(*covariance.shape[:-2], states, count, states, count)
-    projected = np.einsum("...if,...ifjg->...ijg", phi, by_states, optimize=True)
-    spread = np.einsum("...ijg,...jg->...ij", projected, phi, optimize=True) + np.eye(states)
-    return projected, spread
+    leading = np.broadcast_shapes(covariance.shape[:-2], phi.shape[:-2])
+    points = np.ascontiguousarray(np.broadcast_to(phi, leading + phi.shape[-2:])).reshape(-1, *phi.shape[-2:])
+    # A covariance for each point, or one for each point of the last axes, over and over.
+    own = (
+        covariance
+        if leading[len(leading) - covariance.ndim + 2 :] == covariance.shape[:-2]
+        else np.broadcast_to(covariance, leading + covariance.shape[-2:])
+    )
+    stack = np.ascontiguousarray(own).reshape(-1, *covariance.shape[-2:])
+    projected, spread = np.empty((*points.shape[:2], stack.shape[-1])), np.empty((*points.shape[:2], phi.shape[-2]))
+    _spread(stack, points, projected, spread)
+    return projected.reshape(*leading, phi.shape[-2], *phi.shape[-2:]), spread.reshape(*leading, *spread.shape[1:])
+
+
+@compiled
+def _spread(covariance: Array, phi: Array, projected: Array, spread: Array) -> None:
+    """`spread_of_features` of points phi [M, 4, 16], with covariance m modulo C of [C, 64, 64] for point m."""
+    different, (count, states, width) = covariance.shape[0], phi.shape
+    for c in range(different):
+        for m in range(c, count, different):
+            for i in range(states):
+                row = projected[m, i]
+                row[:] = 0.0
+                for f in range(width):
+                    factor, through = phi[m, i, f], covariance[c, i * width + f]
+                    for j in range(states * width):
+                        row[j] += factor * through[j]
+                for j in range(states):
+                    total = 1.0 if i == j else 0.0
+                    for g in range(width):
+                        total += row[j * width + g] * phi[m, j, g]
+                    spread[m, i, j] = total
 
 
 def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.random.Generator) -> Array:

@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from drift_drake.gathering.plan import GatheringConfig
 from experiments.drifting import benchmark_simulation
+from experiments.gathering import benchmark_planning
 
 
 def test_the_car_alone_is_driven_and_its_derivatives_counted() -> None:
@@ -28,6 +30,14 @@ def test_a_method_that_was_counted_is_itself_again() -> None:
 def test_simulation_s_numbers_are_a_table() -> None:
     text = benchmark_simulation.table({"machine": "a machine", "memory": {"MB a loop built": 1.2345}})
     assert text.splitlines()[-1] == "| memory | MB a loop built | 1.23 |"
+
+
+def test_plans_are_timed_by_the_iteration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    small = GatheringConfig(steps=8, v_end=9.0, starts=2)
+    monkeypatch.setattr(benchmark_planning, "GatheringConfig", lambda: small)
+    benchmark_planning.main(benchmark_planning.BenchmarkConfig(vehicles=1, out=tmp_path / "out"))
+    rows = (tmp_path / "out" / "report.md").read_text().splitlines()
+    assert [row.split(" | ")[0] for row in rows if "Info-OCP" in row] == ["| Info-OCP, first", "| Info-OCP, later"]
 
 
 def test_training_is_timed_on_each_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

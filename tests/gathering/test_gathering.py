@@ -2,13 +2,15 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, get_args
+from types import SimpleNamespace
+from typing import Any, cast, get_args
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from diagrams.information_gathering import Options, main
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering import plan as planning
@@ -194,6 +196,23 @@ def test_informative_plans_end_straight(model: BayesianModel, info: Trajectory) 
 def test_a_plan_that_is_not_feasible_is_refused(model: BayesianModel) -> None:
     with pytest.raises(InfeasiblePlanError, match="widen the lane, lower alpha or allow more iterations"):
         plan_drive(model, model.prior(), dataclasses.replace(CONFIG, starts=1, max_iterations=1), CONFIG.alpha)
+
+
+def test_the_guess_that_leads_furthest_is_gone_on_with_and_the_next_where_it_fails() -> None:
+    asked: list[tuple[float, int]] = []
+
+    def solve(z: np.ndarray, y: np.ndarray | None = None, most: int | None = None) -> SqpResult:
+        assert most is not None
+        asked.append((z[0], most))
+        cost, further = float(z[0]), y is not None
+        residual = 0.1 if further and cost == 1.0 else 0.0  # from the first, the most promising, nothing feasible comes
+        return SqpResult(z, z, cost - 10.0 * further, residual, "iterations", [])
+
+    solver = cast(LineSearchSqp, SimpleNamespace(solve=solve, options=SqpOptions(max_iterations=60)))
+    best = planning._best(solver, [np.array([cost]) for cost in (3.0, 1.0, 2.0)])
+    assert best.cost == -8.0
+    heat = planning.HEAT
+    assert asked == [(3.0, heat), (1.0, heat), (2.0, heat), (1.0, 60 - heat), (2.0, 60 - heat)]
 
 
 def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:

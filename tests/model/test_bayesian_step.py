@@ -78,6 +78,18 @@ def test_jacobians_equal_finite_differences(network: Network, theta: np.ndarray,
         np.testing.assert_allclose(jacobian[:, :, j] * scales[j], numeric * scales[j], rtol=0, atol=5e-7)
 
 
+@pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
+def test_the_weighted_gradient_is_the_weighted_jacobian(
+    network: Network, theta: np.ndarray, path_step: PathStep
+) -> None:
+    model = BayesianStepModel(network, theta, CAR, path_step=path_step)
+    points = horizon()
+    weights = np.random.default_rng(8).normal(size=(45, 8))
+    jacobian = np.concatenate(model.linearize(*points)[1:], axis=2)
+    expected = np.einsum("ki,kij->kj", weights, jacobian)
+    np.testing.assert_allclose(model.weighted_gradient(*points, weights), expected, rtol=1e-11, atol=1e-12)
+
+
 def test_another_theta_changes_the_step_and_not_the_first_model(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon(10)
     model = BayesianStepModel(network, theta, CAR)

@@ -1,0 +1,109 @@
+"""How long a plan of a lane drive takes: OCP, Info-OCP's first and a later one, and an iteration of each.
+
+    python -m experiments.gathering.benchmark_planning
+
+On validation vehicles: the straight drive, the first informative one, and the one planned with what driving that has
+taught. CPU times of one thread, the three in turn.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from drift_drake.control.sqp import LineSearchSqp
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.gather import gather, learn_drive
+from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive
+from drift_drake.model.checkpoint import load_model
+from drift_drake.run_folder import machine, make_run_folder
+from experiments.made import write_benchmark
+
+PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later")
+
+
+@dataclasses.dataclass(frozen=True)
+class BenchmarkConfig:
+    """Size of the benchmark."""
+
+    vehicles: int = 10
+    """Of the validation population."""
+    vehicle_seed: int = 0
+    out: Path | None = None
+
+
+@contextmanager
+def iterations_counted() -> Iterator[list[int]]:
+    """The number of iterations of each SQP solve within the block."""
+    counts: list[int] = []
+    solve = LineSearchSqp.solve
+
+    def counted(self: LineSearchSqp, *arguments: Any, **named: Any) -> Any:
+        result = solve(self, *arguments, **named)
+        counts.append(len(result.iterations))
+        return result
+
+    LineSearchSqp.solve = counted  # type: ignore[method-assign]
+    try:
+        yield counts
+    finally:
+        LineSearchSqp.solve = solve  # type: ignore[method-assign]
+
+
+def timed(plan: Callable[[], Trajectory]) -> tuple[dict[str, float], Trajectory]:
+    """Seconds of CPU time, SQP iterations and their quotient of a plan, and the plan."""
+    with iterations_counted() as counts:
+        start = time.thread_time()
+        found = plan()
+        seconds = time.thread_time() - start
+    return {"seconds": seconds, "iterations": sum(counts), "an iteration": seconds / sum(counts)}, found
+
+
+def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> dict[str, dict[str, float]]:
+    """The three plans of one vehicle, in numbers."""
+    model = load_model()
+    prior, effects = model.prior(), draw_effects("validation", index, config.vehicle_seed)
+    straight, _ = timed(lambda: plan_drive(model, prior, gathering, 0.0))
+    first, informative = timed(lambda: plan_drive(model, prior, gathering, gathering.alpha, index))
+    table, _ = gather(informative, effects, model.vehicle, gathering, index)
+    belief = learn_drive(model, prior, table)
+    later, _ = timed(lambda: plan_again(model, belief, informative, gathering, index))
+    return dict(zip(PLANS, (straight, first, later), strict=True))
+
+
+def table(numbers: dict[str, Any]) -> str:
+    """The numbers as Markdown."""
+    lines = [
+        f"{numbers['machine']}; medians and most of {len(numbers['vehicles'])} vehicles",
+        "",
+        "| plan | CPU time [s] | SQP iterations | an iteration [ms] | over OCP's |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    found = {plan: {name: np.array([each[plan][name] for each in numbers["vehicles"]])
+                    for name in ("seconds", "iterations", "an iteration")} for plan in PLANS}  # fmt: skip
+    straight = np.median(found["OCP"]["an iteration"])
+    for plan, by_name in found.items():
+        seconds, iterations, each = by_name.values()
+        lines.append(
+            f"| {plan} | {np.median(seconds):.2f} / {seconds.max():.2f} | {np.median(iterations):.0f} /"
+            f" {iterations.max():.0f} | {1e3 * np.median(each):.1f} | {np.median(each) / straight:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def main(config: BenchmarkConfig) -> None:
+    """Runs, prints and stores the benchmark."""
+    folder, gathering = make_run_folder("benchmark_planning", config.out), GatheringConfig()
+    vehicle(0, config, dataclasses.replace(gathering, steps=8, v_end=9.0, starts=1))  # compiles
+    vehicles = [vehicle(index, config, gathering) for index in range(config.vehicles)]
+    numbers = {"machine": machine(), "vehicles": vehicles}
+    write_benchmark(folder, config, numbers, table(numbers))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(BenchmarkConfig, description=__doc__))

@@ -63,7 +63,7 @@ def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, fl
         return float(plan[1]), float(plan[2]), 0.0, 0.0
     if k >= last:
         return float(plan[2 * last + 1]), float(plan[2 * last + 2]), 0.0, 0.0
-    delta, tau, next_delta, next_tau = (float(value) for value in plan[2 * k + 1 : 2 * k + 5])
+    delta, tau, next_delta, next_tau = plan[2 * k + 1 : 2 * k + 5].tolist()
     part, delta_step, tau_step = steps - k, next_delta - delta, next_tau - tau
     return delta + part * delta_step, tau + part * tau_step, delta_step / dt, tau_step / dt
 

@@ -49,7 +49,7 @@ class Dither(LeafSystem):
 
     def _calc(self, context: Context, output: BasicVector) -> None:
         command = self._command.Eval(context) + interpolate_knots(self._knots, context.get_time())
-        output.SetFromVector(np.clip(command, self._low, self._high))
+        output.SetFromVector(np.minimum(np.maximum(command, self._low), self._high))
 
 
 class Drive:

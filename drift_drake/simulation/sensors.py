@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State, ValueProducer
 from pydrake.systems.primitives import Multiplexer, RandomSource
 
 from drift_drake.errors import InvalidOptionError, shown
@@ -87,19 +88,24 @@ class SampleAndHold(LeafSystem):
             self.input_port_ticket(self._signals.get_index()),
             self.input_port_ticket(self._noise.get_index()),
         }
+        # Taken once for both outputs and the update.
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(np.empty(0)), calc=self._calc_sample)
+        self._sample = self.DeclareCacheEntry("sample", producer, sources)
+        sampled = {self._sample.ticket()}
         self.DeclareVectorOutputPort(
-            "measured_state", len(MEASURED_STATE), self._calc_measured_state, prerequisites_of_calc=sources
+            "measured_state", len(MEASURED_STATE), self._calc_measured_state, prerequisites_of_calc=sampled
         )
-        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row, prerequisites_of_calc=sources)
+        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row, prerequisites_of_calc=sampled)
 
     def _samples_before(self, t: float) -> int:
         return math.floor(t / self._period + 1e-6)
 
-    def _sample(self, context: Context) -> Array:
+    def _calc_sample(self, context: Context, value: Any) -> None:
         """(time of sampling, signals): the sample held, or the one that is due at the Context's time."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if not math.isnan(held[0]) and self._samples_before(t) <= self._samples_before(held[0]):
-            return held
+            value.set_value(held.copy())
+            return
         sample = np.concatenate(([t], self._signals.Eval(context) + self._levels * self._noise.Eval(context)))
         at = _SAMPLE_AT
         beta = sample[at["beta"]]
@@ -108,16 +114,16 @@ class SampleAndHold(LeafSystem):
         )
         # The course is the measured heading plus the measured sideslip, so it takes over the bias.
         sample[at["dphi"]] += sample[at["beta"]] - beta
-        return sample
+        value.set_value(sample)
 
     def _update(self, context: Context, state: State) -> None:
-        state.get_mutable_discrete_state().set_value(self._sample(context))
+        state.get_mutable_discrete_state().set_value(self._sample.Eval(context))
 
     def _calc_measured_state(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._sample(context)[_MEASURED_STATE_AT])
+        output.SetFromVector(self._sample.Eval(context)[_MEASURED_STATE_AT])
 
     def _calc_log_row(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._sample(context)[_LOG_ROW_AT])
+        output.SetFromVector(self._sample.Eval(context)[_LOG_ROW_AT])
 
 
 class Sensors(Diagram):

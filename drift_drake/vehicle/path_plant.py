@@ -53,8 +53,8 @@ class PathPlant:
 
     A plant has `declare`, in which it names its continuous state (of which the first ten are `PLANT_STATES`) and calls
     `declare_numbers` with its constants and its effects' magnitudes; `car`, which gives these their names; `settled`,
-    the states behind the ten of a car that has been as it is for long; `rates`, `compiled_rates` and
-    `calc_acceleration`. `plant_template` makes the system of it.
+    the states behind the ten of a car that has been as it is for long; `rates` and
+    `acceleration`, and both `compiled_`. `plant_template` makes the system of it.
     """
 
     path: CurvedPath | None
@@ -81,7 +81,7 @@ class PathPlant:
         self.DeclareVectorOutputPort(
             "acceleration",
             2,
-            self.calc_acceleration,
+            self._calc_acceleration,
             prerequisites_of_calc={
                 *state,
                 self.all_parameters_ticket(),
@@ -124,6 +124,14 @@ class PathPlant:
         else:
             rates = self.rates(x, *inputs, *self.car(*numbers))
         derivatives.get_mutable_vector().SetFromVector(rates)
+
+    def _calc_acceleration(self: Any, context: Any, output: Any) -> None:
+        x = context.get_continuous_state_vector().CopyToVector()
+        inputs, numbers = self.inputs(context), self.numbers(context)
+        if self.scalar is float:
+            output.SetFromVector(self.compiled_acceleration(x, *inputs, *numbers))
+        else:
+            output.SetFromVector(self.acceleration(x, *inputs, *self.car(*numbers)))
 
     def placed(self, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None) -> tuple[float, ...]:
         """Values of `PLANT_STATES` at one of the paper's six states, `s` [m] along the path.

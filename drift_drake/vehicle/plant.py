@@ -71,6 +71,19 @@ def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
 
 
+@compiled
+def _nominal_acceleration(x: Array, u: Array, wrench: Array, p: Array) -> Array:
+    m = nominal_motion(x, u, wrench, Constants(*fixed_tuple(p, CONSTANTS)))
+    return np.array((m.a_x, m.a_y))
+
+
+@compiled
+def _changed_acceleration(x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
+    constants, effects = Constants(*fixed_tuple(p, CONSTANTS)), Effects(*fixed_tuple(q, COUNT))
+    m = changed_motion(x, u, wrench, constants, effects)[0]
+    return np.array((m.a_x, m.a_y))
+
+
 class SingleTrackPlant(PathPlant):
     """The car of `bicycle` and `effects` as a system on float, AutoDiffXd and Expression.
 
@@ -132,12 +145,16 @@ class SingleTrackPlant(PathPlant):
             return _changed_rates(x, u, wrench, curvature, p, q)
         return _nominal_rates(x, u, wrench, curvature, p)
 
-    def calc_acceleration(self, context: Any, output: Any) -> None:
-        x = context.get_continuous_state_vector().CopyToVector()
-        u, wrench = self.inputs(context)
-        p, q = self.car(*self.numbers(context))
+    def acceleration(self, x: Any, u: Any, wrench: Any, p: Constants, q: Effects) -> Sequence[Any]:
+        """(a_x, a_y) [m/s^2] in the body frame."""
         m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
-        output.SetFromVector([m.a_x, m.a_y])
+        return m.a_x, m.a_y
+
+    def compiled_acceleration(self, x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
+        """The same on floats, from the Context's numbers."""
+        if self.has_memory:
+            return _changed_acceleration(x, u, wrench, p, q)
+        return _nominal_acceleration(x, u, wrench, p)
 
 
 VehiclePlant_ = plant_template("VehiclePlant_", SingleTrackPlant)

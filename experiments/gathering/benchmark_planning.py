@@ -38,30 +38,32 @@ class BenchmarkConfig:
 
 
 @contextmanager
-def iterations_counted() -> Iterator[list[int]]:
-    """The number of iterations of each SQP solve within the block."""
-    counts: list[int] = []
+def solves_timed() -> Iterator[list[tuple[int, float]]]:
+    """(iterations, CPU time [s]) of each SQP solve within the block."""
+    solves: list[tuple[int, float]] = []
     solve = LineSearchSqp.solve
 
     def counted(self: LineSearchSqp, *arguments: Any, **named: Any) -> Any:
+        start = time.thread_time()
         result = solve(self, *arguments, **named)
-        counts.append(len(result.iterations))
+        solves.append((len(result.iterations), time.thread_time() - start))
         return result
 
     LineSearchSqp.solve = counted  # type: ignore[method-assign]
     try:
-        yield counts
+        yield solves
     finally:
         LineSearchSqp.solve = solve  # type: ignore[method-assign]
 
 
 def timed(plan: Callable[[], Trajectory]) -> tuple[dict[str, float], Trajectory]:
-    """Seconds of CPU time, SQP iterations and their quotient of a plan, and the plan."""
-    with iterations_counted() as counts:
+    """CPU time [s], SQP iterations and the time of one of a plan, and the plan."""
+    with solves_timed() as solves:
         start = time.thread_time()
         found = plan()
         seconds = time.thread_time() - start
-    return {"seconds": seconds, "iterations": sum(counts), "an iteration": seconds / sum(counts)}, found
+    iterations, solving = (sum(column) for column in zip(*solves, strict=True))
+    return {"seconds": seconds, "iterations": iterations, "an iteration": solving / iterations}, found
 
 
 def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> dict[str, dict[str, float]]:

@@ -51,17 +51,27 @@ def double_track_rates(
 
 
 # Compiled for floats, which comes with constants and magnitudes as arrays.
+@jitable
+def _named(p: Any) -> DoubleTrackConstants:
+    front, rear = TireConstants(*fixed_tuple(p[25:36], 11)), TireConstants(*fixed_tuple(p[36:47], 11))
+    return DoubleTrackConstants(*(fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
+
+
 @compiled
 def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    front, rear = TireConstants(*fixed_tuple(p[25:36], 11)), TireConstants(*fixed_tuple(p[36:47], 11))
-    constants = DoubleTrackConstants(*(fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
-    first, own = double_track_rates(x, u, wrench, curvature, constants, Effects(*fixed_tuple(q, COUNT)))
+    first, own = double_track_rates(x, u, wrench, curvature, _named(p), Effects(*fixed_tuple(q, COUNT)))
     rates = np.empty(23)
     for i, value in enumerate(first):
         rates[i] = value
     for i, value in enumerate(own):
         rates[10 + i] = value
     return rates
+
+
+@compiled
+def _acceleration(x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
+    m, _ = motion_of(x, u, wrench, _named(p), Effects(*fixed_tuple(q, COUNT)))
+    return np.array((m.a_x, m.a_y))
 
 
 class DoubleTrackCarPlant(PathPlant):
@@ -118,10 +128,14 @@ class DoubleTrackCarPlant(PathPlant):
         """The same on floats, from the Context's numbers."""
         return _rates(x, u, wrench, curvature, p, q)
 
-    def calc_acceleration(self, context: Any, output: Any) -> None:
-        x = context.get_continuous_state_vector().CopyToVector()
-        m, _ = motion_of(x, *self.inputs(context), *self.car(*self.numbers(context)))
-        output.SetFromVector([m.a_x, m.a_y])
+    def acceleration(self, x: Any, u: Any, wrench: Any, p: DoubleTrackConstants, q: Effects) -> Sequence[Any]:
+        """(a_x, a_y) [m/s^2] in the body frame."""
+        m, _ = motion_of(x, u, wrench, p, q)
+        return m.a_x, m.a_y
+
+    def compiled_acceleration(self, x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
+        """The same on floats, from the Context's numbers."""
+        return _acceleration(x, u, wrench, p, q)
 
 
 def check_effects(effects: Effects) -> None:

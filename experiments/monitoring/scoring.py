@@ -25,7 +25,9 @@ class Score:
     delay: float  # [s] in the median of those detected
     named: float  # share of the changes named right at some time
     naming_delay: float  # [s] in the median of those
-    isolation: float  # share of the changes whose leading cause after 3 s is the right one; of the monitor named at 3 s
+    isolation: float  # share of the changes whose leading cause after 3 s is the right one
+    sure: int  # changes of which a cause has a probability of at least 0.8 then (the monitor's alone)
+    sure_and_right: int
     probability: float  # mean probability of the true cause then (the monitor's alone)
 
 
@@ -56,7 +58,7 @@ def episodes(t: np.ndarray, alarm: np.ndarray) -> int:
 def score(results: Sequence[Mapping[str, Any]], method: str, limit: float) -> Score:
     """The score of a method with its threshold."""
     minutes, alarms = 0.0, 0
-    delays, namings, right, probability = [], [], [], []
+    delays, namings, right, sure_then, probability = [], [], [], [], []
     for r in results:
         t, s, calm = np.array(r["t"]), suspicion(r, method), before(r)
         alarms += episodes(t[calm], s[calm] > limit)
@@ -72,11 +74,13 @@ def score(results: Sequence[Mapping[str, Any]], method: str, limit: float) -> Sc
         names = np.flatnonzero(~calm & sure)
         namings.append(t[names[0]] - onset if len(names) else np.inf)
         right.append(bool(leading[after] == name and s[after] > limit))
+        sure_then.append(method == "monitor" and r["leading_probability"][after] >= NAMED and s[after] > limit)
         probability.append(r["true"][after] if method == "monitor" else np.nan)
     found, named = np.isfinite(delays), np.isfinite(namings)
     return Score(
         len(delays), minutes, 10.0 * alarms / minutes, float(np.mean(found)), _median(np.array(delays)[found]),
-        float(np.mean(named)), _median(np.array(namings)[named]), float(np.mean(right)), float(np.mean(probability)),
+        float(np.mean(named)), _median(np.array(namings)[named]), float(np.mean(right)),
+        int(np.sum(sure_then)), int(np.sum(np.logical_and(sure_then, right))), float(np.mean(probability)),
     )  # fmt: skip
 
 
@@ -86,10 +90,12 @@ def _median(values: np.ndarray) -> float:
 
 def table(scores: Mapping[str, Score]) -> str:
     """Scores as a Markdown table."""
-    head = "| method | false alarms / 10 min | detected | delay [s] | named right | after [s] | right at 3 s |"
-    lines = [head, "| --- " * 7 + "|"]
+    head = ("method", "false alarms / 10 min", "detected", "delay [s]", "named right", "after [s]", "right at 3 s",
+            "of those sure")  # fmt: skip
+    lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
     for name, s in scores.items():
         naming = [f"{s.named:.0%}", f"{s.naming_delay:.1f}", f"{s.isolation:.0%}"] if name in NAMING else ["-"] * 3
+        naming.append(f"{s.sure_and_right} of {s.sure}" if name == "monitor" else "-")
         cells = [name, f"{s.false_alarms_per_10_minutes:.1f}", f"{s.detected:.0%}", f"{s.delay:.1f}", *naming]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

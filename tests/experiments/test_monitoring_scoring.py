@@ -1,0 +1,52 @@
+"""Delay, false alarms and isolation, on verdicts made up by hand."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.monitoring.scoring import score, table, threshold
+
+T = np.round(np.arange(0.5, 12.05, 0.1), 1)
+ONSET = 6.0
+
+
+def drive(leading: str, probability: float, alarm_at: float, truth: str = "mass_error") -> dict[str, Any]:
+    """Verdicts on a drive with a change, of which `leading` is made responsible with a probability."""
+    after = alarm_at <= T
+    p = np.where(after, probability, 0.0)
+    return {
+        "t": T, "none": np.where(after, 0.01, 0.99), "leading": [leading] * len(T), "leading_probability": p,
+        "true": p if leading == truth else 0.99 * (1.0 - p) * after,
+        "truth": {"effect": truth, "onset": ONSET} if truth else {},
+    }  # fmt: skip
+
+
+def test_delay_naming_and_isolation() -> None:
+    drives = [
+        drive("mass_error", 0.95, 6.5),
+        drive("mass_error", 0.6, 7.0),  # right, not sure
+        drive("cg_shift", 0.9, 6.5),  # wrong, and sure of it
+        drive("cg_shift", 0.5, 10.0),  # found after more than 3 s
+        drive("mass_error", 0.0, 99.0),  # not found
+    ]
+    found = score(drives, "monitor", threshold(drives, "monitor"))
+    assert (found.changed, found.detected, found.false_alarms_per_10_minutes) == (5, 0.8, 0.0)
+    assert found.delay == pytest.approx(0.75)
+    assert (found.named, found.naming_delay) == (0.2, pytest.approx(0.5))
+    assert found.isolation == 0.4
+    assert (found.sure, found.sure_and_right) == (2, 1)
+    assert "| 40% | 1 of 2 |" in table({"monitor": found})
+
+
+def test_alarms_before_the_change_are_false_and_apart_by_two_seconds() -> None:
+    calm = drive("cg_shift", 0.9, 99.0, truth="")
+    calm["none"] = np.where(np.isin(T, [2.0, 2.5, 3.0, 8.0]), 0.01, 0.99)
+    found = score([calm, drive("mass_error", 0.9, 3.0)], "monitor", 0.95)
+    assert found.false_alarms_per_10_minutes == pytest.approx(10.0 * 3 / ((T[-1] + ONSET) / 60.0))
+
+
+def test_a_peer_s_threshold_is_what_it_reaches_without_a_change() -> None:
+    one = drive("mass_error", 0.9, 6.5) | {"chi_square": np.where(T <= ONSET, 3.0, 9.0)}
+    assert threshold([one], "chi_square") == 3.0
+    assert score([one], "chi_square", 3.0).detected == 1.0

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 
+from diagrams.command import run_command
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.gather import gather, learn_drive
@@ -108,4 +108,4 @@ def main(config: BenchmarkConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchmarkConfig, description=__doc__))
+    run_command(main, BenchmarkConfig, __doc__)

@@ -1,5 +1,6 @@
 """A run in three dimensions, as one HTML file that plays in any browser without a network."""
 
+import logging
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -75,7 +76,7 @@ def replay(
     scene = Scene.of(runs, reference, parameters)
     if scene.scale != 1.0:
         note = f"{note} Drawn {1.0 / scene.scale:.0f} times as large.".strip()
-    meshcat = Meshcat()
+    meshcat = _quiet_meshcat()
     home = _set_stage(meshcat, scene)
     longest = max(float(np.ptp(run["t"])) for run in runs.values())
     rate = float(np.clip(MOST_FRAMES / max(longest, 1.0), *FRAMES_PER_SECOND))
@@ -120,6 +121,17 @@ def read_outs(runs: Mapping[str, pd.DataFrame]) -> list[dict[str, object]]:
             cars.append([round(float(value), 2) if np.isfinite(value) else None for value in values])
         found.append({"name": name, "unit": unit, "step": step, "cars": cars})
     return found
+
+
+def _quiet_meshcat() -> Meshcat:
+    """A Meshcat that does not say where it listens: only its page is wanted."""
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        return Meshcat()
+    finally:
+        logger.setLevel(level)
 
 
 class _MeshcatCanvas:

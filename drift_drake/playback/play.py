@@ -1,6 +1,5 @@
 """A log and vehicle files to what the simulated cars do beside the real one, in words and in 3D."""
 
-import logging
 import math
 from pathlib import Path
 
@@ -62,7 +61,6 @@ def write_replay(played: Played, path: Path, name: str, restart: float, vehicle:
     """Writes the 3D replay, with a note on what is seen."""
     from drift_drake.pictures.replay import replay  # matplotlib and Meshcat are slow to import
 
-    logging.getLogger("drake").setLevel(logging.WARNING)  # not where Meshcat would listen meanwhile
     note = f"Simulated cars start from the real one every {restart:g} s." if restart > 0.0 else ""
     remarks = " ".join(f"{remark[0].upper()}{remark[1:]}." for remark in played.remarks)
     replay(drawn(played), path, parameters=vehicle, title=name, note=f"{note} {remarks}".strip(), camera="follow")

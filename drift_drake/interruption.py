@@ -9,6 +9,8 @@ from types import FrameType
 
 ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
 """What a command says when it is ended by a signal, and its exit code."""
+IMPORTER = "<frozen importlib._bootstrap>"  # the file of Python's own frames while it imports
+AGAIN = 0.05  # [s] after which a signal that came within an import comes again
 
 
 class TerminatedError(BaseException):
@@ -20,11 +22,16 @@ def terminable() -> Iterator[list[signal.Signals]]:
     """Within the block Ctrl-C raises KeyboardInterrupt and SIGTERM `TerminatedError`, so that what was begun is undone.
 
     Gives the signals that came: compiled code may hand on another exception than the one that was raised within it.
-    Only the main thread can ask for it.
+    Within an import a signal waits for the import's end. Only the main thread can ask for it.
     """
     came: list[signal.Signals] = []
 
-    def end(number: int, _frame: FrameType | None) -> None:
+    def end(number: int, frame: FrameType | None) -> None:
+        if _importing(frame):
+            again = threading.Timer(AGAIN, os.kill, (os.getpid(), number))
+            again.daemon = True
+            again.start()
+            return
         came.append(signal.Signals(number))
         raise KeyboardInterrupt if number == signal.SIGINT else TerminatedError
 
@@ -57,6 +64,12 @@ def ended_at_once(prefix: str = "drift-drake: ") -> Iterator[None]:
 
     with _answered(end):
         yield
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code.co_filename != IMPORTER:
+        frame = frame.f_back
+    return frame is not None
 
 
 def leave_ends_to_the_system() -> None:

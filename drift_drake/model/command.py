@@ -6,6 +6,7 @@ from pathlib import Path
 import tyro
 
 from drift_drake.errors import MissingExtraError
+from drift_drake.interruption import ended_at_once
 from drift_drake.model.training_config import Recipe, TrainingConfig, check_training, with_recipe
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
@@ -28,7 +29,8 @@ class Train:
 def run_train(command: Train) -> None:
     """`drift-drake train`."""
     try:
-        from drift_drake.model.meta_training import train
+        with ended_at_once():
+            from drift_drake.model.meta_training import train
     except ModuleNotFoundError as error:
         if error.name != "torch":
             raise

@@ -35,8 +35,17 @@ def main() -> None:
 
 run_command(main)
 """
+IMPORTED = """
+import time
+try:
+    time.sleep(1.0)
+except BaseException:
+    print("lines of its own")
+    raise ImportError("initialization failed")
+"""
 BODIES = {
     "as it is": "time.sleep(60.0)",
+    "within an import": "import imported; time.sleep(60.0)",
     "as compiled code hands it on": """
     try:
         time.sleep(60.0)
@@ -88,6 +97,7 @@ def test_imports_end_at_once(tmp_path: Path, module: str, number: signal.Signals
 @pytest.mark.parametrize("body", sorted(BODIES))
 def test_work_ends_in_one_line(tmp_path: Path, body: str, number: signal.Signals, how: str, code: int) -> None:
     (tmp_path / "working.py").write_text(WORKING.format(BODIES[body]))
+    (tmp_path / "imported.py").write_text(IMPORTED)
     ended, error = said_after([str(tmp_path / "working.py")], tmp_path, lambda process: os.kill(process, number))
     assert ended == code
     assert error.startswith(f"experiments: {how}; what is done stays")

@@ -1,5 +1,6 @@
 """Model predictive control as a plain object: a plan from a state, by real-time iterations on the OCP."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,9 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 FOLLOWED = 2.0
-STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution is not followed any further
+LOOK = 0.2  # [s] from one plan from a fresh guess to the next
+CHEAPER = 0.9  # of the cost: less is another solution, more may be the same one, less converged
+STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution leads no further
 
 
 class NoPlanError(DriftDrakeError, RuntimeError):
@@ -65,9 +68,11 @@ class Mpc:
     taken only if the merit function is below that of the last plan, shifted to now and judged by the model of now;
     where no step is, that plan is the new one. If a later iteration fails, the plan is that of the steps before.
 
-    As the belief moves, the solution followed may end where no step leads on, while another has a tenth of its cost.
-    So where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside, with one
-    iteration a solve for each, and followed from where its dynamics hold, if it costs less.
+    An OCP of a drift has other local optima, such as a front tyre that slides at full lock to the inside, and the
+    solution followed may slip into one as a transition comes into the horizon or the belief moves. So every `LOOK`
+    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess, the reference's states
+    and inputs, is worked out beside, with one iteration a solve for each. Once its dynamics hold it is followed if it
+    costs less than `CHEAPER` times what the other does, and dropped if not.
 
     Attributes:
         problem: the OCP, a MathematicalProgram.
@@ -136,24 +141,25 @@ class Mpc:
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
-        beside = None
+        beside, look = None, False
         if last is None:
             guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
             gone = (start - last.plan.start) / DT
             guess, dual = self._shifted(last.primal, gone, data), last.dual
             beside = last.beside and (self._shifted(last.beside[0], gone, data), last.beside[1])
+            look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
         self.problem.set(self._tightened(covariance, model, data, guess))
         first = self._solver.solve(guess, dual, 1 if beside else None)
         if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
             raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
-        result, beside, restart, seconds = self._or_from_afresh(first, beside, data)
+        result, beside, restart, seconds = self._or_from_afresh(first, beside, data, look)
         solution = self.problem.unstack(result.z)
         statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
         return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, beside)
 
     def _or_from_afresh(
-        self, result: SqpResult, beside: tuple[Array, Array] | None, data: OcpData
+        self, result: SqpResult, beside: tuple[Array, Array] | None, data: OcpData, look: bool
     ) -> tuple[SqpResult, tuple[Array, Array] | None, float, float]:
         """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
         seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(beside is not None)
@@ -162,10 +168,10 @@ class Mpc:
             seconds += sum(iteration.seconds for iteration in other.iterations)
             beside = None if other.failed or other.status == "line search failed" else (other.z, other.y)
             if other.status == "feasible":
-                if other.cost < result.cost:
+                if other.cost < CHEAPER * result.cost:
                     return other, None, FOLLOWED, seconds
                 beside = None
-        if beside is None and result.iterations[-1].step < STUCK:
+        if beside is None and (look or result.iterations[-1].step < STUCK):
             return result, (self.problem.first_guess(data), np.zeros(self.multiplier_count)), 1.0, seconds
         return result, beside, restart, seconds
 
@@ -181,7 +187,7 @@ class Mpc:
 
     def _data(self, x: Array, s: float, command: Array) -> OcpData:
         horizon = self.reference.horizon(s, DT, self.horizon)
-        return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max)
+        return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max, horizon.u_ref)
 
     def _command(self, last: MpcSolution | None, t: float) -> Array:
         """The command that the last plan, or the initial command before there is any, has for time t."""

@@ -61,6 +61,7 @@ class OcpData(NamedTuple):
     curvature: Array  # [N] of the path [1/m]
     e_min: Array  # [N+1] [m] (the first entry is not used)
     e_max: Array  # [N+1] [m]
+    u_ref: Array | None = None  # [N+1, 2] that goes with x_ref, for the first guess alone
 
 
 class OcpSolution(NamedTuple):
@@ -204,11 +205,17 @@ class OptimalControlProblem(MathematicalProgram):
         return OcpSolution(*self.layout.split(z), z[-self.horizon :].copy())
 
     def first_guess(self, data: OcpData) -> Array:
-        """A decision vector to start from: the reference with the initial state's errors fading out, inputs held."""
+        """A decision vector to start from: the reference with what is off at the start fading out.
+
+        Inputs are held where the reference has none.
+        """
         fade = np.linspace(1.0, 0.0, self.horizon + 1)[:, None]
         x = np.tile(data.x_init, (self.horizon + 1, 1))
         x[:, :6] = data.x_ref + fade * (data.x_init[:6] - data.x_ref[0])
-        return self.stack(x, np.tile(data.u_init, (self.horizon + 1, 1)))
+        u = np.tile(data.u_init, (self.horizon + 1, 1))
+        if data.u_ref is not None:
+            u = data.u_ref + fade * (data.u_init - data.u_ref[0])
+        return self.stack(x, u)
 
 
 def described(what: str, binding: Any) -> Any:
@@ -242,7 +249,7 @@ def ocp(
     along = reference.horizon(s, DT, horizon)
     start = np.append(reference.state(s), np.zeros(model.memory_scale.size)) if x is None else np.asarray(x, float)
     in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
-    data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max)
+    data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max, along.u_ref)
     problem.set(data)
     problem.SetInitialGuessForAllVariables(problem.first_guess(data))
     return problem

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.control.mpc import Mpc, NoPlanError
+from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, NoPlanError
 from drift_drake.control.plan import Plan, no_plan
 from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.control.step_model import NominalStepModel
@@ -32,6 +32,32 @@ def test_plans_go_on_from_one_another(mpc: Mpc) -> None:
     )
     again = mpc.solve(x, START + 0.127, 1.01, first)
     np.testing.assert_array_equal(again.primal, second.primal)  # nothing is kept between solves
+
+
+def test_another_local_optimum_is_found_while_the_worse_one_is_followed(references: dict[str, Reference]) -> None:
+    """Before a drift to the other side: a front tyre that slides at full lock costs ten times as much as counter-steer.
+
+    Every iteration from that plan converges well, so that only a plan from a fresh guess shows the other.
+    """
+    reference, command = references["figure_8"], (-0.26, 62.0)
+    mpc = Mpc(NominalStepModel(CAR), CAR, reference, initial_command=command)
+    s, x = 281.8, np.array([-1.40, 13.4, -0.066, 13.5, 0.0, 0.01])
+    held = np.tile(command, (26, 1))
+    solution = mpc.solve(x, s, 0.0)
+    states, inputs, slack = mpc.problem.unstack(solution.primal)
+    inputs[:, 0] = np.maximum(command[0] - 0.2 * np.arange(26), -CAR.steering_limit)
+    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
+    found = []
+    for k in range(60):  # at one place, with one command in force
+        solution = mpc.solve(x, s, 0.01 * k, solution._replace(plan=Plan(0.01 * k, held)))
+        found.append(solution.statistics)
+    before = [one.cost for one in found if one.restart != FOLLOWED]
+    followed = [k for k, one in enumerate(found) if one.restart == FOLLOWED]
+    assert max(before) > 100.0
+    assert len(followed) == 1
+    assert followed[0] * 0.01 < LOOK + 0.2
+    assert found[followed[0]].cost < 12.0
+    assert found[-1].cost < 12.0
 
 
 def test_a_state_that_is_not_finite_has_no_plan(mpc: Mpc) -> None:

@@ -28,6 +28,19 @@ def random_point(problem: OptimalControlProblem, reference: Reference, seed: int
     return z + 0.05 * rng.normal(size=z.size)
 
 
+def test_the_first_guess_is_the_reference_with_what_is_off_fading_out(
+    problem: OptimalControlProblem, references: dict[str, Reference]
+) -> None:
+    data = ocp_data(references["figure_8"], 30.0, HORIZON, np.array([0.0, 0.0, 0.05, 0.0, 0.4, 0.0]))
+    data = data._replace(u_init=data.u_init + np.array([0.1, 30.0]))
+    x, held, _ = problem.unstack(problem.first_guess(data))
+    np.testing.assert_allclose(x[[0, -1]], [data.x_init, data.x_ref[-1]])
+    np.testing.assert_allclose(held, np.tile(data.u_init, (HORIZON + 1, 1)))
+    u_ref = np.tile([-0.3, 50.0], (HORIZON + 1, 1))
+    _, u, _ = problem.unstack(problem.first_guess(data._replace(u_ref=u_ref)))
+    np.testing.assert_allclose(u[[0, -1]], [data.u_init, u_ref[-1]])
+
+
 def test_cost_is_the_papers(problem: OptimalControlProblem, references: dict[str, Reference]) -> None:
     data = ocp_data(references["figure_8"], 30.0, HORIZON)
     problem.set(data)

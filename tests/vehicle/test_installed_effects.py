@@ -67,6 +67,7 @@ def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.Complete
 PHYSICS = """
 import numpy as np
 from drift_drake import CATALOGUE, Effects, NoiseLevels, Run, VehicleParameters, VehiclePlant, make_effects
+from drift_drake.control.discrimination import RivalsStepModel
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.vehicle.double_track.cars import CARS
@@ -125,6 +126,9 @@ np.testing.assert_allclose(x_next[0, 14], 160.0 - 60.0 * np.exp(-0.1 / lag), rto
 np.testing.assert_allclose(by_x[0, 14, 14], np.exp(-0.1 / lag), rtol=1e-4)
 np.testing.assert_allclose(by_u[0, 14, 1] + by_u_next[0, 14, 1], 1.0 - np.exp(-0.1 / lag), rtol=1e-4)
 assert by_x[0, 3, 14] > 0.0
+rivals = RivalsStepModel(EffectsStepModel(car, make_effects({"limp_mode": 0.3})), model, np.ones(6), np.zeros(6))
+after = rivals.step(np.hstack([x, x[:, 6:]]), u, u, np.zeros(1))
+np.testing.assert_allclose(after[0, 15:], x_next[0, 6:], rtol=1e-9, atol=1e-9)  # the rival's memory beside the first's
 try:
     EffectsStepModel(car, make_effects({"side_wind": 300.0}))
 except ValueError as error:

@@ -96,21 +96,21 @@ class Day:
 
 def make_day(
     runs: Sequence[WindowedRun], constants: Constants, own: Effects, names: Sequence[str], steps: np.ndarray,
-    scales: np.ndarray | None = None, covered: np.ndarray | None = None, threads: int = THREADS,
+    normal: Normal | None = None, threads: int = THREADS,
 ) -> Day:  # fmt: skip
-    """A day's errors under the calibrated car and their derivatives by the effects.
+    """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`.
 
     Args:
-        scales, covered: of the day of calibration (`Normal`); its own if None.
+        normal: what is normal for the car; None on the day of calibration, which shows it.
     """
     at = errors(runs, constants, own)
-    scales = robust_scales(at) if scales is None else scales
+    scales = robust_scales(at) if normal is None else normal.scales
     cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
     with ThreadPoolExecutor(threads) as pool:
         moved = errors_of_all(runs, constants, cars, pool)
     columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
-    weights = np.ones(len(at)) if covered is None else familiarity(runs, covered)
+    weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
     return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run, weights)
 
 

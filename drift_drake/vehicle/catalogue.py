@@ -12,7 +12,9 @@ STEERING: tuple[Command, ...] = ("delta_cmd",)
 TORQUE: tuple[Command, ...] = ("tau_cmd",)
 
 OWN: dict[str, Effect] = {
-    "friction_level": Effect("-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction", daily=2.0),
+    "friction_level": Effect(
+        "-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction", daily=2.0, varies=True
+    ),
     "front_rear_friction_split": Effect("-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear"),
     "front_stiffness_error": Effect("-", -0.4, 0.4, "front tyre stiffness times (1 + q)", tolerance="front_stiffness"),
     "rear_stiffness_error": Effect("-", -0.4, 0.4, "rear tyre stiffness times (1 + q)", tolerance="rear_stiffness"),

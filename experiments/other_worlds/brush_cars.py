@@ -52,7 +52,7 @@ BRUSH_CARS = {
     ),
 }  # fmt: skip
 
-EVERYDAY = {"rolling_resistance": 0.1, "friction_level": 0.05, "mass_error": 0.05, "gyro_bias": 0.03,
+EVERYDAY = {"rolling_resistance": 0.03, "friction_level": 0.05, "mass_error": 0.05, "gyro_bias": 0.03,
             "sideslip_bias": 0.03, "wheel_radius_error": 0.03, "road_grade": 0.03}  # fmt: skip
 """By which a car and its sensors differ from one day to the next, as shares of the practical ranges (one standard
 deviation, of a normal distribution): a battery, tyres that are warm or not, a floor that is not quite level."""

@@ -33,7 +33,7 @@ def runs(other_car):
 @pytest.fixture(scope="module")
 def day(other_car, runs):
     n, car = other_car.normal, other_car.found
-    return make_day(runs, car.vehicle.constants(), car.effects, n.names, n.units, n.scales, n.covered)
+    return make_day(runs, car.vehicle.constants(), car.effects, n.names, n.units, n)
 
 
 def test_blocks_are_of_one_run_each_and_follow_without_gaps(runs):

@@ -16,6 +16,7 @@ from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
+from drift_drake.diagnosis.another_day.magnitudes import refitted
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
@@ -161,10 +162,8 @@ def search_of(
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
         )
-    day = make_day(
-        thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal.scales,
-        normal.covered, workers,
-    )  # fmt: skip
+    day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal,
+                   workers)  # fmt: skip
     return Search(day, normal, vehicle, names, workers)
 
 
@@ -174,16 +173,17 @@ def ranked_hypotheses(
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
     kept = [none, *(as_change(h) for h in others if tells_from_zero(h))]
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
-    found = ranked(kept, *counts)
-    shrinks = reduction(search, found.leading, found.leading)
-    while found.leading.names and shrinks.estimate <= 0.0:
-        kept = [h for h in kept if h is not found.leading]
+    while True:
         found = ranked(kept, *counts)
-        shrinks = reduction(search, found.leading, found.leading)
-    if gross(search, found.leading) > GROSS:
+        leading = refitted(search, found.leading)
+        shrinks = reduction(search, leading, leading)
+        if not leading.names or (shrinks.estimate > 0.0 and tells_from_zero(leading)):
+            break
+        kept = [h for h in kept if h is not found.leading]
+    if gross(search, leading) > GROSS:
         doubted = max(counts[-1], CERTAIN)
         found = ranked(kept, *counts[:-1], doubted)
-    return found, shrinks
+    return dataclasses.replace(found, leading=leading), shrinks
 
 
 def unseen_sentence(name: str, q: float) -> str:

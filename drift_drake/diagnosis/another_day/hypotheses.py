@@ -151,13 +151,14 @@ class Search:
         """Pairs grown from the best singles, jointly fitted; best first."""
         names = [h.names[0] for h in singles]
         magnitude = {h.names[0]: float(h.magnitudes[0]) for h in singles}
+        slopes = {name: self._slope(name, magnitude[name]) for name in names}
         jobs: dict[tuple[str, str], tuple[Hypothesis, str, float]] = {}
         for seed in singles[:SEEDS]:
             at = self.scores(seed.effects(self.day))
             gains = []
             for name in names:
                 if name != seed.names[0]:
-                    q, gain = self._partner(name, at, magnitude[name])
+                    q, gain = self._partner(name, at, slopes[name])
                     gains.append((gain, name, q))
             for _, name, q in sorted(gains, reverse=True)[:PARTNERS]:
                 first, second = sorted((seed.names[0], name))
@@ -169,14 +170,17 @@ class Search:
                 out.append(h)
         return sorted((h for h in out if h is not None), key=lambda h: -h.log_evidence)
 
-    def _partner(self, name: str, at: np.ndarray, single: float) -> tuple[float, float]:
-        """Magnitude that a second effect would have beside scores `at`, to first order, and the nats that it gains."""
+    def _slope(self, name: str, single: float) -> np.ndarray:
+        """Change of the scores per magnitude of an effect [n], over its most likely one alone."""
         r = self.ranges[name]
         unit = single if abs(single) >= r.least else max(r.least, TINY * r.high)
-        slope = (self.scores({name: unit}) - self.scores({})) / unit
+        return np.asarray((self.scores({name: unit}) - self.scores({})) / unit)
+
+    def _partner(self, name: str, at: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
+        """Magnitude that a second effect would have beside scores `at`, to first order, and the nats that it gains."""
         curvature = float(slope @ self.scatter.inverse @ slope)
         q = -float(slope @ self.scatter.inverse @ at) / max(curvature, 1e-300)
-        q = clipped(q, r)
+        q = clipped(q, self.ranges[name])
         return q, float(self.nats(at) - self.nats(at + slope * q))
 
     def _pair(self, seed: Hypothesis, name: str, start: float) -> Hypothesis | None:

@@ -33,7 +33,7 @@ def mirrored_normal(normal: Normal) -> Normal:
     return dataclasses.replace(
         normal, offset=normal.offset * channels, precision=normal.precision * np.outer(of_errors, of_errors),
         mean=normal.mean * effects, covariance=normal.covariance * both, modes=normal.modes * effects,
-        unknown=normal.unknown * both,
+        unknown=normal.unknown * both, recording=normal.recording * both,
     )  # fmt: skip
 
 

@@ -1,0 +1,59 @@
+"""Magnitudes fitted where a hypothesis stands: exact for what is put into a log, however large, and a fixed point."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
+from drift_drake.diagnosis.another_day.magnitudes import refitted
+
+SINGLE = ("steering_offset",)
+
+
+def change(name, magnitude, beside=None):
+    return Hypothesis((name,), np.array([magnitude]), np.eye(1), 0.0, 0.0, beside=beside or {})
+
+
+@pytest.fixture(scope="module")
+def offset_by(other_car, diagnosed):
+    """A function: an offset [rad] put into a day's steering commands to the offset that is fitted."""
+    day = other_car.day({}, 5)
+
+    def fitted(q):
+        search = diagnosed([dataclasses.replace(run, delta_cmd=run.delta_cmd - q) for run in day], "o", SINGLE).search
+        return refitted(search, change("steering_offset", 1.2 * q))
+
+    return fitted
+
+
+def test_what_is_put_into_the_commands_is_found_as_exactly_where_it_is_large(offset_by):
+    # The logs as they are have an offset of their own, which is beside the one put in.
+    up, down, small = (offset_by(q) for q in (0.05, -0.05, 0.015))
+    own = 0.5 * (up.magnitudes[0] + down.magnitudes[0])
+    assert up.magnitudes[0] - own == pytest.approx(0.05, rel=0.01)
+    assert small.magnitudes[0] - own == pytest.approx(0.015, abs=5e-4)
+    assert up.covariance[0, 0] == pytest.approx(small.covariance[0, 0], rel=0.1)
+
+
+def test_the_most_likely_magnitude_is_a_fixed_point(late_day):
+    at = late_day.ranked.leading
+    again = refitted(late_day.search, dataclasses.replace(at, magnitudes=0.9 * at.magnitudes))
+    deviation = np.sqrt(at.covariance[0, 0])
+    assert abs(again.magnitudes[0] - at.magnitudes[0]) < 0.2 * deviation
+    assert again.covariance[0, 0] == pytest.approx(at.covariance[0, 0], rel=0.1)
+
+
+def test_what_is_beside_a_cause_is_fitted_too_and_widens_its_interval(late_day):
+    alone = refitted(late_day.search, change("steering_delay", 0.08))
+    beside = refitted(late_day.search, change("steering_delay", 0.08, {"rear_stiffness_error": 0.05}))
+    assert set(beside.beside) == {"rear_stiffness_error"}
+    assert beside.beside["rear_stiffness_error"] != 0.05
+    assert beside.covariance.shape == (1, 1)
+    assert beside.covariance[0, 0] >= alone.covariance[0, 0]
+
+
+def test_none_and_what_the_logs_do_not_show_stay_as_they_are(plain_day):
+    none = plain_day.search.none()
+    assert refitted(plain_day.search, none).names == ()
+    assert refitted(plain_day.search, none).nats == none.nats

@@ -16,6 +16,7 @@ from drift_drake.estimation.scores import make_day
 from drift_drake.estimation.unknowns import added
 
 ROUNDS, STEPS = 2, 2  # cars at which derivatives of the errors are taken, and Gauss-Newton steps from each
+SHARES = (1.0, 0.5, 0.2)  # of a step, until one makes the scores more normal
 NEAR = 1.0  # standard deviations from a car within which its derivatives serve
 STEP = 0.05  # of the reach, for derivatives of the scores
 SINGULAR = 1e12  # condition of the second derivatives, beyond which the logs do not show the magnitudes apart
@@ -49,8 +50,8 @@ def refitted(search: Search, h: Hypothesis) -> Hypothesis:
         def scores(q: np.ndarray, there: Search = there, without: Mapping[str, float] = without) -> np.ndarray:
             return there.scores(added_up(effects(q), without))
 
+        s = scores(q)
         for _ in range(STEPS):
-            s = scores(q)
             slopes = np.empty((len(s), len(q)))
             for i, r in enumerate(ranges):
                 step = STEP * r.high * (-1.0 if q[i] > 0.0 else 1.0)  # towards zero, which is within bounds
@@ -59,8 +60,13 @@ def refitted(search: Search, h: Hypothesis) -> Hypothesis:
             if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
                 return h
             covariance = np.linalg.inv(hessian)
-            wanted = q - covariance @ slopes.T @ there.scatter.inverse @ s
-            q = np.array([clipped(float(x), r) for x, r in zip(wanted, ranges, strict=True)])
+            step_to = -covariance @ slopes.T @ there.scatter.inverse @ s
+            for share in SHARES:
+                trial = np.array([clipped(float(x), r) for x, r in zip(q + share * step_to, ranges, strict=True)])
+                after = scores(trial)
+                if there.nats(after) < there.nats(s):
+                    q, s = trial, after
+                    break
         if np.all(np.abs(q - began) < NEAR * np.sqrt(np.diag(covariance))):
             break
     beside = {name: float(x) for name, x in zip(names[count:], q[count:], strict=True)}

@@ -50,6 +50,18 @@ def ctrl_c_waits() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def signals_wait() -> Iterator[None]:
+    """Within the block Ctrl-C and SIGTERM wait for its end, whichever thread of the process they come to."""
+    came: list[int] = []
+    try:
+        with _answered(lambda number, _frame: came.append(number)):
+            yield
+    finally:
+        for number in came[:1]:
+            signal.raise_signal(number)
+
+
+@contextlib.contextmanager
 def ended_at_once(prefix: str = "drift-drake: ") -> Iterator[None]:
     """Within the block, which must have begun nothing, Ctrl-C and SIGTERM end the process in one line.
 

@@ -10,7 +10,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 
-from drift_drake.interruption import ctrl_c_waits
+from drift_drake.interruption import ctrl_c_waits, signals_wait
 
 ENDED_WITH_PARENT = 1  # exit code of a worker
 
@@ -19,11 +19,12 @@ class _Worker(SpawnProcess):
     """Ctrl-C, which reaches all processes of a terminal, is left to the parent to answer, once for all.
 
     Blocked from before the process starts: it imports for a second before it can say for itself what it does with it.
+    A start that were broken off would leave a worker that waits for its first orders in vain, and says so.
     """
 
     def start(self) -> None:
         track_resources()  # as the first start would, which then undoes the mask
-        with ctrl_c_waits():
+        with signals_wait(), ctrl_c_waits():
             super().start()
 
 

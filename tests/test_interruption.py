@@ -4,9 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
+
+from drift_drake.interruption import ctrl_c_waits, signals_wait
 
 BEGINNING = """
 import time
@@ -33,3 +37,18 @@ def test_what_has_not_begun_ends_at_once(number: signal.Signals, how: str, code:
     beginning.send_signal(number)
     said, error = beginning.communicate(timeout=30.0)
     assert (beginning.returncode, said, error) == (code, "", f"drift-drake: {how} before anything was begun\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_wait_for_a_blocks_end_whichever_thread_they_come_to(number: signal.Signals) -> None:
+    came, other = [], threading.Thread(target=time.sleep, args=(0.5,))
+    before = signal.signal(number, lambda *_: came.append("after"))
+    try:
+        other.start()  # does not block what the main thread blocks
+        with signals_wait(), ctrl_c_waits():
+            os.kill(os.getpid(), number)
+            other.join()
+            came.append("within")
+    finally:
+        signal.signal(number, before)
+    assert came == ["within", "after"]

@@ -137,7 +137,7 @@ def answered(end: dict[str, Any], number: signal.Signals) -> bool:
     if number not in ENDS:
         return not lines
     how = ENDS[number][0]
-    begun_already = any(word in end["said"] for word in ("drift_drake", "experiments", how))
+    begun_already = any(word in end["said"] for word in ("drift_drake/", "experiments/", "diagrams/", how))
     return end["code"] == 0 or not begun_already or (len(lines) == 1 and how in lines[0])
 
 

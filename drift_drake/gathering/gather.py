@@ -18,24 +18,34 @@ from drift_drake.reference.trajectory import Reference, straight_line
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import PathPlant
 
 
 def execution(
-    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig
+    trajectory: Trajectory,
+    effects: Effects,
+    parameters: VehicleParameters,
+    config: GatheringConfig,
+    plant: PathPlant | None = None,
 ) -> Drive:
-    """The diagram that drives a trajectory on a vehicle."""
+    """The diagram that drives a trajectory on a vehicle; see `Drive`."""
     states = trajectory.x[:, :6]
     gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
     controller = TrackingController(states, trajectory.u, gains, DT)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
-    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, lane(config))
+    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, lane(config), plant=plant)
 
 
 def gather(
-    trajectory: Trajectory, effects: Effects, parameters: VehicleParameters, config: GatheringConfig, seed: int
+    trajectory: Trajectory,
+    effects: Effects,
+    parameters: VehicleParameters,
+    config: GatheringConfig,
+    seed: int,
+    plant: PathPlant | None = None,
 ) -> tuple[pd.DataFrame, str]:
     """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned)."""
-    drive = execution(trajectory, effects, parameters, config)
+    drive = execution(trajectory, effects, parameters, config, plant)
     return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
 
 

@@ -16,6 +16,7 @@ from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import PathPlant
 
 Array = NDArray[np.float64]
 
@@ -69,8 +70,13 @@ class Drive:
         effects: Effects = Effects(),  # noqa: B008 (immutable)
         reference: Reference | None = None,
         noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        plant: PathPlant | None = None,
     ) -> None:
-        """Args: steps, plan_spacing: of the driver's plans; dither: [K, 2]; reference: where the path comes from."""
+        """Args:
+        steps, plan_spacing: of the driver's plans; dither: [K, 2].
+        reference: where the path comes from.
+        plant: the true car, on that path, if it is not that of `parameters` and `effects`; see `Car`.
+        """
         self._initial_command, self._reference = initial_command, reference
         builder = DiagramBuilder()
         self.driver = builder.AddNamedSystem("driver", driver)
@@ -78,7 +84,7 @@ class Drive:
         self.actuator = builder.AddNamedSystem("actuator", actuator)
         self.dither = builder.AddNamedSystem("dither", Dither(parameters, dither))
         path = None if reference is None else reference.path
-        self.car = builder.AddNamedSystem("car", Car(parameters, effects, path, noise))
+        self.car = builder.AddNamedSystem("car", Car(parameters, effects, path, noise, plant=plant))
         if driver.num_input_ports() > 0:
             builder.Connect(self.car.GetOutputPort("measured_state"), driver.GetInputPort("measured_state"))
         plan = driver.GetOutputPort("plan") if driver.HasOutputPort("plan") else driver.get_output_port(0)

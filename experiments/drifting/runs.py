@@ -20,6 +20,7 @@ import tyro
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import familiar_to
@@ -36,6 +37,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
+from experiments.true_car import TrueCar, effects_on, plant_of
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
@@ -84,6 +86,13 @@ class ModelsConfig(DriftConfig):
     """An experiment that compares models."""
 
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
+    car: TrueCar = "single_track"
+    """What the effects are put on: the car of the controllers' equations, or a double-track one, which has load
+    transfer, tyres and a differential of its own. No model of a controller knows that one: it has no oracle."""
+
+    def effects(self, vehicle: int) -> Effects:
+        """What is true of a vehicle."""
+        return effects_on(self.car, super().effects(vehicle))
 
 
 class Learnt(NamedTuple):
@@ -106,6 +115,7 @@ class DriveJob:
     noise_seed: int
     believes: Literal["nominal", "oracle"] | Learnt
     control: ControlConfig
+    car: TrueCar = "single_track"
 
 
 class DriveResult(NamedTuple):
@@ -132,7 +142,9 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
     else:
         model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # neither has any uncertainty
-    return ClosedLoop(parameters, reference(job.maneuver), model, job.effects, control=control, adapter=adapter)
+    driven = reference(job.maneuver)
+    plant = plant_of(job.car, job.effects, driven.path)
+    return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant)
 
 
 def drive(job: DriveJob) -> DriveResult:
@@ -166,10 +178,16 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     """All models on all vehicles: gathers and drives what the folder lacks; one row a run.
 
     Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
+
+    Raises:
+        InvalidOptionError: an oracle of a car that no model knows.
     """
+    if config.car == "double_track" and "oracle" in config.models:
+        raise InvalidOptionError("no model knows the double-track car; leave oracle out of --models")
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
-    gathered = config.gathered(wanted, learnt, folder)
+    gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
+                          config.car)  # fmt: skip
     familiar = familiar_to(learnt)
     jobs = []
     for vehicle, seed in config.attempts():
@@ -189,7 +207,8 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
                         labels["refused"] = surprise > familiar.limit()
                 believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
             name = run_name(model, vehicle, seed)
-            jobs.append(DriveJob(name, labels, maneuver, config.effects(vehicle), seed, believes, config.control))
+            effects = config.effects(vehicle)
+            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, config.car))
     return run_drives(jobs, folder, config.run_on)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.gather import gather
+from drift_drake.gathering.gather import gather, lane
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
@@ -20,6 +20,7 @@ from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.true_car import TrueCar, plant_of
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 
@@ -50,6 +51,7 @@ class GatherJob:
     ocp: Trajectory
     info: Trajectory
     config: GatheringConfig
+    car: TrueCar = "single_track"
 
 
 def gather_beliefs(job: GatherJob) -> Taught:
@@ -58,7 +60,8 @@ def gather_beliefs(job: GatherJob) -> Taught:
     seed, beliefs = job.attempt[1], {}
 
     def samples_of(trajectory: Trajectory, drive_seed: int) -> Samples:
-        return samples_from_log(gather(trajectory, job.effects, parameters, config, drive_seed)[0], None, 0, 0)
+        plant = plant_of(job.car, job.effects, lane(config).path)
+        return samples_from_log(gather(trajectory, job.effects, parameters, config, drive_seed, plant)[0], None, 0, 0)
 
     if "once_ocp" in job.wanted:
         beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed))
@@ -78,12 +81,13 @@ def gather_beliefs(job: GatherJob) -> Taught:
 
 def gather_all(
     attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
-    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig,
+    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig, car: TrueCar = "single_track",
 ) -> dict[Attempt, Taught]:  # fmt: skip
     """What each attempt's gathering has taught, kept in the folder's `beliefs-*.npz`.
 
     Args:
-        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle; wanted: of `Taught.beliefs`.
+        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle, a `car`; wanted: of
+            `Taught.beliefs`.
     """
     if not wanted:
         return {}
@@ -92,7 +96,9 @@ def gather_all(
     if missing:
         ocp = plan_drive(learnt, learnt.prior(), gathering, 0.0)
         info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
-        jobs = [GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering) for attempt in missing]
+        jobs = [
+            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car) for attempt in missing
+        ]
 
         def write(job: GatherJob, taught: Taught) -> None:
             arrays: dict[str, Any] = {

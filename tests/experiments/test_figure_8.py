@@ -7,15 +7,21 @@ from pathlib import Path
 
 import pytest
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
 from drift_drake.gathering.plan import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
+from drift_drake.vehicle.double_track.plant import DoubleTrackCarPlant
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+from experiments import true_car
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import ModelsConfig
+from experiments.gathering import beliefs
 from experiments.settings import OtherExperimentError
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
@@ -58,6 +64,29 @@ def test_runs_and_resumes(tmp_path: Path, here: ExecutorConfig, capsys: pytest.C
     after = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*-000-*")}
     assert {name: after[name] for name in before} == before
     assert "prior-000-0.json" in after
+
+
+def test_a_double_track_car_is_gathered_from_and_drifts(
+    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plants: list[bool] = []
+    plant_of = true_car.plant_of
+
+    def noted(car: true_car.TrueCar, effects: Effects, path: CurvedPath) -> PathPlant | None:
+        assert effects.lateral_load_transfer == 0.0  # it has its own
+        assert effects.mass_error != 0.0
+        found = plant_of(car, effects, path)
+        plants.append(isinstance(found, DoubleTrackCarPlant))
+        return found
+
+    monkeypatch.setattr(drift_runs, "plant_of", noted)
+    monkeypatch.setattr(beliefs, "plant_of", noted)
+    double = dataclasses.replace(config(tmp_path, here), car="double_track", models=("once_info",))
+    main(double)
+    assert plants == [True, True]  # along the lane, and in the drift
+    assert json.loads((tmp_path / "once_info-000-0.json").read_text())["outcome"] == "completed"
+    with pytest.raises(InvalidOptionError, match="no model knows the double-track car; leave oracle out"):
+        main(dataclasses.replace(double, models=("oracle",)))
 
 
 def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:

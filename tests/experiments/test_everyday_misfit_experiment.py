@@ -18,27 +18,27 @@ def test_misfits_take_turns_and_the_second_day_adds_one_effect():
 
 
 def answered(name, ambiguity, magnitudes):
-    return {"name": name, "ambiguity": ambiguity, "leading_known": name, "magnitudes": magnitudes, "probability": 0.9}
+    return {"name": name, "ambiguity": ambiguity, "magnitudes": magnitudes, "probability": 0.9}
 
 
 def test_right_answers_are_counted_by_day():
     held = {"aero_drag": {"estimate": 1.0, "low": 0.9, "high": 1.1}}
-    weights = {"row_weight": 0.1, "row_weight_beside_everyday": None, "misfit": {"tyre_curve": 0.28}}
+    car = {"criterion": "prediction", "misfit": {"tyre_curve": 0.28}}
     results = [
-        weights | {"effect": {"aero_drag": 1.0}, "answers": {
-            "changed, everyday": answered("aero_drag", ["aero_drag"], held),
-            "same, everyday": answered("none", ["none"], {})}},
-        weights | {"effect": {"aero_drag": 2.0}, "answers": {
-            "changed, everyday": answered("unknown", ["unknown", "aero_drag"], {}),
-            "same, everyday": answered("unknown", ["unknown"], {})}},
+        car | {"effect": {"aero_drag": 1.0}, "answers": {
+            "changed": answered("aero_drag", ["aero_drag"], held),
+            "same": answered("none", ["none"], {})}},
+        car | {"effect": {"aero_drag": 2.0}, "answers": {
+            "changed": answered("unknown", ["unknown", "aero_drag"], {}),
+            "same": answered("unknown", ["unknown"], {})}},
     ]  # fmt: skip
     found = numbers(results)
     assert found["vehicles"] == 2
-    assert (found["changed, everyday"]["right"], found["same, everyday"]["right"]) == (1, 1)
-    assert found["changed, everyday"]["in_ambiguity_set"] == 2
-    assert found["changed, everyday"]["magnitudes_held"] == [1]
-    assert found["same, everyday"]["unknown"] == 1
+    assert (found["changed"]["right"], found["same"]["right"]) == (1, 1)
+    assert found["changed"]["in_ambiguity_set"] == 2
+    assert found["changed"]["magnitudes_held"] == [1]
+    assert found["same"]["unknown"] == 1
     rows = table(results).splitlines()[2:]
-    assert rows[0] == "| tyre_curve 0.28 | 0.1; none | aero_drag 1 | aero_drag 1 (0.9 to 1.1), 0.90 | none, 0.90 |"
+    assert rows[0] == "| tyre_curve 0.28 | prediction | aero_drag 1 | aero_drag 1 (0.9 to 1.1), 0.90 | none, 0.90 |"
     assert "**unknown**, 0.90 (truth in the ambiguity set) | **unknown**, 0.90 |" in rows[1]
-    assert "| changed, everyday | 1 of 2 (0.09 to 0.91) | 1 | 2 |" in counts(found)
+    assert "| changed | 1 of 2 (0.09 to 0.91) | 1 | 2 |" in counts(found)

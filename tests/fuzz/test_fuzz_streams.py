@@ -40,8 +40,10 @@ def test_recordings(recordings: dict[Path, bytes], data: st.DataObject) -> None:
     path = data.draw(st.sampled_from(sorted(recordings)))
     read = path.parent if path.name == "metadata.yaml" else path
     path.write_bytes(data.draw(spoilt(recordings[path])))
-    tried(f"recordings ({path.suffix[1:]})", look, read)
-    path.write_bytes(recordings[path])
+    try:
+        tried(f"recordings ({path.suffix[1:]})", look, read)
+    finally:
+        path.write_bytes(recordings[path])
 
 
 def growing_log() -> str:

@@ -282,3 +282,8 @@ def test_an_angle_that_cannot_be_radians_is_guessed_in_degrees(tmp_path):
     found = look(tmp_path / "lap.csv")
     assert found.mapping["signals"]["delta_cmd"]["unit"] == "deg"
     assert "time: 1700000000 to 1700000002.99" in mapping_text(found)
+
+
+def test_a_column_without_a_number_is_looked_at(tmp_path):
+    (tmp_path / "lap.csv").write_text("time,speed,steering_angle\n0.0,10.0,\n0.1,10.0,\n")
+    assert "steering_angle" in mapping_text(look(tmp_path / "lap.csv"))

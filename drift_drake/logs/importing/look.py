@@ -252,6 +252,6 @@ def _unit(key: str, column: str, topic: Topic) -> str:
     for pattern, unit in SUFFIXES.items():
         if unit in allowed and re.search(pattern, column.lower()):
             return unit
-    if key in LARGEST and np.nanmax(np.abs(topic.table[column].to_numpy(dtype=float))) > LARGEST[key]:
+    if key in LARGEST and np.any(np.abs(topic.table[column].to_numpy(dtype=float)) > LARGEST[key]):
         return "deg"
     return DIMENSIONS[QUANTITIES[key]][0]

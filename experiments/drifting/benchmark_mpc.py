@@ -26,6 +26,7 @@ from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
+from drift_drake.errors import InvalidOptionError
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
@@ -287,7 +288,15 @@ def table(numbers: dict[str, Any]) -> str:
 
 
 def main(config: BenchmarkConfig) -> None:
-    """Runs, prints and stores the benchmark."""
+    """Runs, prints and stores the benchmark.
+
+    Raises:
+        InvalidOptionError: too few problems to time.
+    """
+    for name in ("problems", "warm_problems"):
+        if getattr(config, name) < 2:
+            option = name.replace("_", "-")
+            raise InvalidOptionError(f"--{option} is {getattr(config, name)}; give 2 or more: the first is not timed")
     folder = make_run_folder("benchmark_mpc", config.out)
     numbers = run(config)
     write_benchmark(folder, config, numbers, table(numbers))

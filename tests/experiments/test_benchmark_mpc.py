@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.control.step_model import NominalStepModel
+from drift_drake.errors import InvalidOptionError
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
 
@@ -31,6 +32,11 @@ def test_a_benchmark_names_machine_parts_counts_and_referees(
     np.testing.assert_allclose([found["cost"] for found in answer.values()], answer["sqp"]["cost"], atol=1e-4)
     assert set(numbers["beside_snopt"]) == {"linearise", "real_time_iteration", "snopt_warm"}
     assert numbers["machine"] in capsys.readouterr().out
+
+
+def test_too_few_problems_are_refused_before_any_is_solved() -> None:
+    with pytest.raises(InvalidOptionError, match="--warm-problems is 0; give 2 or more"):
+        main(BenchmarkConfig(warm_problems=0))
 
 
 def test_a_timed_model_is_the_model() -> None:

@@ -27,7 +27,7 @@ Objective = Literal["eq8", "updated", "drifts"]
 # OSQP's. The information's weight makes these costs larger than the controller's: on validation vehicles, of a later
 # plan's QPs a fifth were cut off at their limit of iterations with 10, one in forty with 100.
 QP_RHO = 100.0
-HEAT = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
+TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,7 +84,7 @@ def plan_drive(
     seed: int = 0,
     lateral: Array | None = None,
 ) -> Trajectory:
-    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses that with the lowest cost after `HEAT` iterations.
+    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses that with the lowest cost after `TRIAL` iterations.
 
     Args:
         alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
@@ -123,13 +123,13 @@ def _first_guesses(
 
 
 def _best(solver: LineSearchSqp, guesses: list[Array]) -> SqpResult:
-    """The solution from the guess that leads furthest in `HEAT` iterations; from the next one where it fails."""
+    """The solution from the guess that leads furthest in `TRIAL` iterations; from the next one where it fails."""
     most = solver.options.max_iterations
-    heats = [solver.solve(guess, most=min(HEAT, most)) for guess in guesses]
-    for heat in sorted(heats, key=lambda result: (result.failed, result.cost)):
-        result = heat
-        if heat.status == "iterations" and most > HEAT:
-            result = solver.solve(heat.z, heat.y, most - HEAT)
+    trials = [solver.solve(guess, most=min(TRIAL, most)) for guess in guesses]
+    for trial in sorted(trials, key=lambda result: (result.failed, result.cost)):
+        result = trial
+        if trial.status == "iterations" and most > TRIAL:
+            result = solver.solve(trial.z, trial.y, most - TRIAL)
         if not result.failed and result.primal_residual < FEASIBLE:
             return result
     raise InfeasiblePlanError(

@@ -126,19 +126,20 @@ class BayesianStepModel(StepModel):
         """See `StepModel`: one reverse pass through the network, where `linearize` needs one for each learnt state."""
         learnt = STATE_COUNT
         rates, by_x, by_u = linearize(x[:, :6], u, curvature, self._nominal)
-        z, body = network_inputs(x, u, u_next), weights[:, :6].copy()
+        g, pullback = self._mean.value_and_pullback(network_inputs(x, u, u_next))
+        body = weights[:, :6].copy()
         gradient = np.zeros((len(x), 12))
         if self._trapezoid:
             x_next = np.empty((len(x), 6))
             x_next[:, :learnt] = x[:, :learnt] + self._dt * rates[:, :learnt]
             x_next[:, 3] = 0.0
-            x_next[:, :learnt] += self._mean.value(z)
+            x_next[:, :learnt] += g
             _, by_state, by_next = _trapezoid_path(x, x_next, curvature, self._dt)
             path = weights[:, None, 4:6]
             gradient[:, :6] = (path @ by_state)[:, 0]
             body[:, :learnt] += (path @ by_next)[:, 0]
             body[:, 4:] = 0.0
-        by_z = self._mean.weighted_gradient(z, body[:, :learnt])
+        by_z = pullback(body[:, :learnt])
         body[:, 3] = 0.0  # h_4 = 0
         gradient[:, :6] += body + self._dt * (body[:, None] @ by_x)[:, 0]
         gradient[:, :learnt] += by_z[:, :learnt]

@@ -81,9 +81,13 @@ def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
 
 def _outputs(network: Network, h2: Array) -> Array:
     """phi [..., 4, 16] from the last hidden layer [..., 128]."""
-    rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
-    outputs: Array = (h2 @ rows.T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
+    outputs: Array = (h2 @ _output_rows(network).T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
     return outputs
+
+
+def _output_rows(network: Network) -> Array:
+    """What each feature takes from the last hidden layer [64, 128]."""
+    return network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
 
 
 def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
@@ -113,7 +117,7 @@ def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
     hidden = _hidden(network, z)
     h2 = hidden[1]
     phi = _outputs(network, h2)
-    rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
+    rows = _output_rows(network)
     jacobian = _reverse(network, hidden, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
     return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
 
@@ -142,7 +146,7 @@ def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[
     hidden = _hidden(network, z)
 
     def pullback(by_phi: Array) -> Array:
-        rows = network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
+        rows = _output_rows(network)
         seed = by_phi.reshape(*by_phi.shape[:-2], 1, len(rows)) @ rows
         return _reverse(network, hidden, seed)[..., 0, :]
 
@@ -213,10 +217,17 @@ class MeanFunction:
         jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
         return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)
 
-    def weighted_gradient(self, z: Array, weights: Array) -> Array:
-        """d (weights times g) / dz [n, 10] at z [n, 10], weights [n, 4]: one reverse pass."""
+    def value_and_pullback(self, z: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """g [n, 4] at z [n, 10], and what turns weights [n, 4] into d (weights times g) / dz [n, 10]: one reverse pass.
+
+        The pullback is to be called before anything else is asked for, which would write over the work arrays.
+        """
         inputs, by_physics = _inputs(z, self._network.nominal)
         h1, h2 = self._forward(inputs)[:2]
-        back = (weights @ self._w3) * (1.0 - h2 * h2)
-        back = (back @ self._w2_t) * (1.0 - h1 * h1)
-        return _by_z((back @ self._w1_t)[:, None], by_physics)[:, 0]
+
+        def pullback(weights: Array) -> Array:
+            back = (weights @ self._w3) * (1.0 - h2 * h2)
+            back = (back @ self._w2_t) * (1.0 - h1 * h1)
+            return _by_z((back @ self._w1_t)[:, None], by_physics)[:, 0]
+
+        return h2 @ self._w3.T + self._b3, pullback

@@ -26,8 +26,8 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, Contro
 from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.results import write_results
+from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
@@ -39,7 +39,7 @@ class ClosedLoopConfig:
 
     vehicle: Path | None = None
     """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
-    plant: Literal["single_track", "double_track"] = "single_track"
+    plant: TruePlant = "single_track"
     """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
     model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
@@ -88,7 +88,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         model = step_model(learnt, learnt.prior())
         adapter = BayesianAdapter(learnt) if config.model == "online" else None
     effects = config.effects()
-    plant = DoubleTrackPlant(CARS["coupe"], effects, reference.path) if config.plant == "double_track" else None
+    plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:

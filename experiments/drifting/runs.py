@@ -33,11 +33,11 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.true_plant import TruePlant, effects_on, plant_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
-from experiments.true_car import TrueCar, effects_on, plant_of
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
 Maneuver = Literal["figure_8", "loops"]
@@ -86,13 +86,13 @@ class ModelsConfig(DriftConfig):
     """An experiment that compares models."""
 
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
-    car: TrueCar = "single_track"
+    plant: TruePlant = "single_track"
     """What the effects are put on: the car of the controllers' equations, or a double-track one, which has load
     transfer, tyres and a differential of its own. No model of a controller knows that one: it has no oracle."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
-        return effects_on(self.car, super().effects(vehicle))
+        return effects_on(self.plant, super().effects(vehicle))
 
 
 class Learnt(NamedTuple):
@@ -115,7 +115,7 @@ class DriveJob:
     noise_seed: int
     believes: Literal["nominal", "oracle"] | Learnt
     control: ControlConfig
-    car: TrueCar = "single_track"
+    plant: TruePlant = "single_track"
 
 
 class DriveResult(NamedTuple):
@@ -143,7 +143,7 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # neither has any uncertainty
     driven = reference(job.maneuver)
-    plant = plant_of(job.car, job.effects, driven.path)
+    plant = plant_of(job.plant, job.effects, driven.path)
     return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant)
 
 
@@ -182,12 +182,12 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     Raises:
         InvalidOptionError: an oracle of a car that no model knows.
     """
-    if config.car == "double_track" and "oracle" in config.models:
+    if config.plant == "double_track" and "oracle" in config.models:
         raise InvalidOptionError("no model knows the double-track car; leave oracle out of --models")
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
-                          config.car)  # fmt: skip
+                          config.plant)  # fmt: skip
     familiar = familiar_to(learnt)
     jobs = []
     for vehicle, seed in config.attempts():
@@ -208,7 +208,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
                 believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
             name = run_name(model, vehicle, seed)
             effects = config.effects(vehicle)
-            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, config.car))
+            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, config.plant))
     return run_drives(jobs, folder, config.run_on)
 
 

@@ -18,9 +18,9 @@ from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
+from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.true_car import TrueCar, plant_of
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 
@@ -51,7 +51,7 @@ class GatherJob:
     ocp: Trajectory
     info: Trajectory
     config: GatheringConfig
-    car: TrueCar = "single_track"
+    plant: TruePlant = "single_track"
 
 
 def gather_beliefs(job: GatherJob) -> Taught:
@@ -60,7 +60,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     seed, beliefs = job.attempt[1], {}
 
     def samples_of(trajectory: Trajectory, drive_seed: int) -> Samples:
-        plant = plant_of(job.car, job.effects, lane(config).path)
+        plant = plant_of(job.plant, job.effects, lane(config).path)
         return samples_from_log(gather(trajectory, job.effects, parameters, config, drive_seed, plant)[0], None, 0, 0)
 
     if "once_ocp" in job.wanted:
@@ -81,12 +81,12 @@ def gather_beliefs(job: GatherJob) -> Taught:
 
 def gather_all(
     attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
-    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig, car: TrueCar = "single_track",
+    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig, plant: TruePlant = "single_track",
 ) -> dict[Attempt, Taught]:  # fmt: skip
     """What each attempt's gathering has taught, kept in the folder's `beliefs-*.npz`.
 
     Args:
-        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle, a `car`; wanted: of
+        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle, on a `plant`; wanted: of
             `Taught.beliefs`.
     """
     if not wanted:
@@ -97,7 +97,8 @@ def gather_all(
         ocp = plan_drive(learnt, learnt.prior(), gathering, 0.0)
         info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
         jobs = [
-            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car) for attempt in missing
+            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, plant)
+            for attempt in missing
         ]
 
         def write(job: GatherJob, taught: Taught) -> None:

@@ -35,8 +35,8 @@ from drift_drake.run_folder import is_done, write_json, write_versions
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.simulation.faults import Fault
+from drift_drake.simulation.true_plant import plant_of
 from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.intervals import binomial
@@ -118,7 +118,7 @@ def closed_loop(
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, kept=kept)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
-        effects, car = Effects(), DoubleTrackPlant(CARS["coupe"], Effects(), reference(plant).path)
+        effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)
     return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, monitor=monitor,
                       policy=policy, adapter=adapter)  # fmt: skip
 

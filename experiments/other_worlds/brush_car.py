@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.compilation import compiled
+from drift_drake.vehicle.double_track.rollout import command_at
 from drift_drake.vehicle.effects import Effects, steering_rate
 from drift_drake.vehicle.scalar import jitable
 
@@ -147,15 +148,6 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
     out[13] = speed / relaxation * (kinematic_front - z[13])
     out[14] = speed / relaxation * (kinematic_rear - z[14])
     return a_x, a_y
-
-
-@jitable
-def command_at(commands: Any, place: Any, last: Any) -> Any:
-    """The command at a place [rows], linear between rows; the first one before them."""
-    if place <= 0.0:
-        return commands[0]
-    row = min(int(place), last)
-    return commands[row] + (place - row) * (commands[min(row + 1, last)] - commands[row])
 
 
 @compiled

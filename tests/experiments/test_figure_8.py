@@ -12,12 +12,12 @@ from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
 from drift_drake.gathering.plan import GatheringConfig, as_in_paper, plan_drive
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation import true_plant
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.double_track.plant import DoubleTrackCarPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
-from experiments import true_car
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import ModelsConfig
@@ -70,18 +70,18 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
     tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants: list[bool] = []
-    plant_of = true_car.plant_of
+    plant_of = true_plant.plant_of
 
-    def noted(car: true_car.TrueCar, effects: Effects, path: CurvedPath) -> PathPlant | None:
+    def noted(plant: true_plant.TruePlant, effects: Effects, path: CurvedPath) -> PathPlant | None:
         assert effects.lateral_load_transfer == 0.0  # it has its own
         assert effects.mass_error != 0.0
-        found = plant_of(car, effects, path)
+        found = plant_of(plant, effects, path)
         plants.append(isinstance(found, DoubleTrackCarPlant))
         return found
 
     for module in (drift_runs, beliefs):
         monkeypatch.setattr(module, "plant_of", noted)
-    double = dataclasses.replace(config(tmp_path, here), car="double_track", models=("once_info",))
+    double = dataclasses.replace(config(tmp_path, here), plant="double_track", models=("once_info",))
     main(double)
     assert json.loads((tmp_path / "once_info-000-0.json").read_text())["outcome"] == "completed"
     learnt = load_model()

@@ -211,8 +211,8 @@ def test_the_guess_that_leads_furthest_is_gone_on_with_and_the_next_where_it_fai
     solver = cast(LineSearchSqp, SimpleNamespace(solve=solve, options=SqpOptions(max_iterations=60)))
     best = planning._best(solver, [np.array([cost]) for cost in (3.0, 1.0, 2.0)])
     assert best.cost == -8.0
-    heat = planning.HEAT
-    assert asked == [(3.0, heat), (1.0, heat), (2.0, heat), (1.0, 60 - heat), (2.0, 60 - heat)]
+    trial = planning.TRIAL
+    assert asked == [(3.0, trial), (1.0, trial), (2.0, trial), (1.0, 60 - trial), (2.0, 60 - trial)]
 
 
 def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:

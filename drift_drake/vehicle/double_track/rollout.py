@@ -32,7 +32,7 @@ def _rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
 
 
 @compiled
-def _at(commands: Any, place: Any, last: Any) -> Any:
+def command_at(commands: Any, place: Any, last: Any) -> Any:
     """The command at a place [rows], linear between rows; the first one before them."""
     if place <= 0.0:
         return commands[0]
@@ -48,13 +48,13 @@ def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
     last = row + 1
     for i in range(SUBSTEPS):
         a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
-        middle, end = _at(delta, b - late, last), _at(delta, c - late, last)
-        _rates(z, _at(delta, a - late, last), _at(tau, a, last), p, q, k1)
-        _rates(z + 0.5 * h * k1, middle, _at(tau, b, last), p, q, k2)
-        _rates(z + 0.5 * h * k2, middle, _at(tau, b, last), p, q, k3)
-        _rates(z + h * k3, end, _at(tau, c, last), p, q, k4)
+        middle, end = command_at(delta, b - late, last), command_at(delta, c - late, last)
+        _rates(z, command_at(delta, a - late, last), command_at(tau, a, last), p, q, k1)
+        _rates(z + 0.5 * h * k1, middle, command_at(tau, b, last), p, q, k2)
+        _rates(z + 0.5 * h * k2, middle, command_at(tau, b, last), p, q, k3)
+        _rates(z + h * k3, end, command_at(tau, c, last), p, q, k4)
         z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return _rates(z, _at(delta, last - late, last), tau[last], p, q, k1)
+    return _rates(z, command_at(delta, last - late, last), tau[last], p, q, k1)
 
 
 @compiled

@@ -1,0 +1,22 @@
+"""What stands for the real car: the single-track car with effects, or one that no single-track car follows."""
+
+from typing import Literal
+
+from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+
+TruePlant = Literal["single_track", "double_track"]
+
+
+def effects_on(plant: TruePlant, drawn: Effects) -> Effects:
+    """Those of the drawn effects that the car can have: the double-track one has load transfer and more of its own."""
+    return drawn if plant == "single_track" else drawn._replace(**dict.fromkeys(NOT_OF_THIS_CAR, 0.0))
+
+
+def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath) -> PathPlant | None:
+    """The plant on a path: the double-track coupe; None for `Car`'s own, of the simulator's equations."""
+    made: PathPlant | None = None if plant == "single_track" else DoubleTrackPlant(CARS["coupe"], effects, path)
+    return made

@@ -4,6 +4,7 @@ Ctrl-C and SIGTERM end each in one line, from the imports on; what is done stays
 """
 
 import contextlib
+import dataclasses
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
@@ -11,6 +12,8 @@ from typing import Any, NoReturn
 from drift_drake.interruption import ended_at_once, leave_ends_to_the_system
 
 NAME = next((word for word in sys.orig_argv if word.startswith(("diagrams.", "experiments."))), "experiments")
+COUNTS = ("vehicles", "noise_seeds", "workers", "threads", "repeats", "loops", "cars", "cases", "seeds", "samples")
+"""Options of which none would leave nothing to do."""
 _importing = contextlib.ExitStack()
 if sys.argv[0] == "-m":  # as Python has it while it looks for the module that it is to run, and imports its packages
     _importing.enter_context(ended_at_once(f"{NAME}: "))
@@ -30,7 +33,9 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
         if options is None:
             tyro.cli(main, description=description)
         else:
-            main(tyro.cli(options, description=description))
+            config = tyro.cli(options, description=description)
+            check_whole_numbers(config)
+            main(config)
         return 0
 
     _importing.close()
@@ -38,3 +43,17 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
     code = ended_well(run, f"{NAME}: ", kept)
     leave_ends_to_the_system()
     sys.exit(code)
+
+
+def check_whole_numbers(config: Any) -> None:
+    """Refuses negative options, and counts of nothing, before anything is begun.
+
+    Raises:
+        InvalidOptionError: names the option.
+    """
+    from drift_drake.errors import InvalidOptionError
+
+    for field in dataclasses.fields(config):
+        value, least = getattr(config, field.name), int(field.name in COUNTS)
+        if isinstance(value, int) and value < least and not isinstance(value, bool):
+            raise InvalidOptionError(f"--{field.name.replace('_', '-')} {value}: give {least} or more")

@@ -101,7 +101,7 @@ class QpSolution(NamedTuple):
 class QpOptions:
     """How QPs are solved; tolerances are in the program's scaled variables."""
 
-    method: QpMethod = "osqp"
+    method: QpMethod = "stagewise"
     tolerance: float = 1e-9  # OSQP's
     max_iterations: int = 20000  # OSQP's
     polish: bool = True
@@ -140,8 +140,8 @@ class BlockHessian:
 class QpWorkspace:
     """min 1/2 z'P z + q'z over [dynamics Jacobian; linear rows]; the numbers of both change from call to call.
 
-    Two methods: OSQP, and an interior-point method that uses the stages of an OCP. With `method` "osqp then stagewise"
-    a QP that OSQP does not solve in its iterations goes to the other.
+    Two methods: an interior-point method that uses the stages of an OCP, and OSQP, which takes rows over several stages
+    too. With `method` "osqp then stagewise" a QP that OSQP does not solve in its iterations goes to the other.
     """
 
     def __init__(
@@ -169,8 +169,9 @@ class QpWorkspace:
         self._stagewise = None
         if "stagewise" in options.method:
             layout = dynamics.layout
-            self._stagewise = StagewiseQp(layout.horizon, layout.state_size, blocks, options.interior_tolerance)
-            assert self._stagewise.row_count == entries.shape[0], "a program with other rows than an OCP's"
+            self._stagewise = StagewiseQp(
+                layout.horizon, layout.state_size, blocks, linear_quadratic.matrix, options.interior_tolerance
+            )
         self._solver = None
         if "osqp" in options.method:
             self._solver = self._osqp(linear_quadratic, blocks, options)

@@ -4,7 +4,7 @@ A stage holds (x_k, u_k, w_k) with w_k = u_{k+1}, [n+4]; what is carried to the 
 
     x_{k+1} = F_k (x_k, u_k, w_k) + d_k,    u_{k+1} = w_k,    x_0 = u_0 = 0.
 
-Minimised is sum_k 1/2 (x, u, w)' H_k (x, u, w) + h_k' (x, u, w), and for k = 1..N a barrier's diagonal in e_k and u_k
+Minimised is sum_k 1/2 (x, u, w)' H_k (x, u, w) + h_k' (x, u, w), and for k = 1..N a barrier's quadratic in (x_k, u_k)
 beside. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright and Rawlings, 1998, section 3).
 """
 
@@ -15,37 +15,41 @@ from drift_drake.compilation import compiled
 
 Array = NDArray[np.float64]
 
-LATERAL = 4  # of the state: the deviation e
-
 
 @compiled
-def _eliminated(whole: Array, inverse: Array, gain: Array, here: Array) -> bool:
-    """Takes w_k out of a stage's Hessian [n+4, n+4]; False where it is not convex in w_k."""
+def _eliminated(whole: Array, pivots: Array, gain: Array, here: Array) -> bool:
+    """Takes w_k out of a stage's Hessian [n+4, n+4], one input after the other; False where it is not convex in them.
+
+    One after the other as in Cholesky's factorisation, which is stable where barriers are stiff; by the inverse of
+    their Hessian the cost to go would lose its convexity to rounding.
+    """
     carried = here.shape[0]
-    a, b, c = whole[carried, carried], whole[carried, carried + 1], whole[carried + 1, carried + 1]
-    determinant = a * c - b * b
-    if not (a > 0.0 and determinant > 0.0):
+    first, second = whole[carried], whole[carried + 1]
+    a, ratio = first[carried], second[carried] / first[carried]
+    b = second[carried + 1] - ratio * second[carried]
+    if not (a > 0.0 and b > 0.0):
         return False
-    inverse[0], inverse[1], inverse[2] = c / determinant, -b / determinant, a / determinant
+    pivots[0], pivots[1], pivots[2] = a, b, ratio
     for j in range(carried):
-        first, second = whole[carried, j], whole[carried + 1, j]
-        gain[0, j] = -(inverse[0] * first + inverse[1] * second)
-        gain[1, j] = -(inverse[1] * first + inverse[2] * second)
+        gain[0, j] = -first[j] / a
+        gain[1, j] = -(second[j] - ratio * first[j]) / b
     for i in range(carried):
-        first, second = whole[carried, i], whole[carried + 1, i]
+        by_first, by_second = a * gain[0, i], b * gain[1, i]
         for j in range(carried):
-            here[i, j] = whole[i, j] + first * gain[0, j] + second * gain[1, j]
+            here[i, j] = whole[i, j] - by_first * gain[0, j] - by_second * gain[1, j]
     return True
 
 
 @compiled
-def factorise(f: Array, hessian: Array, curvature: Array, p: Array, gain: Array, inverse: Array) -> bool:
+def factorise(f: Array, hessian: Array, curvature: Array, p: Array, gain: Array, pivots: Array) -> bool:
     """The backward recursion's matrices.
 
     Args:
-        f: F_k [N, n, n+4]; hessian: H_k [N, n+4, n+4]; curvature: the barrier's, of (e, delta, tau) [N, 3], k = 1..N.
-        p: P_k [N+1, n+2, n+2], gain: w_k by (x_k, u_k) [N, 2, n+2], inverse: of the Hessian in w_k, (11, 12, 22)
-            [N, 3]; all are written.
+        f: F_k [N, n, n+4]; hessian: H_k [N, n+4, n+4]; curvature: the barrier's, of (x_k, u_k) [N, n+2, n+2],
+            k = 1..N.
+        p: P_k [N+1, n+2, n+2]; gain [N, 2, n+2]: the second input of w_k by (x_k, u_k), the first one by these at a
+            given second; pivots [N, 3]: the Hessian by the first, by the second, and what the first takes of the
+            second's step; all are written.
 
     Returns:
         Whether every stage is convex in w_k.
@@ -83,23 +87,21 @@ def factorise(f: Array, hessian: Array, curvature: Array, p: Array, gain: Array,
                     whole[carried + i, j] += value
                 for j in range(2):
                     whole[carried + i, carried + j] += after[n + i, n + j]
-            if not _eliminated(whole, inverse[k], gain[k], here):
+            if not _eliminated(whole, pivots[k], gain[k], here):
                 return False
         if k > 0:
-            here[LATERAL, LATERAL] += curvature[k - 1, 0]
-            here[n, n] += curvature[k - 1, 1]
-            here[n + 1, n + 1] += curvature[k - 1, 2]
+            here += curvature[k - 1]
     return True
 
 
 @compiled
 def substitute(f: Array, linear: Array, end: Array, barrier: Array, defect: Array, p: Array, gain: Array,
-               inverse: Array, q: Array, ahead: Array, step: Array) -> None:  # fmt: skip
+               pivots: Array, q: Array, ahead: Array, step: Array) -> None:  # fmt: skip
     """The step for given linear terms, with what `factorise` has written.
 
     Args:
         f: as there; linear: h_k [N, n+4], and end: that of (x_N, u_N) [n+2]; defect: d_k [N, n].
-        barrier: its linear terms in (e, delta, tau) [N, 3], k = 1..N.
+        barrier: its linear terms in (x_k, u_k) [N, n+2], k = 1..N.
         q: linear terms of the cost to go, [N+1, n+2], and ahead: [N, 2], scratch.
         step: (x_k, u_k) [N+1, n+2].
     """
@@ -122,22 +124,20 @@ def substitute(f: Array, linear: Array, end: Array, barrier: Array, defect: Arra
                 for j in range(n + 4):
                     whole[j] += value[i] * fk[i, j]
             first, second = whole[carried] + value[n], whole[carried + 1] + value[n + 1]
-            ahead[k, 0] = -(inverse[k, 0] * first + inverse[k, 1] * second)
-            ahead[k, 1] = -(inverse[k, 1] * first + inverse[k, 2] * second)
+            second -= pivots[k, 2] * first
+            ahead[k, 0], ahead[k, 1] = -first / pivots[k, 0], -second / pivots[k, 1]
             for j in range(carried):
                 here[j] = whole[j] + gain[k, 0, j] * first + gain[k, 1, j] * second
         if k > 0:
-            here[LATERAL] += barrier[k - 1, 0]
-            here[n] += barrier[k - 1, 1]
-            here[n + 1] += barrier[k - 1, 2]
+            here += barrier[k - 1]
     step[0] = 0.0
     for k in range(count):
         now, after, fk = step[k], step[k + 1], f[k]
         for i in range(2):
-            total = ahead[k, i]
+            after[n + i] = ahead[k, i]
             for j in range(carried):
-                total += gain[k, i, j] * now[j]
-            after[n + i] = total
+                after[n + i] += gain[k, i, j] * now[j]
+        after[n] -= pivots[k, 2] * after[n + 1]
         for i in range(n):
             total = defect[k, i] + fk[i, carried] * after[n] + fk[i, carried + 1] * after[n + 1]
             for j in range(carried):

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
-from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.information import InformationCost
@@ -24,9 +23,6 @@ Array = NDArray[np.float64]
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come.
 Objective = Literal["eq8", "updated", "drifts"]
 
-# OSQP's. The information's weight makes these costs larger than the controller's: on validation vehicles, of a later
-# plan's QPs a fifth were cut off at their limit of iterations with 10, one in forty with 100.
-QP_RHO = 100.0
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
@@ -94,11 +90,7 @@ def plan_drive(
     """
     problem = info_ocp(model, belief, config, alpha, lateral)
     cost = information_cost(model, belief, config.objective, alpha)
-    options = SqpOptions(
-        max_iterations=config.max_iterations,
-        tolerance=config.tolerance,
-        qp=QpOptions(tolerance=1e-7, max_iterations=1000, rho=QP_RHO),
-    )
+    options = SqpOptions(max_iterations=config.max_iterations, tolerance=config.tolerance)
     solver = LineSearchSqp(problem, options)
     straight = problem.GetInitialGuess(problem.decision_variables())
     guesses = _first_guesses(problem, straight, config.starts if alpha > 0.0 else 1, np.random.default_rng(seed))

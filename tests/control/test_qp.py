@@ -1,5 +1,6 @@
 """The SQP's quadratic programs: what OSQP is told of them, and the interior-point method beside it."""
 
+import dataclasses
 import signal
 from typing import Any
 
@@ -11,6 +12,7 @@ from control_problems import ocp_data
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 from drift_drake.control.step_model import NominalStepModel
+from drift_drake.gathering.lane import LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -67,17 +69,30 @@ def test_ctrl_c_during_a_qp_is_not_osqps(monkeypatch: pytest.MonkeyPatch) -> Non
     assert told == ["maximum iterations reached", "Ctrl-C"]
 
 
-def workspace(reference: Reference, method: QpMethod) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
-    """A workspace whose OSQP is cut off at once, and QPs' arguments (first the Jacobian) at places of a reference."""
+OPTIONS = QpOptions("stagewise", 1e-4, 1, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-7)
+
+
+def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
+    """A workspace, and QPs' arguments (first the Jacobian): at places of a reference, or of a lane drive's plan.
+
+    OSQP is cut off at once, unless the options say otherwise. A lane drive's has further rows: slip and its end.
+    """
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, LENGTH)
+    lane = LaneDrive(steps=LENGTH, v_end=10.0)
+    if reference is None:
+        bound_slip(problem, lane)
+        bound_end(problem)
     part = LinearQuadraticPart(problem)
-    blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
-    qps = QpWorkspace(part, problem.dynamics, blocks, QpOptions(method, 1e-4, 1, polish=False, rho=1.0, feasible=True,
-                                                            interior_tolerance=1e-7))  # fmt: skip
+    qps = QpWorkspace(part, problem.dynamics, np.tile(STAGE_HESSIAN, (LENGTH, 1, 1)), options)
     arguments = []
     for s in (20.0, 40.0, 70.0):
-        data = ocp_data(reference, s, LENGTH, np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05]))  # outside the lane
+        error = np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05])  # outside the lane
+        if reference is None:
+            data = problem_data(lane)
+            data = data._replace(x_init=data.x_init + s / 20.0 * error)  # and slipping
+        else:
+            data = ocp_data(reference, s, LENGTH, error)
         problem.set(data)
         z = problem.first_guess(data)
         residual, jacobian = problem.dynamics.linearize(z)
@@ -93,14 +108,15 @@ def solve(qps: QpWorkspace, arguments: tuple[Any, ...], interior: bool = False) 
     return qps.solve(*arguments[1:], interior)
 
 
+@pytest.mark.parametrize("name", ["figure_8", None])
 @pytest.mark.parametrize(
     ("method", "interior"), [("stagewise", False), ("osqp then stagewise", False), ("osqp then stagewise", True)]
 )
 def test_the_interior_point_method_meets_the_optimality_conditions(
-    references: dict[str, Reference], method: QpMethod, interior: bool
+    references: dict[str, Reference], method: QpMethod, interior: bool, name: str | None
 ) -> None:
     """Karush, Kuhn and Tucker's, with OSQP's signs of the multipliers."""
-    qps, problems = workspace(references["figure_8"], method)
+    qps, problems = workspace(name and references[name], dataclasses.replace(OPTIONS, method=method))
     for arguments in problems:
         found = solve(qps, arguments, interior)
         assert found.status == "solved"
@@ -118,8 +134,23 @@ def test_the_interior_point_method_meets_the_optimality_conditions(
         assert np.abs(found.y).max() > 1.0
 
 
+@pytest.mark.parametrize("name", ["figure_8", None])
+def test_the_two_methods_agree(references: dict[str, Reference], name: str | None) -> None:
+    exact = QpOptions("osqp", 1e-10, 100_000, interior_tolerance=1e-10)
+    reference = name and references[name]
+    qps, problems = workspace(reference, exact)
+    other, _ = workspace(reference, dataclasses.replace(exact, method="stagewise"))
+    blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
+    for arguments in problems:
+        first, second = solve(qps, arguments), solve(other, arguments)
+        assert first.status == second.status == "solved"
+        costs = [arguments[1] @ z + 0.5 * z @ qps.hessian.times(blocks, z) for z in (first.z, second.z)]
+        assert costs[0] == pytest.approx(costs[1], rel=1e-8)
+        np.testing.assert_allclose(first.z, second.z, atol=1e-6)
+
+
 def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Reference]) -> None:
-    qps, problems = workspace(references["figure_8"], "osqp then stagewise")
+    qps, problems = workspace(references["figure_8"], dataclasses.replace(OPTIONS, method="osqp then stagewise"))
     first = [solve(qps, arguments) for arguments in problems]
     for index in (2, 0, 0, 1, 2, 1):
         again = solve(qps, problems[index])
@@ -128,7 +159,7 @@ def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Refe
 
 
 def test_a_qp_without_a_solution_stays_unsolved(references: dict[str, Reference]) -> None:
-    qps, problems = workspace(references["figure_8"], "stagewise")
+    qps, problems = workspace(references["figure_8"])
     jacobian, gradient, low, high, *start = problems[0]
     inputs = slice(-3 * LENGTH, -LENGTH)
     low[inputs], high[inputs] = 1.0, -1.0

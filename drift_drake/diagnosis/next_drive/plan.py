@@ -25,7 +25,6 @@ from drift_drake.control.discrimination import (
 from drift_drake.control.effects_step import BEYOND, EffectsStepModel
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
-from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answers.answer import Answer, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
@@ -45,7 +44,6 @@ RIVALS = 3  # of the leading hypothesis that plans are made against
 ROUNDING = 1e-5  # of an answer written to a file
 OUT_OF_LANE = 0.05  # [m] of a plan's largest slack
 HEADINGS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)  # [rad] of the lane that are tried where a road's grade is in doubt
-QP_RHO = 10.0  # OSQP's: the weight of the nats makes these costs larger than the controller's
 SLALOMS = ((1.0, 2.4), (1.5, 1.5))  # [m], [s]
 
 
@@ -232,10 +230,7 @@ def solve(
     ]
     data = data._replace(x_init=np.concatenate([start, *memories]))
     problem.set(data)
-    options = SqpOptions(
-        max_iterations=config.max_iterations, tolerance=1e-3, gauss_newton=True,
-        qp=QpOptions(tolerance=1e-5, max_iterations=1000, polish=False, rho=QP_RHO),
-    )  # fmt: skip
+    options = SqpOptions(max_iterations=config.max_iterations, tolerance=1e-3, gauss_newton=True)
     solver = LineSearchSqp(problem, options)
     rng = np.random.default_rng(0)
     straight = problem.first_guess(data)

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.another_day.beliefs import day_beliefs
+from drift_drake.diagnosis.another_day.changed_car import judged
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
-from drift_drake.diagnosis.another_day.magnitudes import refitted
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
@@ -45,6 +45,7 @@ FAR_BEYOND = (
     "errors are far beyond normal: causes are judged by the errors that they remove a tenth of a second ahead, and "
     "may be what the calibration could not see instead of a change since"
 )
+SINGLES, PAIRS = 6, 3  # leading ones that are judged at the changed car
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
 Progress = Callable[[str, float], None]
@@ -116,12 +117,17 @@ def diagnose_day(
 
 
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
-    """The car as it was calibrated, and single changes and pairs of them, the best first."""
+    """The car as it was calibrated, and the leading single changes and pairs of them, judged at the changed car."""
     none = search.none()
-    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.5 * share))
-    if not singles or min(none.nats, singles[0].nats) <= WORTH_A_PAIR:
-        return none, singles
-    return none, [*singles, *search.pairs(singles, lambda share: tell("pairs of effects", 0.6 + 0.2 * share))]
+    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.3 * share))
+    leading = judged(search, [h for h in singles if tells_from_zero(h)][:SINGLES])
+    tell("single effects", 0.5)
+    if min(h.nats for h in (none, *leading)) <= WORTH_A_PAIR:
+        return none, leading
+    first = [h.names for h in leading]
+    singles = [*leading, *(h for h in singles if h.names not in first)]
+    pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.5 + 0.2 * share))
+    return none, [*leading, *judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])]
 
 
 def details_of(
@@ -171,19 +177,19 @@ def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
 ) -> tuple[Ranked, Reduction]:
     """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
-    kept = [none, *(as_change(h) for h in others if tells_from_zero(h))]
+    kept = [none, *(h for h in others if tells_from_zero(h))]
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
     while True:
         found = ranked(kept, *counts)
-        leading = refitted(search, found.leading)
+        leading = found.leading
         shrinks = reduction(search, leading, leading)
-        if not leading.names or (shrinks.estimate > 0.0 and tells_from_zero(leading)):
+        if not leading.names or shrinks.estimate > 0.0:
             break
-        kept = [h for h in kept if h is not found.leading]
+        kept = [h for h in kept if h is not leading]
     if gross(search, leading) > GROSS:
         doubted = max(counts[-1], CERTAIN)
         found = ranked(kept, *counts[:-1], doubted)
-    return dataclasses.replace(found, leading=leading), shrinks
+    return found, shrinks
 
 
 def unseen_sentence(name: str, q: float) -> str:

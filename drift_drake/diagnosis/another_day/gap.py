@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from drift_drake.diagnosis.another_day.changed_car import changed_car, slopes_at
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.normal import LOST, WORST, Normal
@@ -31,10 +32,10 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) ->
     lowest = squares(search.normal, day.errors_with(best.effects(day)))
     level = search.normal.level[:, : len(STATES)]
     floor = lowest * np.minimum(1.0, level / np.maximum(lowest.mean(axis=0), 1e-12))
-    after = np.empty_like(before)
+    after, there = np.empty_like(before), changed_car(search, h)
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
-        q = held_out_magnitudes(search, h, fold)
+        q = held_out_magnitudes(search, there, h, fold)
         after[held] = squares(search.normal, day.errors_with(h.effects(day, q)))[held]
     sums = np.zeros((day.blocks, 3))
     for i, part in enumerate((before, after, floor)):
@@ -56,24 +57,18 @@ def share(before: float, after: float, floor: float) -> float:
     return float(np.clip(1.0 - (after - floor) / (before - floor), -1.0, 1.0)) if before > floor else 0.0
 
 
-def held_out_magnitudes(search: Search, h: Hypothesis, fold: int) -> np.ndarray:
-    """Magnitudes that the scores of the other folds' blocks ask for: one Gauss-Newton step from the fit to all."""
+def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int) -> np.ndarray:
+    """Magnitudes that the scores of the other folds' blocks ask for: one Gauss-Newton step from the fit to all.
+
+    Args:
+        there: the search at the car with the hypothesis.
+    """
     day = search.day
     kept = np.arange(day.blocks) % FOLDS != fold
-    part = float(np.mean(kept))
-
-    def scores(q: np.ndarray) -> np.ndarray:
-        e = day.errors_with(h.effects(day, q))
-        return search.kept_scores(e, kept) - part * search.scatter.mean
-
-    q = h.magnitudes
-    at = scores(q)
-    slopes = np.empty((len(at), len(q)))
-    for i in range(len(q)):
-        step = 0.05 * q[i]
-        slopes[:, i] = (scores(q - step * (np.arange(len(q)) == i)) - at) / -step
-    hessian = slopes.T @ search.scatter.inverse @ slopes
-    moved = q - np.linalg.lstsq(hessian, slopes.T @ search.scatter.inverse @ at, rcond=None)[0]
+    at = there.scores({}, kept)
+    slopes = slopes_at(there, search, h, h.magnitudes, at, kept)
+    hessian = slopes.T @ there.scatter.inverse @ slopes
+    moved = h.magnitudes - np.linalg.lstsq(hessian, slopes.T @ there.scatter.inverse @ at, rcond=None)[0]
     ranges = [search.ranges[name] for name in h.names]
     return np.clip(moved, [r.low for r in ranges], [r.high for r in ranges])
 

@@ -97,14 +97,11 @@ class Search:
         """The same search on other windows."""
         return Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
 
-    def scores(self, effects: Mapping[str, float]) -> np.ndarray:
-        """Scores less their normal mean [n] once effects are added."""
+    def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
+        """Scores less their normal mean [n] once effects are added, of the blocks that are kept [blocks] (bool)."""
         e = self.day.errors_with(effects) if effects else self.day.errors
-        return summed(self.day, self.normal, e) - self.scatter.mean
-
-    def kept_scores(self, e: np.ndarray, kept: np.ndarray) -> np.ndarray:
-        """Scores [n] of errors over the blocks that are kept [blocks] (bool)."""
-        return summed(self.day, self.normal, e, kept)
+        part = 1.0 if kept is None else float(np.mean(kept))
+        return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
         """Half the squared distance from normal of scores [..., n]."""

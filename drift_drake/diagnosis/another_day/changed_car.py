@@ -1,0 +1,122 @@
+"""Hypotheses judged at the changed car: whether a day's scores are normal once a change has been put into the car.
+
+The search takes the scores' derivatives at the calibrated car, for all hypotheses alike. Under a large change that car
+is far off: errors are clipped there that are not once the change is put in, and tyres work elsewhere, so that a wrong
+change may seem normal and the right one not. What it leads with is therefore judged at the car with the change in it:
+derivatives, clipping and what is normal are taken again there, as Gauss and Newton's method does.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.diagnosis.shared.ranges import clipped
+from drift_drake.estimation.scores import make_day
+from drift_drake.estimation.unknowns import added
+
+ROUNDS = 3  # cars at most that a hypothesis moves on to
+SHARES = (1.0, 0.4)  # of a Gauss-Newton step, until one makes the scores more normal
+NEAR = 0.5  # standard deviations of a step, below which the car's derivatives serve
+STEP = 0.05  # of the reach, for derivatives of the scores
+SINGULAR = 1e12  # condition of the second derivatives, beyond which the logs do not show the magnitudes apart
+HOPELESS = 40.0  # nats behind the best hypothesis, from where on none is led further
+
+
+@dataclasses.dataclass(frozen=True)
+class At:
+    """A hypothesis at magnitudes, judged at the car with them."""
+
+    q: np.ndarray  # [k]
+    nats: float  # half the squared distance of the scores from normal
+    covariance: np.ndarray  # [k, k]
+    step: np.ndarray  # [k] of Gauss and Newton
+
+
+def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
+    """The search from the car with a hypothesis in it; q: magnitudes of its causes, if not its own."""
+    effects, day, normal = h.effects(search.day, q), search.day, search.normal
+    return search.on(make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
+                              search.threads))  # fmt: skip
+
+
+def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The hypotheses with the magnitudes, covariances and evidence that they have at the car with them, best first.
+
+    Without those whose magnitudes the logs do not show apart there.
+    """
+    out: list[Hypothesis] = []
+    for h in hypotheses:
+        limit = min((other.nats for other in out), default=np.inf) + HOPELESS
+        at = _led(search, h, limit)
+        if at is not None:
+            out.append(at)
+    return sorted(out, key=lambda h: -h.log_evidence)
+
+
+def _led(search: Search, h: Hypothesis, limit: float) -> Hypothesis | None:
+    """A hypothesis at its most likely magnitudes; those beside its causes are fitted with them."""
+    whole, count = _with_beside(h), len(h.names)
+    ranges = [search.ranges[name] for name in whole.names]
+    at = _at(search, whole, whole.magnitudes)
+    for _ in range(ROUNDS):
+        if at is None or at.nats > limit:
+            break
+        step = np.array([clipped(float(x), r) for x, r in zip(at.q + at.step, ranges, strict=True)]) - at.q
+        if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(at.covariance))):
+            at = dataclasses.replace(at, q=at.q + step)
+            break
+        for share in SHARES:
+            trial = _at(search, whole, at.q + share * step)
+            if trial is not None and trial.nats < at.nats:
+                at = trial
+                break
+        else:
+            break
+    if at is None:
+        return None
+    all_names = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load)
+    beside = dict(zip(whole.names[count:], map(float, at.q[count:]), strict=True))
+    return dataclasses.replace(
+        all_names, names=h.names, magnitudes=at.q[:count], covariance=at.covariance[:count, :count], beside=beside
+    )
+
+
+def _with_beside(h: Hypothesis) -> Hypothesis:
+    """What a hypothesis has beside its causes as causes too."""
+    return dataclasses.replace(
+        h, names=(*h.names, *h.beside), magnitudes=np.concatenate([h.magnitudes, list(h.beside.values())]), beside={}
+    )
+
+
+def _at(search: Search, h: Hypothesis, q: np.ndarray) -> At | None:
+    """A hypothesis judged at the car with the magnitudes q; None where the logs do not show them apart."""
+    there = changed_car(search, h, q)
+    s = there.scores({})
+    slopes = slopes_at(there, search, h, q, s)
+    hessian = slopes.T @ there.scatter.inverse @ slopes
+    if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
+        return None
+    covariance = np.linalg.inv(hessian)
+    return At(q, float(there.nats(s)), covariance, -covariance @ slopes.T @ there.scatter.inverse @ s)
+
+
+def slopes_at(
+    there: Search, search: Search, h: Hypothesis, q: np.ndarray, s: np.ndarray, kept: np.ndarray | None = None
+) -> np.ndarray:
+    """Derivatives [n, k] of the scores s at the changed car by a hypothesis' magnitudes.
+
+    Args:
+        there: the search at the car with the magnitudes q; search: at the calibrated car, whose ranges hold;
+        kept: blocks [blocks] (bool) that are summed, if not all.
+    """
+    slopes = np.empty((len(s), len(q)))
+    at = h.effects(search.day, q)
+    for i, name in enumerate(h.names):
+        step = STEP * search.ranges[name].high
+        step = -np.sign(q[i]) * step if abs(q[i]) > step else np.copysign(step, q[i])  # within bounds
+        moved = h.effects(search.day, q + step * (np.arange(len(q)) == i))
+        change = added_up(moved, {key: -x for key, x in at.items()})
+        slopes[:, i] = (there.scores(change, kept) - s) / step
+    return slopes

@@ -58,11 +58,11 @@ def traced(problem: Problem) -> Problem:
     problem = problem.replace(runs=bare)
     nominal = _Nominal((), np.zeros(problem.nuisances))
     gains = filter_case(problem, nominal.theta, nominal.names)
-    states = filtered_states(problem, gains, nominal)
     weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
     traces = []
     for i, run in enumerate(bare):
-        forces = STEP * force_units(problem) * (state_functions(problem, nominal, states[i], i) @ weights.T)
+        functions = state_functions(problem, nominal, filtered_states(problem, gains, nominal, i), i)
+        forces = STEP * force_units(problem) * (functions @ weights.T)
         y = run.y.copy()
         for name, offset in everyday.offsets.items():
             channel = CHANNELS.index(name)

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import log_ndtr
 
+from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.prior import bounds, is_gap, log_density, scale
 from drift_drake.estimation.problem import (
     NUISANCES,
     START_MATTERS,
     TOLERANCES,
+    Filtered,
     Gains,
     Problem,
     counted,
@@ -68,55 +70,60 @@ def parameter_limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray
     return np.concatenate([low, [a for a, _ in pairs]]), np.concatenate([high, [b for _, b in pairs]])
 
 
-def cost_of(problem: Problem, gains: Gains, theta: np.ndarray) -> float:
+def cost_of(problem: Problem, filtered: Filtered, theta: np.ndarray) -> float:
     """Negative log posterior, up to constants, of parameters whose filter gave these innovations."""
-    e = flat(problem, gains.innovations)
+    e = flat(problem, filtered.innovations)
     prior = prior_precision(problem, len(theta))
-    return 0.5 * float(e @ e) + 0.5 * gains.logdet + 0.5 * float(prior @ theta**2)
+    return 0.5 * float(e @ e) + 0.5 * filtered.logdet + 0.5 * float(prior @ theta**2)
 
 
-def sensitivity(
-    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], only: Sequence[int] | None = None
-) -> np.ndarray:
-    """Derivatives of the innovations [count, parameters] under frozen gains, by one-sided differences.
+def sensitivity(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> Derivatives:
+    """Derivatives of the innovations that count, under frozen gains, by one-sided differences."""
+    parts = [run_sensitivity(problem, gains, theta, names, i) for i in range(len(problem.runs))]
+    return Derivatives([block for block, _ in parts], [columns for _, columns in parts], len(theta))
 
-    Columns that are not in `only`, if given, are left zero, and so are those of the commands before the first row
-    where no effect lets them matter.
+
+def run_sensitivity(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Those of one run [its count, columns], and the parameters that the columns are by.
+
+    Parameters that do nothing under these effects are left out: of the commands before the first row, of a limiter.
     """
-    base = observe_case(problem, gains, theta, names)
-    out = np.zeros((len(base), len(theta)))
-    _, high = parameter_limits(problem, names)
+    limited = "steering_rate_limit" in names
+    shared = [column for column in range(len(NUISANCES)) if limited or column != LIMITER]
+    starts = [
+        len(NUISANCES) + 2 * index + kind for kind, under in enumerate(START_MATTERS) if under.intersection(names)
+    ]
+    columns = [*shared, *starts, *range(problem.nuisances, len(theta))]
+    base, moved = _innovations(problem, gains, theta, names, index), []
+    for column in columns:
+        there, step = _moved(problem, theta, names, column)
+        moved.append((_innovations(problem, gains, there, names, index) - base) / step)
+    return np.stack(moved, axis=-1), np.array(columns)
+
+
+def last_derivative(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], e: np.ndarray
+) -> np.ndarray:
+    """The same by the last parameter [count], from the innovations at theta [count]."""
+    there, step = _moved(problem, theta, names, len(theta) - 1)
+    return (observe_case(problem, gains, there, names) - e) / step
+
+
+def _innovations(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
+    """Those of one run that count, one after the other."""
+    return counted(problem, problem.runs[index], observe(problem, gains, theta, names, index)).ravel()
+
+
+def _moved(problem: Problem, theta: np.ndarray, names: Sequence[str], column: int) -> tuple[np.ndarray, float]:
+    """Parameters a step further in one of them, within its bounds, and the step."""
     first = problem.nuisances
-    for column in [*range(len(NUISANCES)), *range(first, len(theta))]:
-        if only is not None and column not in only:
-            continue
-        if column == LIMITER and "steering_rate_limit" not in names:
-            continue
-        step = problem.step if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
-        step = step if theta[column] + step <= high[column] else -step
-        moved = theta.copy()
-        moved[column] += step
-        out[:, column] = (observe_case(problem, gains, moved, names) - base) / step
-    if only is None:
-        _start_columns(problem, gains, theta, names, base, out)
-    return out
-
-
-def _start_columns(
-    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], base: np.ndarray, out: np.ndarray
-) -> None:
-    """Fills the columns of the commands before the first row; those of one run only move that run."""
-    for kind, matters in enumerate(START_MATTERS):
-        if not matters.intersection(names):
-            continue
-        row = 0
-        for i, run in enumerate(problem.runs):
-            column = len(NUISANCES) + 2 * i + kind
-            moved = theta.copy()
-            moved[column] += problem.step
-            e = counted(problem, run, observe(problem, gains, moved, names, i)).ravel()
-            out[row : row + len(e), column] = (e - base[row : row + len(e)]) / problem.step
-            row += len(e)
+    step = problem.step if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
+    step = step if theta[column] + step <= parameter_limits(problem, names)[1][column] else -step
+    moved = theta.copy()
+    moved[column] += step
+    return moved, step
 
 
 def prior_precision(problem: Problem, count: int) -> np.ndarray:
@@ -128,12 +135,16 @@ def prior_precision(problem: Problem, count: int) -> np.ndarray:
 
 
 def normal_step(
-    problem: Problem, jacobian: np.ndarray, e: np.ndarray, theta: np.ndarray, names: Sequence[str], damping: float
+    problem: Problem, information: np.ndarray, pull: np.ndarray, theta: np.ndarray, names: Sequence[str], damping: float
 ) -> tuple[np.ndarray, float]:
-    """Damped Gauss-Newton step within the bounds, and the gain [nats] that it promises."""
+    """Damped Gauss-Newton step within the bounds, and the gain [nats] that it promises.
+
+    Args:
+        information: J'J [n, n] and pull: J'e [n], of the innovations e and their derivatives J.
+    """
     prior = prior_precision(problem, len(theta))
-    hessian = jacobian.T @ jacobian + np.diag(prior)
-    gradient = jacobian.T @ e + prior * theta
+    hessian = information + np.diag(prior)
+    gradient = pull + prior * theta
     low, high = parameter_limits(problem, names)
     free = np.ones(len(theta), dtype=bool)
     step = np.zeros(len(theta))
@@ -155,12 +166,12 @@ def normal_step(
 
 @dataclasses.dataclass
 class Linearised:
-    """A fit in progress: parameters, their filter, and derivatives that may lag behind by a small step."""
+    """A fit in progress: parameters, their innovations, and derivatives that may lag behind by a small step."""
 
     theta: np.ndarray
-    gains: Gains
+    filtered: Filtered
     cost: float
-    jacobian: np.ndarray
+    jacobian: Derivatives
     iterations: int = 0
 
 
@@ -170,7 +181,7 @@ def minimise(
     theta: np.ndarray,
     iterations: int = 6,
     enough: float = CONVERGED,
-    jacobian: np.ndarray | None = None,
+    jacobian: Derivatives | None = None,
 ) -> Linearised:
     """Levenberg-Marquardt from a start, re-linearised (gains and derivatives) as it moves.
 
@@ -180,21 +191,21 @@ def minimise(
     theta = np.clip(theta, *parameter_limits(problem, names))
     gains = filter_case(problem, theta, names)
     jacobian = sensitivity(problem, gains, theta, names) if jacobian is None else jacobian
-    at = Linearised(theta, gains, cost_of(problem, gains, theta), jacobian)
+    at = Linearised(theta, gains.filtered, cost_of(problem, gains.filtered, theta), jacobian)
     damping = 1e-4
     for _ in range(iterations):
         at.iterations += 1
-        e, drop, gain = flat(problem, at.gains.innovations), 0.0, 0.0
+        pull, drop, gain = at.jacobian.pull(flat(problem, at.filtered.innovations)), 0.0, 0.0
         for _ in range(6):
-            step, gain = normal_step(problem, at.jacobian, e, at.theta, names, damping)
+            step, gain = normal_step(problem, at.jacobian.information, pull, at.theta, names, damping)
             if gain < enough:
                 break
-            trial = at.theta + step
-            trial_gains = filter_case(problem, trial, names)
-            trial_cost = cost_of(problem, trial_gains, trial)
+            del gains  # the largest arrays: two of them at once would be too many for long logs
+            gains = filter_case(problem, at.theta + step, names)
+            trial_cost = cost_of(problem, gains.filtered, at.theta + step)
             if np.isfinite(trial_cost) and trial_cost < at.cost:
                 drop = at.cost - trial_cost
-                at.theta, at.gains, at.cost = trial, trial_gains, trial_cost
+                at.theta, at.filtered, at.cost = at.theta + step, gains.filtered, trial_cost
                 break
             damping = max(10.0 * damping, 1e-3)
         if drop < enough:
@@ -202,7 +213,7 @@ def minimise(
         if drop > 0.5 * gain:
             damping *= 0.1
         if drop > max(STALE, enough):
-            at.jacobian = sensitivity(problem, at.gains, at.theta, names)
+            at.jacobian = sensitivity(problem, gains, at.theta, names)
     return at
 
 
@@ -213,13 +224,13 @@ def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: i
 
 def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     """The fit's covariance and its Laplace evidence, magnitudes truncated to their bounds."""
-    theta, jacobian, e = at.theta, at.jacobian, flat(problem, at.gains.innovations)
+    theta, e = at.theta, flat(problem, at.filtered.innovations)
     prior = prior_precision(problem, len(theta))
-    hessian = jacobian.T @ jacobian + np.diag(prior)
+    hessian = at.jacobian.information + np.diag(prior)
     unit = np.concatenate([np.ones(problem.nuisances), [scale(name, problem.vehicle) for name in names]])
     unit[:TOLERANCES] = problem.exactness
     covariance = np.linalg.inv(hessian * np.outer(unit, unit)) * np.outer(unit, unit)
-    mode = theta - covariance @ (jacobian.T @ e + prior * theta)
+    mode = theta - covariance @ (at.jacobian.pull(e) + prior * theta)
     log_evidence = -at.cost + laplace_terms(hessian, covariance, theta, mode, names, problem.vehicle)
     log_evidence -= TOLERANCES * float(np.log(problem.exactness))
     magnitudes = zip(names, theta[problem.nuisances :], strict=True)

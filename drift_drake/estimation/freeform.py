@@ -8,23 +8,22 @@ functions are the ceiling of what a free-form model reaches.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
 
 from drift_drake.estimation.filter_state import SIZE
-from drift_drake.estimation.fit import prior_precision, sensitivity
-from drift_drake.estimation.problem import Gains, Problem, car, counted, filter_case, flat, observe
+from drift_drake.estimation.fit import prior_precision, run_sensitivity
+from drift_drake.estimation.problem import Gains, Problem, car, counted, filter_case, observe
+from drift_drake.estimation.regression import SENSORS, Regression, Responses, equations, regress
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
 
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
-SENSORS = len(FORCE_CHANNELS)  # index of the group of the sensors' offsets, behind the force channels
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in, of the reference car; by weight and size of others
 PULSE = 0.5  # [s] width of a pulse
 MOST_PULSES = 40  # in one run
-EM_STEPS = 30
 
 
 class Fitted(Protocol):
@@ -37,25 +36,11 @@ class Fitted(Protocol):
     def theta(self) -> np.ndarray: ...
 
 
-@dataclasses.dataclass(frozen=True)
-class Regression:
-    """Posterior of the weights of one set of regressors."""
-
-    gain: float  # [nats] of evidence over the hypothesis alone
-    weights: np.ndarray  # run by run and channel by channel, in FORCE_UNIT
-    channel_of: np.ndarray  # index of each weight's force channel (or SENSORS)
-    scales: np.ndarray  # [channels, and the sensors] prior standard deviation of the weights
-    removed: float  # share of the squared innovations that the regressors take away
-
-
-def filtered_states(problem: Problem, gains: Gains, fit: Fitted) -> list[np.ndarray]:
-    """Corrected states [rows, SIZE] of each run under a fit."""
-    out = []
-    for i, run in enumerate(problem.runs):
-        states = np.empty((len(run.y), SIZE))
-        observe(problem, gains, fit.theta, fit.names, i, states=states)
-        out.append(states)
-    return out
+def filtered_states(problem: Problem, gains: Gains, fit: Fitted, index: int) -> np.ndarray:
+    """Corrected states [rows, SIZE] of one run under a fit."""
+    states = np.empty((len(problem.runs[index].y), SIZE))
+    observe(problem, gains, fit.theta, fit.names, index, states=states)
+    return states
 
 
 def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: int) -> np.ndarray:
@@ -144,112 +129,31 @@ def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, ba
     return np.stack(out, axis=-1)
 
 
-@dataclasses.dataclass(frozen=True)
-class Responses:
-    """What one run's innovations that count do as a fit's own parameters and the regressors' weights move."""
-
-    weights: np.ndarray  # derivatives [count, weights]
-    own: np.ndarray  # derivatives [count, own parameters]
-    residual: np.ndarray  # the innovations [count]
-
-    def rows(self, kept: np.ndarray) -> "Responses":
-        """Those of some of the measurements [count] bool."""
-        return Responses(self.weights[kept], self.own[kept], self.residual[kept])
-
-
-@dataclasses.dataclass(frozen=True)
-class Equations:
-    """Normal equations of a hypothesis' own parameters and, behind them, the weights of regressors."""
-
-    hessian: np.ndarray  # without the priors
-    gradient: np.ndarray  # with that of the own parameters' prior
-    own: int  # parameters ahead of the weights
-    channel_of: np.ndarray  # index of each weight's force channel (or SENSORS)
-    squares: float  # of the innovations
-
-
-def responses(problem: Problem, fit: Fitted, kind: str) -> tuple[list[Responses], np.ndarray]:
-    """Each run's responses, and the channel of each weight.
+def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
+    """Each run's responses, one run after the other.
 
     Args:
         kind: "pulses" (weights of their own in each run) or "functions" (of the state, shared by the runs).
     """
     gains = filter_case(problem, fit.theta, fit.names)
-    states = filtered_states(problem, gains, fit)
-    jacobian = sensitivity(problem, gains, fit.theta, fit.names)
-    residual = flat(problem, gains.innovations)
-    out, row = [], 0
-    channel_of = np.zeros(0, dtype=int)
     for i, run in enumerate(problem.runs):
         base = gains.innovations[i]
-        shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states[i], i)
+        states = filtered_states(problem, gains, fit, i)
+        shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states, i)
         d = counted(problem, run, pushed(problem, gains, fit, i, base, shapes))
         d = d.reshape(-1, len(FORCE_CHANNELS) * shapes.shape[1])
-        groups = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
+        channel_of = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
         if kind == "functions":
             offsets = counted(problem, run, offset_responses(problem, gains, fit, i, base))
             d = np.hstack([d, offsets.reshape(len(d), -1)])
-            groups = np.concatenate([groups, np.full(offsets.shape[-1], SENSORS)])
-        out.append(Responses(d, jacobian[row : row + len(d)], residual[row : row + len(d)]))
-        row += len(d)
-        channel_of = groups if kind == "functions" else np.concatenate([channel_of, groups])
-    return out, channel_of
-
-
-def equations(problem: Problem, fit: Fitted, runs: Sequence[Responses], channel_of: np.ndarray) -> Equations:
-    """Normal equations of [own parameters, weights]; weights are shared by the runs if each has all of them."""
-    own, total = len(fit.theta), len(channel_of)
-    hessian, gradient = np.zeros((own + total, own + total)), np.zeros(own + total)
-    at = own
-    for run in runs:
-        d, j, e = run.weights, run.own, run.residual
-        to = slice(own, own + total) if d.shape[1] == total else slice(at, at + d.shape[1])
-        hessian[:own, :own] += j.T @ j
-        cross = j.T @ d
-        hessian[:own, to] += cross
-        hessian[to, :own] += cross.T
-        hessian[to, to] += d.T @ d
-        gradient[:own] += j.T @ e
-        gradient[to] += d.T @ e
-        at += d.shape[1]
-    gradient[:own] += prior_precision(problem, own) * fit.theta
-    residual = np.concatenate([run.residual for run in runs])
-    return Equations(hessian, gradient, own, channel_of, float(residual @ residual))
-
-
-def regress(problem: Problem, fit: Fitted, of: Equations) -> Regression:
-    """Evidence of the weights with one prior scale a channel, found by expectation maximisation."""
-    hessian, gradient, own, channel_of, squares = of.hessian, of.gradient, of.own, of.channel_of, of.squares
-    prior = prior_precision(problem, len(fit.theta))
-    without = _log_evidence(hessian[:own, :own] + np.diag(prior), gradient[:own], np.zeros(0))
-    groups = SENSORS + 1
-    scales = np.full(groups, 1.0)
-    best = Regression(-np.inf, np.zeros(0), channel_of, scales, 0.0)
-    for _ in range(EM_STEPS):
-        precision = np.concatenate([prior, 1.0 / scales[channel_of] ** 2])
-        matrix = hessian + np.diag(precision)
-        covariance = np.linalg.inv(matrix)
-        mean = -covariance @ gradient
-        gain = _log_evidence(matrix, gradient, precision[own:]) - without
-        if gain > best.gain:
-            step = mean.copy()
-            left = squares + 2.0 * float((gradient[:own] - prior * fit.theta) @ step[:own])
-            left += 2.0 * float(gradient[own:] @ step[own:]) + float(step @ hessian @ step)
-            best = Regression(gain, mean[own:], channel_of, scales.copy(), 1.0 - left / squares)
-        spread = mean[own:] ** 2 + np.diag(covariance)[own:]
-        new = np.array([np.sqrt(np.mean(spread[channel_of == c])) if c in channel_of else 1.0 for c in range(groups)])
-        # Expectation maximisation is slow towards zero; a step and a half is still stable.
-        scales = np.clip(scales * (new / scales) ** 1.5, 1e-4, 1e3)
-    return best
-
-
-def _log_evidence(matrix: np.ndarray, gradient: np.ndarray, precision: np.ndarray) -> float:
-    """Log evidence up to the constant that all sets of regressors share."""
-    factor = np.linalg.cholesky(matrix)
-    half = np.linalg.solve(factor, gradient)
-    return 0.5 * float(half @ half) - float(np.sum(np.log(np.diag(factor)))) + 0.5 * float(np.sum(np.log(precision)))
+            channel_of = np.concatenate([channel_of, np.full(offsets.shape[-1], SENSORS)])
+        own, columns = run_sensitivity(problem, gains, fit.theta, fit.names, i)
+        yield Responses(d, channel_of, own, columns, counted(problem, run, base).ravel())
 
 
 def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
-    """What a fit leaves unexplained, by regressors of that kind (`regress`)."""
-    return regress(problem, fit, equations(problem, fit, *responses(problem, fit, kind)))
+    """What a fit leaves unexplained, by regressors of that kind (`regression.regress`)."""
+    prior = prior_precision(problem, len(fit.theta))
+    return regress(
+        equations(responses(problem, fit, kind), len(fit.theta), shared=kind == "functions"), fit.theta, prior
+    )

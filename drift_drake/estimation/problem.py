@@ -60,13 +60,25 @@ class Everyday:
 
 
 @dataclasses.dataclass(frozen=True)
+class Filtered:
+    """What judges parameters: the innovations [rows, 9] of all runs and the log determinant that goes with them."""
+
+    innovations: list[np.ndarray]
+    logdet: float  # times the row weight
+
+
+@dataclasses.dataclass(frozen=True)
 class Gains:
-    """Frozen gains and whitening matrices of all runs, and the log determinant that goes with them."""
+    """Frozen gains and whitening matrices [rows, 9, 9] of all runs, and what the filter found with them."""
 
     gain: list[np.ndarray]
     whitening: list[np.ndarray]
-    innovations: list[np.ndarray]
-    logdet: float  # times the row weight
+    filtered: Filtered
+
+    @property
+    def innovations(self) -> list[np.ndarray]:
+        """Of all runs [rows, 9]."""
+        return self.filtered.innovations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -255,7 +267,7 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
         gains.append(k)
         whitenings.append(w)
         innovations.append(e)
-    return Gains(gains, whitenings, innovations, problem.row_weight * logdet)
+    return Gains(gains, whitenings, Filtered(innovations, problem.row_weight * logdet))
 
 
 NO_ROWS = np.empty((0, SIZE))

@@ -142,7 +142,7 @@ def summarise(
     table = scales(found.problem, vehicle, found.names, units)
     at = places(found.problem, found.names)
     white = found.covariance
-    wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.gains.innovations), white)
+    wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.filtered.innovations), white)
     factor = np.array([s.factor for s in table])
     deviation = np.sqrt(np.diag(white))[at] * wider[at] * np.abs(factor)
     spread = np.sqrt(np.diag(white))[at]

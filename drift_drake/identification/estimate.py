@@ -39,9 +39,7 @@ class Estimate:
     @property
     def covariance(self) -> np.ndarray:
         """Of theta, as if the innovations were white and the model right [n, n]."""
-        return np.linalg.inv(
-            self.at.jacobian.T @ self.at.jacobian + np.diag(prior_precision(self.problem, len(self.theta)))
-        )
+        return np.linalg.inv(self.at.jacobian.information + np.diag(prior_precision(self.problem, len(self.theta))))
 
 
 def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> float:
@@ -65,7 +63,7 @@ def estimate(
         if round_number > 0:
             at = minimise(held, names, theta, iterations, ENOUGH)
             theta = at.theta
-            found = float(np.mean(flat(held, at.gains.innovations) ** 2))
+            found = float(np.mean(flat(held, at.filtered.innovations) ** 2))
         else:
             found = mean_square(held, theta, names)
         scale *= float(np.sqrt(found))

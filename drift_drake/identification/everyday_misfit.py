@@ -10,48 +10,50 @@ A power alone makes no difference between a misfit that is the same every day an
 state tell of the first is learnt, and the power is that of what they leave on blocks that they were not fitted to.
 """
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import prior_precision
-from drift_drake.estimation.freeform import FORCE_CHANNELS, SENSORS, Equations, Responses, equations, regress, responses
+from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.reduction import folds
+from drift_drake.estimation.regression import SENSORS, Equations, Responses, equations, regress
 from drift_drake.identification.estimate import Estimate
 from drift_drake.identification.widening import widening
 
 
 def everyday_misfit(found: Estimate) -> tuple[float, Everyday | None]:
     """The row weight of the calibrated car as it is, and the forces that it lacks; None if they bring nothing."""
-    problem = found.problem
-    by_function, by_pulse = responses(problem, found, "functions"), responses(problem, found, "pulses")
-    plain = row_weight(found, [by_function, by_pulse])
-    runs, channel_of = by_function
-    scales = regress(problem, found, equations(problem, found, runs, channel_of)).scales
-    precision = 1.0 / scales[channel_of] ** 2
-    edges = np.cumsum([len(run.residual) for run in runs])[:-1]
-    left = [run.residual.copy() for run in runs]
+    problem, theta, prior = found.problem, found.theta, prior_precision(found.problem, len(found.theta))
+    by_function, by_pulse = list(responses(problem, found, "functions")), list(responses(problem, found, "pulses"))
+    plain = row_weight(found, by_function, by_pulse)
+    of = equations(by_function, len(theta), shared=True)
+    precision = 1.0 / regress(of, theta, prior).scales[of.channel_of] ** 2
+    edges = np.cumsum([len(run.residual) for run in by_function])[:-1]
+    left = [run.residual.copy() for run in by_function]
     for rows in folds(problem):
         parts = np.split(rows, edges)
-        weights = held(found, [run.rows(~part) for run, part in zip(runs, parts, strict=True)], channel_of, precision)
-        for run, part, into in zip(runs, parts, left, strict=True):
+        kept = [run.rows(~part) for run, part in zip(by_function, parts, strict=True)]
+        weights = held(equations(kept, len(theta), shared=True), precision)
+        for run, part, into in zip(by_function, parts, left, strict=True):
             into[part] += run.weights[part] @ weights
-    weights = held(found, runs, channel_of, precision)
-    beside = row_weight(found, [(replaced(some, left), of) for some, of in (by_function, by_pulse)])
-    return plain, as_everyday(found, weights, channel_of, beside) if beside > plain else None
+    beside = row_weight(found, replaced(by_function, left), replaced(by_pulse, left))
+    return plain, as_everyday(found, held(of, precision), of.channel_of, beside) if beside > plain else None
 
 
-def held(found: Estimate, runs: Sequence[Responses], channel_of: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """Posterior mean of the weights, the car held as it was calibrated."""
-    of = equations(found.problem, found, runs, channel_of)
-    return -np.linalg.solve(of.hessian[of.own :, of.own :] + np.diag(precision), of.gradient[of.own :])
+def held(of: Equations, precision: np.ndarray) -> np.ndarray:
+    """Posterior mean of the weights, which the runs share, the car held as it was calibrated."""
+    (weights,) = of.weights
+    return -np.linalg.solve(weights.hessian + np.diag(precision), weights.gradient)
 
 
 def replaced(runs: Sequence[Responses], residuals: Sequence[np.ndarray]) -> list[Responses]:
     """The responses with other innovations."""
-    return [Responses(run.weights, run.own, e) for run, e in zip(runs, residuals, strict=True)]
+    return [dataclasses.replace(run, residual=e) for run, e in zip(runs, residuals, strict=True)]
 
 
 def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, row_weight: float) -> Everyday:
@@ -63,30 +65,40 @@ def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, ro
     return Everyday(forces, offsets, row_weight)
 
 
-def row_weight(found: Estimate, looks: Sequence[tuple[list[Responses], np.ndarray]]) -> float:
+def row_weight(found: Estimate, by_function: Sequence[Responses], by_pulse: Sequence[Responses]) -> float:
     """The power, in (0, 1], at which nothing scatters more than it should.
 
     Args:
-        looks: responses to the regressors that a diagnosis looks for a gap with.
+        by_function, by_pulse: responses to the regressors that a diagnosis looks for a gap with.
     """
-    prior = prior_precision(found.problem, len(found.theta))
-    runs = looks[0][0]
-    jacobian, e = (np.concatenate(parts) for parts in zip(*((run.own, run.residual) for run in runs), strict=True))
+    count = len(found.theta)
+    prior = prior_precision(found.problem, count)
+    jacobian = Derivatives([run.own for run in by_function], [run.columns for run in by_function], count)
+    e = np.concatenate([run.residual for run in by_function])
     most = float(np.mean(widening(found.problem.runs, jacobian, e, found.covariance) ** 2))
-    free = [scatter(equations(found.problem, found, *look), prior) for look in looks]
-    return float(1.0 / max(1.0, most, *(q for part in free for q in part)))
+    looks = equations(by_function, count, shared=True), equations(by_pulse, count, shared=False)
+    free = [q for of in looks for q in scatter(of, found.theta, prior)]
+    return float(1.0 / max(1.0, most, *free))
 
 
-def scatter(of: Equations, prior: np.ndarray) -> list[float]:
+def scatter(of: Equations, theta: np.ndarray, prior: np.ndarray) -> list[float]:
     """Squared scores of the regressors' weights over those of white innovations, the mean of each channel.
 
-    Where it is one or less, evidence prefers a channel without forces. The fit's own parameters, of which `prior` has
-    the precisions, make up for what they can.
+    Where it is one or less, evidence prefers a channel without forces. The fit's own parameters theta, of which `prior`
+    has the precisions, make up for what they can.
     """
-    own = of.own
-    solved = np.linalg.solve(of.hessian[:own, :own] + np.diag(prior), of.hessian[:own, own:])
-    score = of.gradient[own:] - solved.T @ of.gradient[:own]
-    information = np.diag(of.hessian)[own:] - np.sum(of.hessian[:own, own:] * solved, axis=0)
-    groups = [of.channel_of == channel for channel in np.unique(of.channel_of)]
+    covariance = np.linalg.inv(of.own + np.diag(prior))
+    step = covariance @ (of.gradient + prior * theta)
+    scores, information = [], []
+    for part in of.weights:
+        told = covariance[np.ix_(part.columns, part.columns)]
+        scores.append(part.gradient - part.cross @ step[part.columns])
+        information.append(np.diag(part.hessian) - np.sum((part.cross @ told) * part.cross, axis=1))
+    return mean_squares(np.concatenate(scores), np.concatenate(information), of.channel_of)
+
+
+def mean_squares(score: np.ndarray, information: np.ndarray, channel_of: np.ndarray) -> list[float]:
+    """Of each channel's scores, over their information."""
+    groups = [channel_of == channel for channel in np.unique(channel_of)]
     seen = [group for group in groups if np.sum(information[group]) > 0.0]
     return [float(np.sum(score[group] ** 2) / np.sum(information[group])) for group in seen]

@@ -8,34 +8,33 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.run_data import RunData
 
 SHORT_BLOCK = 1.0  # [s]
 BLOCKS = 24  # that the longer ones leave of all runs
 
 
-def scores(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray) -> list[np.ndarray]:
-    """Derivative of half the squared innovations by the parameters [rows, n], row by row of each run."""
-    out, at = [], 0
-    for run in runs:
-        rows, channels = int(np.sum(run.counted)), int(np.sum(run.used))
-        part = slice(at, at + rows * channels)
-        out.append((jacobian[part] * e[part, None]).reshape(rows, channels, -1).sum(axis=1))
-        at += rows * channels
-    return out
+def scores(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray) -> list[np.ndarray]:
+    """Derivative of half the squared innovations by the parameters [rows, columns], row by row of each run."""
+    parts = zip(runs, jacobian.blocks, jacobian.by_run(e), strict=True)
+    return [
+        (block * part[:, None]).reshape(np.sum(run.counted), np.sum(run.used), -1).sum(axis=1)
+        for run, block, part in parts
+    ]
 
 
-def widening(runs: Sequence[RunData], jacobian: np.ndarray, e: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def widening(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Factors of at least one [n] on the standard deviations of the parameters.
 
     What a prior alone holds is not widened: only what the logs tell is told less well.
 
     Args:
-        jacobian: of the whitened innovations that count [count, n]; e: those [count]; covariance: without this.
+        jacobian: of the whitened innovations that count; e: those [count]; covariance: without this [n, n].
     """
     rows = scores(runs, jacobian, e)
-    influence = [part @ covariance for part in rows]
-    expected = np.diag(covariance @ (jacobian.T @ jacobian) @ covariance)
+    influence = [part @ covariance[columns] for part, columns in zip(rows, jacobian.columns, strict=True)]
+    expected = np.diag(covariance @ jacobian.information @ covariance)
     duration = sum(len(part) for part in rows) * runs[0].period
     variance = np.diag(covariance)
     widest = np.ones(len(covariance))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from drift_drake.estimation.fit import fit, laplace_terms, sensitivity
+from drift_drake.estimation.fit import MAGNITUDE_STEP, fit, laplace_terms, last_derivative, sensitivity
 from drift_drake.estimation.prior import NO_GAP, bounds, is_gap, log_density, starts
 from drift_drake.estimation.problem import NUISANCES, filter_case, make_problem, observe_case
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -22,7 +22,7 @@ def test_derivatives_agree_with_central_differences(problem):
     theta = np.zeros(problem.nuisances + 2)
     theta[-2:] = -0.2, 0.05
     gains = filter_case(problem, theta, NAMES)
-    jacobian = sensitivity(problem, gains, theta, NAMES)
+    jacobian = sensitivity(problem, gains, theta, NAMES).dense()
     for column, step in ((0, 0.02), (8, 0.02), (len(NUISANCES), 0.02), (len(theta) - 2, 1e-3), (len(theta) - 1, 1e-4)):
         up, down = theta.copy(), theta.copy()
         up[column] += step
@@ -30,6 +30,22 @@ def test_derivatives_agree_with_central_differences(problem):
         central = observe_case(problem, gains, up, NAMES) - observe_case(problem, gains, down, NAMES)
         central /= 2.0 * step
         assert np.linalg.norm(jacobian[:, column] - central) < 0.03 * np.linalg.norm(central)
+
+
+def test_derivatives_are_those_of_all_runs_together(problem):
+    """Each run's block is the dense matrix's, which is zero beside the blocks."""
+    theta = np.append(np.linspace(-0.3, 0.3, problem.nuisances), [-0.2, 0.05])
+    gains = filter_case(problem, theta, NAMES)
+    dense = sensitivity(problem, gains, theta, NAMES).dense()
+    base = observe_case(problem, gains, theta, NAMES)
+    steps = [problem.step] * problem.nuisances + [MAGNITUDE_STEP * problem.unit_of(name) for name in NAMES]
+    for column, step in enumerate(steps):
+        moved = theta.copy()
+        moved[column] += step
+        expected = (observe_case(problem, gains, moved, NAMES) - base) / step
+        np.testing.assert_allclose(dense[:, column], expected, rtol=1e-9, atol=1e-9)
+    last = last_derivative(problem, gains, theta, NAMES, base)
+    np.testing.assert_allclose(last, dense[:, -1], rtol=1e-9, atol=1e-9)
 
 
 def test_a_joint_fit_recovers_the_truth(stiffness_case, problem):

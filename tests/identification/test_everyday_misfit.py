@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from drift_drake.estimation.everyday import traced
-from drift_drake.estimation.freeform import FORCE_CHANNELS, Equations
+from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import filter_case, flat, make_problem
+from drift_drake.estimation.regression import Responses, equations
 from drift_drake.identification.estimate import estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit, scatter
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -19,17 +20,16 @@ def equations_with(lacking):
     rng = np.random.default_rng(0)
     d, j = rng.standard_normal((ROWS, WEIGHTS)), rng.standard_normal((ROWS, 2))
     e = rng.standard_normal(ROWS) + d @ rng.normal(0.0, lacking, WEIGHTS)
-    both = np.hstack([j, d])
-    return Equations(both.T @ both, both.T @ e, 2, np.repeat([0, 1], WEIGHTS // 2), float(e @ e))
+    return equations([Responses(d, np.repeat([0, 1], WEIGHTS // 2), j, np.arange(2), e)], 2, shared=True)
 
 
 def test_scores_of_white_innovations_scatter_as_they_should():
-    assert scatter(equations_with(0.0), np.zeros(2)) == pytest.approx([1.0, 1.0], abs=0.5)
+    assert scatter(equations_with(0.0), np.zeros(2), np.zeros(2)) == pytest.approx([1.0, 1.0], abs=0.5)
 
 
 def test_scores_of_forces_that_are_lacking_scatter_by_their_power():
     """Each score is that of its weight, information times weight, beside the noise."""
-    assert scatter(equations_with(0.1), np.zeros(2)) == pytest.approx([1.0 + 0.01 * ROWS] * 2, rel=0.6)
+    assert scatter(equations_with(0.1), np.zeros(2), np.zeros(2)) == pytest.approx([1.0 + 0.01 * ROWS] * 2, rel=0.6)
 
 
 def test_a_car_that_the_model_follows_keeps_its_rows(identified):

@@ -46,7 +46,7 @@ def case(effect: str = "rear_stiffness_error", magnitude: float = -0.25, duratio
 
 
 def cost(problem: Problem, theta: np.ndarray, names: tuple[str, ...]) -> float:
-    return cost_of(problem, filter_case(problem, theta, names), theta)
+    return cost_of(problem, filter_case(problem, theta, names).filtered, theta)
 
 
 @st.composite

@@ -19,10 +19,11 @@ from drift_drake.diagnosis.shared.posterior import (
 from drift_drake.diagnosis.shared.where import locate
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
-from drift_drake.estimation.freeform import Regression, misfit
+from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, start_rows
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
+from drift_drake.estimation.regression import Regression
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
 from drift_drake.logs.screening.suspicions import suspicions

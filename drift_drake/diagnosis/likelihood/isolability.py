@@ -2,13 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
-from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, sensitivity
+from drift_drake.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, run_sensitivity
 from drift_drake.estimation.prior import scale, starts
-from drift_drake.estimation.problem import Problem, filter_case, observe_case
+from drift_drake.estimation.problem import Gains, Problem, counted, filter_case, observe
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -58,25 +59,46 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = 
 
     Where they are `small`, a step from zero: a tolerance of the vehicle file may then do what an effect does.
     """
-    gains = filter_case(problem, fit.theta, fit.names)
-    own = sensitivity(problem, gains, fit.theta, fit.names)[:, : problem.nuisances]
-    columns = []
-    for name in names:
-        known = name in fit.names
-        now = tuple(fit.names) if known else (*fit.names, name)
-        begin = 0.0 if small and name != RATE_LIMIT else starts(name, problem.vehicle)[0]
-        theta = fit.theta if known else np.append(fit.theta, begin)
-        at = now.index(name) + problem.nuisances
-        step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)
-        step = step if theta[at] + step <= parameter_limits(problem, now)[1][at] else -step
-        moved = theta.copy()
-        moved[at] += step
-        difference = observe_case(problem, gains, moved, now) - observe_case(problem, gains, theta, now)
-        columns.append(difference / step)
-    signatures = np.stack(columns, axis=-1)
-    hessian = own.T @ own + np.diag(prior_precision(problem, problem.nuisances))
+    gains, nuisances = filter_case(problem, fit.theta, fit.names), problem.nuisances
+    information, cross = np.zeros((len(names), len(names))), np.zeros((nuisances, len(names)))
+    own = np.diag(prior_precision(problem, nuisances))
+    moves = [_move(problem, fit, name, small) for name in names]
+    for i in range(len(problem.runs)):
+        block, columns = run_sensitivity(problem, gains, fit.theta, fit.names, i)
+        block, columns = block[:, columns < nuisances], columns[columns < nuisances]
+        signatures = np.stack([_signature(problem, gains, move, i) for move in moves], axis=-1)
+        own[np.ix_(columns, columns)] += block.T @ block
+        cross[columns] += block.T @ signatures
+        information += signatures.T @ signatures
     # Information that is left about the magnitudes once the nuisances are fitted, each within its prior.
-    cross = own.T @ signatures
-    information = signatures.T @ signatures - cross.T @ np.linalg.solve(hessian, cross)
+    information = information - cross.T @ np.linalg.solve(own, cross)
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     return Isolability(tuple(names), np.abs(information) / np.outer(size, size), 1.0 / size)
+
+
+class _Move(NamedTuple):
+    """Parameters at which an effect's signature is taken, and those a step further in its magnitude."""
+
+    names: tuple[str, ...]
+    theta: np.ndarray
+    moved: np.ndarray
+    step: float
+
+
+def _move(problem: Problem, fit: Fit, name: str, small: bool) -> _Move:
+    known = name in fit.names
+    now = tuple(fit.names) if known else (*fit.names, name)
+    begin = 0.0 if small and name != RATE_LIMIT else starts(name, problem.vehicle)[0]
+    theta = fit.theta if known else np.append(fit.theta, begin)
+    at = now.index(name) + problem.nuisances
+    step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)
+    step = step if theta[at] + step <= parameter_limits(problem, now)[1][at] else -step
+    moved = theta.copy()
+    moved[at] += step
+    return _Move(now, theta, moved, step)
+
+
+def _signature(problem: Problem, gains: Gains, move: _Move, index: int) -> np.ndarray:
+    """What a unit of the effect does to one run's innovations that count."""
+    ends = [observe(problem, gains, theta, move.names, index) for theta in (move.moved, move.theta)]
+    return counted(problem, problem.runs[index], ends[0] - ends[1]).ravel() / move.step

@@ -20,12 +20,13 @@ from drift_drake.diagnosis.shared.posterior import (
 )
 from drift_drake.estimation.everyday import traced
 from drift_drake.estimation.fit import Fit
-from drift_drake.estimation.freeform import Regression, misfit
+from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.noise import refined_levels
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case
 from drift_drake.estimation.reduction import Reduction, reduction
+from drift_drake.estimation.regression import Regression
 from drift_drake.vehicle.parameters import VehicleParameters
 
 MOST_REFUSED = 4  # causes that remove nothing

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from drift_drake.estimation.fit import Fit, prior_precision
-from drift_drake.estimation.freeform import equations, regress, responses
+from drift_drake.estimation.freeform import responses
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import Problem, filter_case, flat
-from drift_drake.estimation.reduction import folds, held_out_fit
+from drift_drake.estimation.reduction import FOLDS, fold_of, folds, held_out_fit
+from drift_drake.estimation.regression import Equations, equations, left_over, regress, solve, summed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,17 +58,17 @@ def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: n
 
 def free_squares(problem: Problem, fit: Fit) -> float:
     """Squared innovations that functions of the state leave beside a fit, each fold's under weights from the others."""
-    runs, channel_of = responses(problem, fit, "functions")
-    scales = regress(problem, fit, equations(problem, fit, runs, channel_of)).scales
-    precision = np.concatenate([prior_precision(problem, len(fit.theta)), 1.0 / scales[channel_of] ** 2])
-    edges = np.cumsum([len(run.residual) for run in runs])[:-1]
+    prior, parts = prior_precision(problem, len(fit.theta)), list[list[Equations]]()
+    for run, measured in zip(problem.runs, responses(problem, fit, "functions"), strict=True):
+        of = np.repeat(fold_of(run)[run.counted], int(np.sum(run.used)))
+        held = (measured.rows(of == fold) for fold in range(FOLDS))
+        parts.append([equations([rows], len(fit.theta), shared=True) for rows in held])
+    by_fold = [summed(fold) for fold in zip(*parts, strict=True)]
+    whole = summed(by_fold)
+    precision = 1.0 / regress(whole, fit.theta, prior).scales[whole.channel_of] ** 2
     left = 0.0
-    for rows in folds(problem):
-        parts = list(zip(runs, np.split(rows, edges), strict=True))
-        others = equations(problem, fit, [run.rows(~held) for run, held in parts], channel_of)
-        step = -np.linalg.solve(others.hessian + np.diag(precision), others.gradient)
-        for run, held in parts:
-            kept = run.rows(held)
-            e = kept.residual + kept.own @ step[: others.own] + kept.weights @ step[others.own :]
-            left += float(e @ e)
+    for fold, held_out in enumerate(by_fold):
+        others = summed([part for i, part in enumerate(by_fold) if i != fold])
+        found = solve(others, others.gradient + prior * fit.theta, prior, precision)
+        left += left_over(held_out, found.own, found.weights)
     return left

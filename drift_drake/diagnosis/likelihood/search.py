@@ -14,19 +14,19 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import (
-    MAGNITUDE_STEP,
     Fit,
     conclude,
     cost_of,
+    last_derivative,
     minimise,
     normal_step,
-    parameter_limits,
     prior_precision,
     sensitivity,
 )
-from drift_drake.estimation.prior import TOLERANCE_OF, bounds, scale, starts
+from drift_drake.estimation.prior import TOLERANCE_OF, bounds, starts
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
 
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
@@ -75,7 +75,7 @@ class Base:
     names: Names
     theta: np.ndarray
     gains: Gains
-    jacobian: np.ndarray
+    jacobian: Derivatives
 
 
 def with_exact_file(problem: Problem, exactness: float) -> Problem:
@@ -92,16 +92,13 @@ def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
 def predict(problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]) -> list[Candidate]:
     """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
     names, theta = (*base.names, name), np.append(base.theta, start)
-    step = MAGNITUDE_STEP * scale(name, problem.vehicle)
-    step = step if start + step <= parameter_limits(problem, names)[1][-1] else -step
     e = observe_case(problem, base.gains, theta, names)
-    moved = theta.copy()
-    moved[-1] += step
-    jacobian = np.column_stack([base.jacobian, (observe_case(problem, base.gains, moved, names) - e) / step])
+    last = last_derivative(problem, base.gains, theta, names, e)
+    information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
     out = []
     for exactness in exactnesses:
         held = with_exact_file(problem, exactness)
-        delta, gain = normal_step(held, jacobian, e, theta, names, 1e-3)
+        delta, gain = normal_step(held, information, pull, theta, names, 1e-3)
         cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(theta)) @ theta**2) - gain
         out.append(Candidate(names, theta + delta, cost if np.isfinite(cost) else np.inf))
     return out
@@ -111,21 +108,21 @@ def relinearise(problem: Problem, base: Base, candidate: Candidate, steps: int =
     """A few Gauss-Newton steps that renew the gains and the added effect's derivative, not the base's."""
     names, theta = candidate.names, candidate.theta
     gains = filter_case(problem, theta, names)
-    cost = cost_of(problem, gains, theta)
-    last = len(theta) - 1
+    filtered, cost = gains.filtered, cost_of(problem, gains.filtered, theta)
     for _ in range(steps):
-        jacobian = sensitivity(problem, gains, theta, names, (last,))
-        jacobian[:, :last] = base.jacobian
+        e = flat(problem, filtered.innovations)
+        last = last_derivative(problem, gains, theta, names, e)
+        information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
         improved = False
         for damping in (1e-3, 1.0):
-            step, gain = normal_step(problem, jacobian, flat(problem, gains.innovations), theta, names, damping)
+            step, gain = normal_step(problem, information, pull, theta, names, damping)
             if gain < 0.5:
                 break
-            trial = theta + step
-            trial_gains = filter_case(problem, trial, names)
-            trial_cost = cost_of(problem, trial_gains, trial)
+            del gains
+            gains = filter_case(problem, theta + step, names)
+            trial_cost = cost_of(problem, gains.filtered, theta + step)
             if np.isfinite(trial_cost) and trial_cost < cost:
-                theta, gains, cost, improved = trial, trial_gains, trial_cost, True
+                theta, filtered, cost, improved = theta + step, gains.filtered, trial_cost, True
                 break
         if not improved:
             break
@@ -180,14 +177,14 @@ def full(problem: Problem, names: Names, theta: np.ndarray) -> dict[tuple[Names,
     """
     names, theta = canonical(names, theta)
     held = with_exact_file(problem, EXACTNESSES[0])
-    start = minimise(with_more_process_noise(held), names, theta, iterations=5, enough=1.0)
-    at = minimise(held, names, start.theta)
+    start = minimise(with_more_process_noise(held), names, theta, iterations=5, enough=1.0).theta
+    at = minimise(held, names, start)
     out = {(names, EXACTNESSES[0]): conclude(held, names, at)}
     for exactness in EXACTNESSES[1:]:
         tight = with_exact_file(problem, exactness)
-        e = flat(problem, at.gains.innovations)
-        step, gain = normal_step(tight, at.jacobian, e, at.theta, names, 0.0)
-        loss = cost_of(tight, at.gains, at.theta) - gain - at.cost
+        pull = at.jacobian.pull(flat(problem, at.filtered.innovations))
+        step, gain = normal_step(tight, at.jacobian.information, pull, at.theta, names, 0.0)
+        loss = cost_of(tight, at.filtered, at.theta) - gain - at.cost
         if loss - TOLERANCES * float(np.log(EXACTNESSES[0] / exactness)) < HOPELESS:
             again = minimise(tight, names, at.theta + step, jacobian=at.jacobian)
             out[names, exactness] = conclude(tight, names, again)

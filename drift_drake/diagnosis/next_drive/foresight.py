@@ -93,7 +93,7 @@ def nats_behind(
 
     at = residual(theta, gains.innovations)
     for _ in range(max(refits, 1)):
-        jacobian = np.concatenate([sensitivity(problem, gains, theta, rival.names)[:, free], whiten])
+        jacobian = np.concatenate([sensitivity(problem, gains, theta, rival.names).dense()[:, free], whiten])
         if not (np.isfinite(at).all() and np.isfinite(jacobian).all()):
             return CERTAIN
         step = np.clip(theta[free] - np.linalg.lstsq(jacobian, at, rcond=None)[0], low, high) - theta[free]

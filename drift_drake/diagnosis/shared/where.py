@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.estimation.filter_state import SIZE
-from drift_drake.estimation.freeform import FORCE_CHANNELS, Regression
+from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.horizons import JUDGED, STATES
 from drift_drake.estimation.problem import Problem, filter_case, observe
+from drift_drake.estimation.regression import Regression
 
 SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]
 FRICTION_USES = (0.0, 0.4, 0.7, np.inf)  # of mu g

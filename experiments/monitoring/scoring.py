@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.diagnosis.shared.posterior import UNKNOWN
+from drift_drake.monitoring.events import PERSISTS, UNKNOWN_PERSISTS
 from drift_drake.monitoring.renewal import ALARM, NAMED
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
@@ -16,19 +18,19 @@ LIVES = 2.0  # [s] within which alarms are one
 
 @dataclasses.dataclass(frozen=True)
 class Score:
-    """Of one method on one plant's drives."""
+    """Of one method on one plant's drives; what does not name a cause is right about none."""
 
     changed: int
     minutes: float  # of driving without a change
     false_alarms_per_10_minutes: float
     detected: float  # share of the changes
     delay: float  # [s] in the median of those detected
-    named: float  # share of the changes named right at some time
-    naming_delay: float  # [s] in the median of those
     isolation: float  # share of the changes whose leading cause after 3 s is the right one
-    sure: int  # changes of which a cause has a probability of at least 0.8 then (the monitor's alone)
-    sure_and_right: int
-    probability: float  # mean probability of the true cause then (the monitor's alone)
+    isolation_at_end: float  # the same at the end of the drive
+    named: int  # changes of which a cause is named, see `named_at`
+    named_right: int  # of which the cause that is named first is the right one
+    naming_delay: float  # [s] in the median of all changes, named or not
+    probability: float  # mean probability of the true cause after 3 s (the monitor's alone)
 
 
 def suspicion(result: Mapping[str, Any], method: str) -> np.ndarray:
@@ -55,10 +57,21 @@ def episodes(t: np.ndarray, alarm: np.ndarray) -> int:
     return int(len(times) > 0) + int(np.count_nonzero(np.diff(times) > LIVES))
 
 
+def named_at(t: np.ndarray, leading: np.ndarray, sure: np.ndarray) -> tuple[float, str]:
+    """The first cause that is sure in enough verdicts in a row to be reported (`monitoring.events`), and when [s]."""
+    count, before = 0, ""
+    for now, name, is_sure in zip(t, leading, sure, strict=True):
+        count = (count * (name == before) + 1) if is_sure else 0
+        before = name
+        if count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS):
+            return float(now), str(name)
+    return np.inf, ""
+
+
 def score(results: Sequence[Mapping[str, Any]], method: str, limit: float) -> Score:
     """The score of a method with its threshold."""
     minutes, alarms = 0.0, 0
-    delays, namings, right, sure_then, probability = [], [], [], [], []
+    delays, namings, first, right, right_at_end, probability = [], [], [], [], [], []
     for r in results:
         t, s, calm = np.array(r["t"]), suspicion(r, method), before(r)
         alarms += episodes(t[calm], s[calm] > limit)
@@ -68,19 +81,23 @@ def score(results: Sequence[Mapping[str, Any]], method: str, limit: float) -> Sc
         onset, name = r["truth"]["onset"], r["truth"]["effect"]
         late = np.flatnonzero(~calm & (s > limit))
         delays.append(t[late[0]] - onset if len(late) else np.inf)
-        after = int(np.searchsorted(t, onset + ISOLATED_AFTER)) - 1
         leading = np.array(r[NAMING[method]]) if method in NAMING else np.full(len(t), "")
-        sure = np.array(r["true"]) >= NAMED if method == "monitor" else (leading == name) & (s > limit)
-        names = np.flatnonzero(~calm & sure)
-        namings.append(t[names[0]] - onset if len(names) else np.inf)
-        right.append(bool(leading[after] == name and s[after] > limit))
-        sure_then.append(method == "monitor" and r["leading_probability"][after] >= NAMED and s[after] > limit)
+        sure = s > limit
+        if method == "monitor":
+            sure &= np.array(r["leading_probability"]) >= NAMED
+        at, cause = named_at(t[~calm], leading[~calm], sure[~calm]) if method in NAMING else (np.inf, "")
+        namings.append(at - onset)
+        first.append(cause == name)
+        after = int(np.searchsorted(t, onset + ISOLATED_AFTER)) - 1
+        leads = (leading == name) & (s > limit)
+        right.append(leads[after])
+        right_at_end.append(leads[-1])
         probability.append(r["true"][after] if method == "monitor" else np.nan)
-    found, named = np.isfinite(delays), np.isfinite(namings)
+    found = np.isfinite(delays)
     return Score(
         len(delays), minutes, 10.0 * alarms / minutes, float(np.mean(found)), _median(np.array(delays)[found]),
-        float(np.mean(named)), _median(np.array(namings)[named]), float(np.mean(right)),
-        int(np.sum(sure_then)), int(np.sum(np.logical_and(sure_then, right))), float(np.mean(probability)),
+        float(np.mean(right)), float(np.mean(right_at_end)), int(np.isfinite(namings).sum()), int(np.sum(first)),
+        _median(np.array(namings)), float(np.mean(probability)),
     )  # fmt: skip
 
 
@@ -90,12 +107,18 @@ def _median(values: np.ndarray) -> float:
 
 def table(scores: Mapping[str, Score]) -> str:
     """Scores as a Markdown table."""
-    head = ("method", "false alarms / 10 min", "detected", "delay [s]", "named right", "after [s]", "right at 3 s",
-            "of those sure")  # fmt: skip
+    head = ("method", "false alarms / 10 min", "detected", "delay [s]", "right at 3 s", "right at the end", "named",
+            "named after [s]")  # fmt: skip
     lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
-    for name, s in scores.items():
-        naming = [f"{s.named:.0%}", f"{s.naming_delay:.1f}", f"{s.isolation:.0%}"] if name in NAMING else ["-"] * 3
-        naming.append(f"{s.sure_and_right} of {s.sure}" if name == "monitor" else "-")
-        cells = [name, f"{s.false_alarms_per_10_minutes:.1f}", f"{s.detected:.0%}", f"{s.delay:.1f}", *naming]
-        lines.append(f"| {' | '.join(cells)} |")
+    for method, s in scores.items():
+        shares = [f"{s.false_alarms_per_10_minutes:.1f}", f"{s.detected:.0%}", _seconds(s.delay)]
+        naming = ["-"] * 4
+        if method in NAMING:
+            counts = [f"{round(share * s.changed)} of {s.changed}" for share in (s.isolation, s.isolation_at_end)]
+            naming = [*counts, f"{s.named}, {s.named_right} right", _seconds(s.naming_delay)]
+        lines.append(f"| {' | '.join([method, *shares, *naming])} |")
     return "\n".join(lines)
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.1f}" if np.isfinite(value) else "-"

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.monitoring.scoring import score, table, threshold
+from experiments.monitoring.scoring import named_at, score, table, threshold
 
 T = np.round(np.arange(0.5, 12.05, 0.1), 1)
 ONSET = 6.0
@@ -33,10 +33,28 @@ def test_delay_naming_and_isolation() -> None:
     found = score(drives, "monitor", threshold(drives, "monitor"))
     assert (found.changed, found.detected, found.false_alarms_per_10_minutes) == (5, 0.8, 0.0)
     assert found.delay == pytest.approx(0.75)
-    assert (found.named, found.naming_delay) == (0.2, pytest.approx(0.5))
-    assert found.isolation == 0.4
-    assert (found.sure, found.sure_and_right) == (2, 1)
-    assert "| 40% | 1 of 2 |" in table({"monitor": found})
+    assert (found.isolation, found.isolation_at_end) == (0.4, 0.4)
+    assert (found.named, found.named_right, found.naming_delay) == (2, 1, np.inf)
+    assert "| 2 of 5 | 2 of 5 | 2, 1 right | - |" in table({"monitor": found})
+
+
+def test_a_cause_is_named_once_it_has_led_for_five_verdicts() -> None:
+    one = drive("mass_error", 0.95, 6.5)
+    assert score([one], "monitor", 0.95).naming_delay == pytest.approx(0.9)  # verdicts at 0.5, 0.6, ... 0.9 s
+    t, led = np.arange(10.0), np.array(["cg_shift"] * 4 + ["mass_error"] * 6)
+    assert named_at(t, led, np.full(10, True)) == (8.0, "mass_error")
+    assert named_at(t, led, t != 6.0) == (np.inf, "")  # six verdicts, with a break
+    assert named_at(t, np.full(10, "unknown"), np.full(10, True)) == (np.inf, "")  # which takes twenty
+
+
+def test_the_end_of_a_drive_is_judged_apart() -> None:
+    """A cause that is wrong at 3 s and right at the end, and the other way round."""
+    late, lost = drive("mass_error", 0.95, 6.5), drive("mass_error", 0.95, 6.5)
+    late["leading"] = np.where(T < ONSET + 4.0, "cg_shift", "mass_error")
+    lost["leading"] = np.where(T < ONSET + 4.0, "mass_error", "cg_shift")
+    found = score([late, lost, drive("mass_error", 0.95, 6.5)], "monitor", 0.95)
+    assert (found.isolation, found.isolation_at_end) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+    assert (found.named, found.named_right) == (3, 2)
 
 
 def test_alarms_before_the_change_are_false_and_apart_by_two_seconds() -> None:

@@ -1,5 +1,6 @@
 """MpcController: `Mpc` as a system that replans at a fixed rate."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
+
+# Numbers far off, or an error of the solver itself (Drake's assertions exit): no plan, as where none is found.
+FAILURES = (ArithmeticError, IndexError, RuntimeError, SystemExit, ValueError)
 
 
 class MpcController(LeafSystem):
@@ -88,6 +92,12 @@ class MpcController(LeafSystem):
             prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
         )
 
+    def warm_up(self) -> None:
+        """Plans once along the reference and forgets it: what is compiled first is not the first plan's time."""
+        memory = np.zeros(self.mpc.model.memory_scale.size)
+        with suppress(*FAILURES):
+            self.mpc.solve(np.append(self.mpc.reference.state(0.0), memory), 0.0, 0.0)
+
     def _calc_prediction(self, context: Context, output: Any) -> None:
         x, _, _ = self.mpc.problem.unstack(context.get_discrete_state(self._primal).value())
         output.SetFromVector(x.ravel())
@@ -103,8 +113,7 @@ class MpcController(LeafSystem):
         try:
             last, model = self._last(context, before), self._believed(context)
             solution = self.mpc.solve(x, s, context.get_time(), last, model, covariance)
-        except (ArithmeticError, IndexError, RuntimeError, SystemExit, ValueError):
-            # Numbers far off, or an error of the solver itself (Drake's assertions exit): a failure like any other.
+        except FAILURES:
             failed = before._replace(failed=1.0, failures=before.failures + 1.0)
             discrete.set_value(self._statistics, np.array(failed))
             return

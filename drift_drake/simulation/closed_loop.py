@@ -235,6 +235,8 @@ class ClosedLoop:
         """
         if change is not None:
             check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
+        if isinstance(self.controller, MpcController):
+            self.controller.warm_up()
         plant, reference, stopped = self.car.plant, self.reference, slowest(self.parameters)
 
         def reason(root: Context) -> Outcome | None:

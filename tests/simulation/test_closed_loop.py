@@ -3,12 +3,14 @@
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
@@ -111,6 +113,23 @@ def test_the_oracle_holds_a_car_that_the_nominal_model_throws_about(reference: R
 )
 def test_a_run_ends_with_a_reason(loop: ClosedLoop, error: list[float], limits: RunLimits, outcome: str) -> None:
     assert loop.run(loop.initial_context(0, np.array(error)), limits).outcome == outcome
+
+
+def test_what_is_compiled_first_is_not_the_first_plan_s_time(
+    loop: ClosedLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve, calls = Mpc.solve, []
+
+    def slow_at_first(self: Mpc, *args: Any) -> MpcSolution:
+        calls.append(args)
+        solution = solve(self, *args)
+        seconds = 13.0 if len(calls) == 1 else solution.statistics.seconds
+        return solution._replace(statistics=solution.statistics._replace(seconds=seconds))
+
+    monkeypatch.setattr(Mpc, "solve", slow_at_first)
+    run = loop.run(loop.initial_context(0), RunLimits(time_factor=0.02))
+    assert 13.0 not in run.table["solve_seconds"].to_numpy()
+    assert run.table["solve_seconds"].iloc[1] > 0.0
 
 
 def test_main_writes_a_run_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

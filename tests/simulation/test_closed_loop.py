@@ -115,9 +115,7 @@ def test_a_run_ends_with_a_reason(loop: ClosedLoop, error: list[float], limits: 
     assert loop.run(loop.initial_context(0, np.array(error)), limits).outcome == outcome
 
 
-def test_what_is_compiled_first_is_not_the_first_plan_s_time(
-    loop: ClosedLoop, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_compiled_first_is_not_the_first_plan_s_time(loop: ClosedLoop, monkeypatch: pytest.MonkeyPatch) -> None:
     solve, calls = Mpc.solve, []
 
     def slow_at_first(self: Mpc, *args: Any) -> MpcSolution:

@@ -13,6 +13,7 @@ from drift_drake.command_line import command_line
 from drift_drake.compilation import say_if_it_compiles
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import all_answered
+from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
 from drift_drake.executors import ExecutorConfig
 from drift_drake.identification.options import LARGEST_SCALE
@@ -21,6 +22,7 @@ from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.progress import progress_bar
+from drift_drake.results_table import write_results_table
 from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -47,7 +49,7 @@ class Diagnose:
     """What the simulator believes of the car (YAML)."""
     json: Path | None = None
     """Where to write the answer as JSON (-: standard output); for a folder of cases, a folder that gets NAME.json each
-    (-: a list of all)."""
+    and a table of all, results.parquet or results.csv (-: a list of all)."""
     report: Path | None = None
     """Where to write an HTML report of one case."""
     process_scale: float = 1.0
@@ -237,6 +239,8 @@ def _diagnose_many(
         _say(answer, to=said_to(command.json))
     if command.json == STANDARD_OUTPUT:
         write_results(command.json, [json.loads(answer.to_json()) for answer in answers])
+    if into is not None and answers:
+        write_results_table(into, [answer_row(answer) for answer in sorted(answers, key=lambda answer: answer.case)])
     if refused:
         raise InvalidLogError(f"{len(refused)} of {count} cases cannot be used: " + "; ".join(map(str, refused)))
     return answers

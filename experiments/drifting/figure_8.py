@@ -5,11 +5,13 @@
     python -m experiments.drifting.figure_8 --models prior online twice_online --noise-seeds 1 --out runs/online
 
 The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `drifting.runs` for
-the models, `drift_drake.executors` for clusters. Written: config.json, runs.csv, numbers.json, report.md (the paper's
-Tables II and III beside ours), time_series.png, overhead.png. Broken off, it goes on where it was (give --out).
+the models, `drift_drake.executors` for clusters. Written: config.json, runs.csv, results.parquet (the same, where
+pyarrow is installed), numbers.json, report.md (the paper's Tables II and III beside ours), time_series.png,
+overhead.png. Broken off, it goes on where it was (give --out).
 """
 
 from diagrams.command import run_command
+from drift_drake.results_table import write_results_table
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from experiments.drifting.report import completion_table, draw, paper_table, refusal_sentence, summarise
 from experiments.drifting.runs import ModelsConfig, open_folder, reference, run_models
@@ -23,6 +25,7 @@ def main(config: ModelsConfig) -> None:
     open_folder(folder, config)
     write_versions(folder)
     runs = run_models(config, "figure_8", folder)
+    write_results_table(folder, runs)
     summary = summarise(runs)
     write_json(folder / "numbers.json", summary)
     report = (

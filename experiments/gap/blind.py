@@ -8,6 +8,7 @@
 Tiers: exact (one effect, the vehicle file exact), tolerance (one effect, the file off within tolerance), none, pair,
 family (an effect that the catalogue never had), removed (one effect, which the diagnosis's catalogue is made to lack).
 The seed is drawn by the operating system and sealed with the labels; their hash is in the manifest beside the cases.
+`answer` and `score` write a table of all cases, results.parquet (results.csv without pyarrow).
 """
 
 import base64
@@ -25,10 +26,13 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.diagnosis.answers.answer import read_answer
+from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import write_run
+from drift_drake.results_table import write_results_table
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -179,6 +183,8 @@ def answer(command: Respond) -> None:
         write_text(command.out / "answers" / f"{job[0].name}.json", text)
 
     run_jobs(command.run_on, _answer_one, jobs, write, "case")
+    answers = [read_answer(command.out / "answers" / f"{name}.json") for name in sorted(manifest["cases"])]
+    write_results_table(command.out, [answer_row(one) for one in answers])
 
 
 def opened(out: Path, partial: bool = False) -> list[dict[str, Any]]:
@@ -205,9 +211,17 @@ def answered(out: Path, partial: bool = False) -> list[tuple[dict[str, Any], dic
     ]
 
 
+def scored_row(out: Path, label: dict[str, Any]) -> dict[str, Any]:
+    """A case's answer beside what it hid."""
+    hidden = {f"true_{name}": size for name, size in label["effects"].items()}
+    truth = {"tier": label["tier"], "true_causes": "+".join(sorted(label["effects"])), **hidden}
+    return answer_row(read_answer(out / "answers" / f"{label['case']}.json")) | truth
+
+
 def score(command: Score) -> None:
     """Prints and writes the scores, and draws their pictures."""
     pairs = answered(command.out, command.partial)
+    write_results_table(command.out, [scored_row(command.out, label) for label, _ in pairs])
     result = scores(pairs)
     write_text(command.out / "scores.json", json.dumps(result, indent=1))
     text = score_text(result)

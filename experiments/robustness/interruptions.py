@@ -65,7 +65,7 @@ def results(folder: Path) -> dict[str, str]:
     found = {}
     for path in sorted(folder.rglob("*")):
         unfinished = any(part.startswith(PARTIAL) for part in path.relative_to(folder).parts)
-        if unfinished or path.suffix not in (".json", ".csv", ".npz", ".yaml") or path.name in NOT_RESULTS:
+        if unfinished or path.suffix not in (".json", ".csv", ".parquet", ".npz", ".yaml") or path.name in NOT_RESULTS:
             continue
         found[str(path.relative_to(folder))] = hashlib.sha256(_numbers(path)).hexdigest()
     return found
@@ -76,8 +76,8 @@ def _numbers(path: Path) -> bytes:
         return path.read_bytes()
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(path.read_text())), sort_keys=True).encode()
-    if path.suffix == ".csv":
-        table = pd.read_csv(path)
+    if path.suffix in (".csv", ".parquet"):
+        table = pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
         return table[[name for name in table if not _of_time(str(name))]].to_csv(index=False).encode()
     with np.load(path, allow_pickle=False) as stored:
         parts = {name: stored[name] for name in stored.files}

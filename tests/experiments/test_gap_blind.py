@@ -3,13 +3,16 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.estimation.interval import Interval
 from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.blind import Make, case_truth, make, opened
+from experiments.gap.blind import Make, Respond, answer, case_truth, make, opened, scored_row
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +30,28 @@ def test_cases_are_runs_and_labels_are_not_readable(cases):
     sealed = (cases / "labels.sealed").read_bytes()
     assert b"effects" not in sealed
     assert not any(name.encode() in sealed for name in CATALOGUE)
+
+
+def test_scored_cases_are_rows_beside_what_they_hid(tmp_path):
+    (tmp_path / "answers").mkdir()
+    nothing = Interval(0.0, 0.0, 0.0)
+    lag = {"steering_lag": Interval(0.1, 0.05, 0.15)}
+    for name, causes in (("one", lag), ("two", {})):
+        verdict = "effect" if causes else "none"
+        posterior = {"+".join(causes) or verdict: 0.9}
+        Answer(name, verdict, list(causes), posterior, [], causes, {}, nothing, 1.0, {}, {}, []).write(
+            tmp_path / "answers" / f"{name}.json"
+        )
+    (tmp_path / "manifest.json").write_text(json.dumps({"cases": {"one": {"without": []}, "two": {"without": []}}}))
+    answer(Respond(tmp_path, ExecutorConfig(workers=1)))
+    assert list(read_table(tmp_path)["causes"].fillna("")) == ["steering_lag", ""]
+    row = scored_row(tmp_path, {"case": "one", "tier": "exact", "effects": {"steering_lag": 0.12}})
+    assert (row["steering_lag"], row["true_steering_lag"], row["true_causes"]) == (0.1, 0.12, "steering_lag")
+
+
+def read_table(folder):
+    (path,) = folder.glob("results.*")
+    return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
 
 
 def test_labels_open_only_after_all_answers_and_only_as_sealed(cases):

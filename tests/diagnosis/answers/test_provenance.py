@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
@@ -141,6 +142,10 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
     said = capsys.readouterr()
     assert "1 of 2 cases are answered" in said.err
     assert "monday: steering_lag" in said.out
+    (table,) = answers.glob("results.*")
+    rows = pd.read_parquet(table) if table.suffix == ".parquet" else pd.read_csv(table)
+    assert list(rows["case"]) == ["monday"]
+    assert list(rows["causes"]) == ["steering_lag"]
 
 
 def test_an_answer_without_provenance_is_applied_with_a_warning(

@@ -1,5 +1,6 @@
 """The benchmarks of simulation and of training, at a size that says nothing of times."""
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,6 +9,7 @@ import pytest
 
 from drift_drake.gathering.plan import GatheringConfig
 from experiments.drifting import benchmark_simulation
+from experiments.gap import benchmark_rollouts
 from experiments.gathering import benchmark_planning
 
 
@@ -38,6 +40,16 @@ def test_plans_are_timed_by_the_iteration(tmp_path: Path, monkeypatch: pytest.Mo
     benchmark_planning.main(benchmark_planning.BenchmarkConfig(vehicles=1, out=tmp_path / "out"))
     rows = (tmp_path / "out" / "report.md").read_text().splitlines()
     assert [row.split(" | ")[0] for row in rows if "Info-OCP" in row] == ["| Info-OCP, first", "| Info-OCP, later"]
+
+
+def test_rollouts_are_counted_beside_drakes(tmp_path: Path) -> None:
+    config = benchmark_rollouts.BenchmarkConfig(repeats=1, out=tmp_path / "out")
+    benchmark_rollouts.main(config)
+    found = json.loads((tmp_path / "out" / "numbers.json").read_text())
+    assert all(len(kind["rates"]) == 1 and kind["rates"][0] > 0.0 for kind in found.values())
+    assert found["filter over a run"]["seconds"] == found["the car alone in Drake"]["seconds"]
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "| prediction from a window | 0.5 |" in report
 
 
 def test_training_is_timed_on_each_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,122 @@
+"""How many rollouts a second a diagnosis makes of each kind, beside the same car in Drake.
+
+    python -m experiments.gap.benchmark_rollouts
+
+On the runs of one simulated case, under a hypothesis with an effect: the filter over a run, the innovations of other
+parameters under its gains, predictions of half a second from each window, and the learnt model's over the same time,
+all starts in one batch. Each kind in turn, CPU times of one thread; Drake's simulation of the car alone (plant,
+sensors, actuator, log) is the peer.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagrams.command import run_command
+from drift_drake.estimation.problem import filter_case, make_problem, observe_case
+from drift_drake.estimation.windows import HORIZONS, STRIDE, errors, windowed
+from drift_drake.model.checkpoint import load_model
+from drift_drake.model.quality import step_model
+from drift_drake.run_folder import machine, make_run_folder
+from drift_drake.threads import one_blas_thread
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting.benchmark_simulation import car_alone, cpu
+from experiments.gap.cases import Truth, make_case
+from experiments.made import write_benchmark
+
+EFFECT = {"rear_stiffness_error": -0.1}
+AHEAD = HORIZONS * STRIDE  # [s]
+STARTS = 400  # of the learnt model's predictions: those of a case's windows, about
+
+
+@dataclasses.dataclass(frozen=True)
+class BenchmarkConfig:
+    """Size of the benchmark."""
+
+    repeats: int = 20
+    """Of each kind in turn; medians are stated, and the least and the most."""
+    seed: int = 0
+    """Of the case."""
+    out: Path | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """One sort of rollout."""
+
+    count: int  # of rollouts in a call
+    seconds: float  # that one of them lasts
+    call: Callable[[], Any]
+
+
+def kinds(seed: int) -> dict[str, Kind]:
+    """By name; the last is the peer."""
+    vehicle = VehicleParameters()
+    runs = make_case(Truth(EFFECT), vehicle, np.random.default_rng(seed))
+    problem, windows = make_problem(runs, vehicle), [windowed(run) for run in runs]
+    names, theta = tuple(EFFECT), np.append(np.zeros(problem.nuisances), list(EFFECT.values()))
+    gains = filter_case(problem, theta, names)
+    lasting = float(np.mean([len(run) * run.period for run in runs]))
+    model = load_model()
+    stepper, straight = step_model(model, model.prior()), np.zeros(STARTS)
+    x, u = np.tile([0.3, 12.0, -0.1, 13.0, 0.0, 0.0, 0.05, 80.0], (STARTS, 1)), np.tile([0.05, 80.0], (STARTS, 1))
+
+    def learnt() -> None:
+        state = x
+        for _ in range(HORIZONS):
+            state = stepper.step(state, u, u, straight)
+
+    constants, effects = vehicle.constants(), Effects(**EFFECT)
+    predicted = sum(len(run.starts) for run in windows)
+    return {
+        "filter over a run": Kind(len(runs), lasting, lambda: filter_case(problem, theta, names)),
+        "innovations of a run": Kind(len(runs), lasting, lambda: observe_case(problem, gains, theta, names)),
+        "prediction from a window": Kind(predicted, AHEAD, lambda: errors(windows, constants, effects)),
+        "the learnt model's prediction": Kind(STARTS, AHEAD, learnt),
+        "the car alone in Drake": Kind(1, lasting, lambda: car_alone(lasting, seed)),
+    }
+
+
+@one_blas_thread()
+def run(config: BenchmarkConfig) -> dict[str, dict[str, Any]]:
+    """Of each kind: how long a rollout lasts [s], and rollouts a second of CPU in each repeat."""
+    found = kinds(config.seed)
+    for kind in found.values():
+        kind.call()  # compiles
+    rates: dict[str, list[float]] = {name: [] for name in found}
+    for _ in range(config.repeats):
+        for name, kind in found.items():
+            rates[name].append(kind.count / cpu(kind.call)[0])
+    return {name: {"seconds": found[name].seconds, "rates": rates[name]} for name in found}
+
+
+def table(numbers: dict[str, dict[str, Any]]) -> str:
+    """The numbers as Markdown."""
+    lines = [
+        f"{machine()}; medians (least to most) of {len(next(iter(numbers.values()))['rates'])} calls",
+        "",
+        "| rollout | lasts [s] | a second of CPU | times real time |",
+        "| --- | --- | --- | --- |",
+    ]
+    for name, found in numbers.items():
+        rates = np.array(found["rates"])
+        lines.append(
+            f"| {name} | {found['seconds']:.3g} | {np.median(rates):,.1f} ({rates.min():,.1f} to {rates.max():,.1f}) |"
+            f" {found['seconds'] * np.median(rates):,.0f} |"
+        )
+    return "\n".join(lines)
+
+
+def main(config: BenchmarkConfig) -> None:
+    """Runs, prints and stores the benchmark."""
+    folder = make_run_folder("benchmark_rollouts", config.out)
+    numbers = run(config)
+    write_benchmark(folder, config, numbers, table(numbers))
+
+
+if __name__ == "__main__":
+    run_command(main, BenchmarkConfig, __doc__)

@@ -204,7 +204,14 @@ class Scatter:
     """How a day's summed scores scatter if nothing has changed, and their mean."""
 
     mean: np.ndarray  # [n]
-    inverse: np.ndarray  # of their covariance [n, n]
+    covariance: np.ndarray  # [n, n]
+    inverse: np.ndarray  # of the covariance [n, n]
+
+    def weight(self, apart: float = 0.0) -> np.ndarray:
+        """The inverse covariance [n, n] once each score scatters by a further share `apart` of its variance, alone."""
+        if apart == 0.0:
+            return self.inverse
+        return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
@@ -223,7 +230,7 @@ def scatter_of(day: Day, normal: Normal) -> Scatter:
     mixed = day.blocks / len(normal.modes) * normal.modes
     covariance = covariance + mixed.T @ mixed
     covariance += 1e-9 * np.diag(np.diag(covariance)) + 1e-12 * np.eye(len(per_block))
-    return Scatter(normal.mean * day.blocks, np.linalg.inv(covariance))
+    return Scatter(normal.mean * day.blocks, covariance, np.linalg.inv(covariance))
 
 
 def summed(day: Day, normal: Normal, e: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:

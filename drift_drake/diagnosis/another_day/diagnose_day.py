@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.another_day.beliefs import day_beliefs
-from drift_drake.diagnosis.another_day.changed_car import judged
+from drift_drake.diagnosis.another_day.changed_car import judged, stated
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
@@ -181,15 +181,15 @@ def ranked_hypotheses(
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
     while True:
         found = ranked(kept, *counts)
-        leading = found.leading
+        leading = stated(search, found.leading)
         shrinks = reduction(search, leading, leading)
-        if not leading.names or shrinks.estimate > 0.0:
+        if not leading.names or (shrinks.estimate > 0.0 and tells_from_zero(leading)):
             break
-        kept = [h for h in kept if h is not leading]
+        kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:
         doubted = max(counts[-1], CERTAIN)
         found = ranked(kept, *counts[:-1], doubted)
-    return found, shrinks
+    return dataclasses.replace(found, leading=leading), shrinks
 
 
 def unseen_sentence(name: str, q: float) -> str:

@@ -118,6 +118,7 @@ def shrinking(by):
 def test_a_cause_that_cannot_be_told_from_zero_is_none(late_day, monkeypatch):
     monkeypatch.setattr(another_day, "reduction", shrinking({("gyro_bias",): 0.9}))
     monkeypatch.setattr(another_day, "gross", lambda *_: 1.0)
+    monkeypatch.setattr(another_day, "stated", lambda _, h: h)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 40.0, -40.0)
     found, _ = ranked_hypotheses(late_day.search, none, [hypothesis("gyro_bias", 0.03, deviation=0.02)], PRIORS)
     assert found.leading.names == ()
@@ -137,6 +138,7 @@ def test_what_recordings_differ_by_is_no_gross_gap(late_day):
 def test_causes_that_remove_nothing_are_none_however_many(late_day, monkeypatch):
     monkeypatch.setattr(another_day, "reduction", shrinking({("mass_error",): 0.4}))
     monkeypatch.setattr(another_day, "gross", lambda *_: 1.0)
+    monkeypatch.setattr(another_day, "stated", lambda _, h: h)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 60.0, -60.0)
     useless = [hypothesis(name, 0.03, nats=float(i)) for i, name in
                enumerate(("gyro_bias", "sideslip_bias", "road_grade", "cg_shift", "aero_drag"))]  # fmt: skip

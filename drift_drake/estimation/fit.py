@@ -192,6 +192,7 @@ def minimise(
     gains = filter_case(problem, theta, names)
     jacobian = sensitivity(problem, gains, theta, names) if jacobian is None else jacobian
     at = Linearised(theta, gains.filtered, cost_of(problem, gains.filtered, theta), jacobian)
+    del jacobian
     damping = 1e-4
     for _ in range(iterations):
         at.iterations += 1
@@ -200,7 +201,7 @@ def minimise(
             step, gain = normal_step(problem, at.jacobian.information, pull, at.theta, names, damping)
             if gain < enough:
                 break
-            del gains  # the largest arrays: two of them at once would be too many for long logs
+            del gains  # of the largest arrays there is one at a time: logs may be long
             gains = filter_case(problem, at.theta + step, names)
             trial_cost = cost_of(problem, gains.filtered, at.theta + step)
             if np.isfinite(trial_cost) and trial_cost < at.cost:
@@ -213,6 +214,7 @@ def minimise(
         if drop > 0.5 * gain:
             damping *= 0.1
         if drop > max(STALE, enough):
+            del at.jacobian
             at.jacobian = sensitivity(problem, gains, at.theta, names)
     return at
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from drift_drake.gathering.information import covariance_after, others_factors, stage_gradient
 from drift_drake.model.features import Network, features, features_and_pullback, network_inputs
-from drift_drake.model.posterior import spread_of_features, weighed
+from drift_drake.model.posterior import weighed
 
 Array = NDArray[np.float64]
 
@@ -65,33 +65,45 @@ class PredictiveInformationCost:
         phi = features(self._network, network_inputs(x, u, u_next))
         after = covariance_after(self._precision, phi)
         wanted = (self._rows.T / self._variances(after)) @ self._rows / self._count
-        others, seen = _others_and_seen(after, phi, wanted)
-        states = range(phi.shape[-2])
+        # What is left after all stages but one is C = A + P' M P, with A what is left after all of them; so C W C is
+        # A W A and terms of rank four. Neither is formed: the points of a stage are multiplied by their factors.
+        projected, weighted = others_factors(after, phi)
+        by_after = wanted @ after
+        seen = after @ by_after
+        across = weighted @ by_after + 0.5 * (weighted @ wanted @ np.swapaxes(projected, 1, 2)) @ weighted
+        eye, states = np.eye(phi.shape[-2]), range(phi.shape[-2])
+
+        def by_features(phi: Array) -> Array:
+            """The information's derivative by the features [N, 4, 16] of a point in each stage."""
+            # Phi C W C with C = (others^{-1} + Phi' Phi)^{-1}, by Woodbury's identity.
+            by_factor = _by_factors(phi, projected)
+            own = _by_matrix(phi, after) + by_factor @ weighted
+            told = _by_matrix(phi, seen) + by_factor @ across + _by_factors(phi, across) @ projected
+            shrink = np.linalg.inv(eye + _by_features(own, phi))
+            rest = told - _by_features(told, phi) @ shrink @ own
+            return np.asarray((shrink @ rest).reshape(*phi.shape[:-1], *phi.shape[-2:])[:, states, states])
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             z = network_inputs(x, u, u_next)
-            phi, pullback = features_and_pullback(self._network, z.reshape(-1, len(others), z.shape[-1]))
-            # Phi C W C with C = (others^{-1} + Phi' Phi)^{-1}, by Woodbury's identity.
-            own, spread = spread_of_features(others, phi)
-            told, overlap = spread_of_features(seen, phi)
-            whole, shrink = (*phi.shape[:-1], -1), np.linalg.inv(spread)
-            overlap = (overlap - np.eye(phi.shape[-2])) @ shrink
-            rest = told.reshape(whole) - overlap @ own.reshape(whole)
-            by_phi = (shrink @ rest).reshape(told.shape)[..., states, states, :]
+            phi, pullback = features_and_pullback(self._network, z.reshape(-1, len(projected), z.shape[-1]))
+            # One point of each stage after the other: their products then stay in the processor's cache.
+            by_phi = np.stack([by_features(point) for point in phi])
             return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
 
         return gradient
 
 
-def _others_and_seen(after: Array, phi: Array, wanted: Array) -> tuple[Array, Array]:
-    """C, what is left of the covariance after all stages but one, and C W C, both [N, 64, 64].
+def _by_matrix(phi: Array, matrix: Array) -> Array:
+    """Phi A [N, 4, 64] of features phi [N, 4, 16], those of a state in a row of Phi, and one A [64, 64]."""
+    states, width = phi.shape[-2:]
+    return np.asarray((phi.swapaxes(0, 1) @ matrix.reshape(states, width, -1)).swapaxes(0, 1))
 
-    C = A + P' M P is A, the covariance after all of them, and a term of rank four (`others_factors`), so that C W C is
-    A W A and terms of that rank.
-    """
-    projected, weighted = others_factors(after, phi)
-    transposed = np.swapaxes(projected, 1, 2)
-    by_after = wanted @ after
-    across = weighted @ by_after + 0.5 * (weighted @ wanted @ transposed) @ weighted
-    half = transposed @ across
-    return after + transposed @ weighted, after @ by_after + half + np.swapaxes(half, 1, 2)
+
+def _by_factors(phi: Array, factors: Array) -> Array:
+    """Phi P_k' [N, 4, 4] of features phi [N, 4, 16] and a factor P_k of each stage [N, 4, 64]."""
+    return _by_features(factors, phi).swapaxes(1, 2)
+
+
+def _by_features(rows: Array, phi: Array) -> Array:
+    """R Phi' [N, 4, 4] of rows R [N, 4, 64] and features phi [N, 4, 16]."""
+    return np.asarray(np.einsum("nijg,njg->nij", rows.reshape(*phi.shape[:-1], *phi.shape[-2:]), phi))

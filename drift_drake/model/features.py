@@ -101,9 +101,12 @@ def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
 def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: Array) -> Array:
     """Gradients with respect to z, [..., k, 10], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
     h1, h2, by_physics = hidden
+    # Each product as one of two matrices: NumPy would make one of each point's few rows.
+    flat = (-1, HIDDEN_COUNT)
     g2 = seed * (1.0 - h2 * h2)[..., None, :]
-    g1 = (g2 @ network.w2.T) * (1.0 - h1 * h1)[..., None, :]
-    return _by_z((g1 @ network.w1.T) / network.input_scale, by_physics)
+    g1 = (g2.reshape(flat) @ network.w2.T).reshape(seed.shape) * (1.0 - h1 * h1)[..., None, :]
+    by_inputs = (g1.reshape(flat) @ network.w1.T).reshape(*seed.shape[:-1], -1)
+    return _by_z(by_inputs / network.input_scale, by_physics)
 
 
 def features(network: Network, z: Array) -> Array:
@@ -147,8 +150,8 @@ def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[
 
     def pullback(by_phi: Array) -> Array:
         rows = _output_rows(network)
-        seed = by_phi.reshape(*by_phi.shape[:-2], 1, len(rows)) @ rows
-        return _reverse(network, hidden, seed)[..., 0, :]
+        seed = by_phi.reshape(-1, len(rows)) @ rows
+        return _reverse(network, hidden, seed.reshape(*by_phi.shape[:-2], 1, HIDDEN_COUNT))[..., 0, :]
 
     return _outputs(network, hidden[1]), pullback
 

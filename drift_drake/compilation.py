@@ -4,11 +4,13 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from filelock import FileLock
+from numba.core.compiler_lock import global_compiler_lock
 
 from drift_drake.vehicle.installed import effect_functions, fingerprint
 from drift_drake.vehicle.tyre import installed_tyres
@@ -45,7 +47,27 @@ def compiled(function: Function) -> Function:
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     result: Function = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     numba.config.CACHE_DIR = before
+    _compile_one_process_at_a_time(result, function.__qualname__)
     return result
+
+
+def _compile_one_process_at_a_time(dispatcher: Any, name: str) -> None:
+    """Processes that need a function at the same time compile it once; the others then find it on the disk.
+
+    Without a lock both compile it, and may give two signatures' files one number. Numba's own lock, over threads, is
+    taken first: who waits for a process holds nothing that a thread of that process could wait for.
+    """
+    compile_signature, folder = dispatcher.compile, Path(dispatcher.stats.cache_path)
+
+    @wraps(compile_signature)
+    def compile_alone(signature: Any) -> Any:
+        with global_compiler_lock:
+            if tuple(signature) in dispatcher.overloads or not os.access(folder, os.W_OK):
+                return compile_signature(signature)
+            with FileLock(folder / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.{name}.lock"):
+                return compile_signature(signature)
+
+    dispatcher.compile = compile_alone
 
 
 def say_if_it_compiles(function: Callable[..., Any], what: str) -> None:

@@ -221,12 +221,12 @@ def scored_row(out: Path, label: dict[str, Any]) -> dict[str, Any]:
 def score(command: Score) -> None:
     """Prints and writes the scores, and draws their pictures."""
     pairs = answered(command.out, command.partial)
-    write_results_table(command.out, [scored_row(command.out, label) for label, _ in pairs])
     result = scores(pairs)
     write_text(command.out / "scores.json", json.dumps(result, indent=1))
     text = score_text(result)
     write_report(command.out, text, command)
     draw_scores(pairs, command.out)
+    write_results_table(command.out, [scored_row(command.out, label) for label, _ in pairs])
     print(text)
 
 

@@ -26,11 +26,13 @@ def made_up(count=40, seed=0):
         verdict = named if named in ("none", "unknown") else "effect"
         causes = named.split("+") if verdict == "effect" else []
         answer = {
+            "case": f"{i}",
             "verdict": verdict,
             "causes": causes,
             "posterior": {named: 0.75} | ({"other": 0.25} if named == right else {right: 0.25}),
             "ambiguity": [named, right][: 1 + (named != right)],
             "magnitudes": {c: {"estimate": 1.0, "low": -2.0, "high": 200.0} for c in causes},
+            "where": {"states": [], "regime": ""},
             "reduction": {"estimate": 0.99, "low": 0.9, "high": 1.0},
             "seconds": float(rng.uniform(20.0, 40.0)),
         }

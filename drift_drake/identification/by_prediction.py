@@ -8,7 +8,7 @@ import numpy as np
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
-from drift_drake.estimation.scores import learn_normal, make_day, units
+from drift_drake.estimation.scores import block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
 from drift_drake.identification.disagreement import differences
@@ -18,7 +18,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
-MOST_WINDOWS = 450  # that a fit takes in, evenly chosen
+MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
@@ -52,15 +52,24 @@ def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
 
 
 def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[WindowedRun]]:
-    """Windows that lie outside the held-out blocks, and windows that start in one."""
+    """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block."""
     fitted, judged = [], []
-    for run in runs:
-        starts, end = is_held(run, run.starts), is_held(run, run.starts + HORIZONS * run.stride)
-        fitted.append(dataclasses.replace(run, starts=run.starts[~starts & ~end]))
-        judged.append(dataclasses.replace(run, starts=run.starts[starts]))
+    for some, run in zip(thinned(runs, MOST_WINDOWS), runs, strict=True):
+        starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride)
+        fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
+        judged.append(dataclasses.replace(run, starts=run.starts[is_held(run, run.starts)]))
     if min(sum(len(run.starts) for run in part) for part in (fitted, judged)) < LEAST_WINDOWS:
-        return list(runs), list(runs)  # too short to hold anything out
-    return fitted, judged
+        fitted, judged = thinned(runs, MOST_WINDOWS), list(runs)  # too short to hold anything out
+    return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in judged], MOST_JUDGED)
+
+
+def row_by_row(run: WindowedRun) -> np.ndarray:
+    """Every row as a start, from each start to the next: sensors' noise is another one in each row."""
+    if len(run.starts) < 2:
+        return run.starts
+    step = int(np.diff(run.starts).min())
+    followed = run.starts[:-1][np.diff(run.starts) == step]
+    return np.union1d(run.starts, (followed[:, None] + np.arange(step)).ravel())
 
 
 def fit_by_prediction(
@@ -77,7 +86,7 @@ def fit_by_prediction(
     constants = vehicle.constants()
     base = [unknown(name, vehicle, stated, 0.0) for name in own]
     more = [unknown(name, vehicle, stated, 0.0) for name in candidates]
-    fitted, judged = split(thinned(runs, MOST_WINDOWS))
+    fitted, judged = split(runs)
 
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
@@ -136,21 +145,22 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
 def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:
     """Median absolute errors on held-out windows of the first guess and of the calibrated car, in the states' units.
 
-    The ratio is the states' geometric mean half a second ahead, its interval from resampled blocks of ten windows.
+    The ratio is the states' geometric mean half a second ahead, its interval from resampled blocks of 2 s.
     """
     shown = [i for i in range(len(STATES)) if all(run.used[i] for run in judged)]
     one, two = (np.abs(errors(judged, vehicle.constants(), car))[..., shown] for car in (before, after))
 
-    def ratio(rows: np.ndarray) -> float:
+    def ratios(rows: np.ndarray) -> np.ndarray:
         medians = [np.median(part[rows, -1], axis=0) + 1e-12 for part in (one, two)]
-        return float(np.exp(np.mean(np.log(medians[1] / medians[0]))))
+        return np.asarray(medians[1] / medians[0])
 
-    blocks = np.array_split(np.arange(len(one)), max(len(one) // 10, 1))
+    blocks = [np.flatnonzero(block == k) for block in [block_of(judged)] for k in range(int(block.max()) + 1)]
     rng = np.random.default_rng(0)
-    draws = [ratio(np.concatenate([blocks[k] for k in rng.integers(0, len(blocks), len(blocks))]))
-             for _ in range(RESAMPLES)]  # fmt: skip
-    low, high = np.quantile(draws, [0.025, 0.975])
+    draws = np.array([ratios(np.concatenate([blocks[k] for k in rng.integers(0, len(blocks), len(blocks))]))
+                      for _ in range(RESAMPLES)])  # fmt: skip
+    low, high = np.quantile(np.exp(np.mean(np.log(draws), axis=1)), [0.025, 0.975])
+    by_state = [(float(a), float(b)) for a, b in np.quantile(draws, [0.025, 0.975], axis=0).T]
     first, then = ([[float(q) for q in row] for row in np.median(part, axis=0)] for part in (one, two))
     horizons = tuple(round(STRIDE * (h + 1), 3) for h in range(HORIZONS))
-    return HeldOut(horizons, tuple(STATES[i] for i in shown), first, then, ratio(np.arange(len(one))), float(low),
-                   float(high))  # fmt: skip
+    ratio = float(np.exp(np.mean(np.log(ratios(np.arange(len(one)))))))
+    return HeldOut(horizons, tuple(STATES[i] for i in shown), first, then, ratio, float(low), float(high), by_state)

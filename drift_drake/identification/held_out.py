@@ -37,6 +37,12 @@ class HeldOut:
     ratio: float  # of the errors after to those before at half a second, states in noise levels
     low: float  # 95 %
     high: float
+    by_state: list[tuple[float, float]]  # the same ratio's 95 % interval, state by state
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """States that are predicted worse half a second ahead, beyond what the logs leave open."""
+        return tuple(state for state, (low, _) in zip(self.states, self.by_state, strict=True) if low > 1.0)
 
 
 def judged_states(problem: Problem) -> list[int]:
@@ -63,21 +69,24 @@ def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.n
     """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
     used = judged_states(problem)
     sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])
-    sums = sums[sums[:, 0] > 0.0]  # a run's last restarts have no row half a second on: no blocks to draw
+    sums = sums[sums[:, 0].sum(axis=-1) > 0.0]  # a run's last restarts have no row half a second on: no blocks to draw
     draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
-    totals = sums[draws].sum(axis=1)
+    by_state = sums[draws].sum(axis=1)
+    totals = by_state.sum(axis=-1)
     low, high = np.quantile(np.sqrt(totals[:, 1] / totals[:, 0]), [0.025, 0.975])
-    total = sums.sum(axis=0)
+    total = sums.sum(axis=(0, 2))
+    ends = np.quantile(np.sqrt(by_state[:, 1] / by_state[:, 0]), [0.025, 0.975], axis=0).T
 
     def table(parts: Sequence[np.ndarray]) -> list[list[float]]:
         rms = np.sqrt(np.nanmean(np.concatenate(parts), axis=0)) * problem.noise[used]
         return [[float(q) for q in row] for row in rms]
 
     return HeldOut(HORIZONS, tuple(STATES[i] for i in used), table(before), table(after),
-                   float(np.sqrt(total[1] / total[0])), float(low), float(high))  # fmt: skip
+                   float(np.sqrt(total[1] / total[0])), float(low), float(high),
+                   [(float(a), float(b)) for a, b in ends])  # fmt: skip
 
 
 def _blocks(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Sums of squares [blocks, 2] half a second ahead, over a block of restarts each."""
-    sums = np.stack([np.nansum(part[:, JUDGED], axis=-1) for part in (before, after)], axis=-1)
+    """Sums of squares [blocks, 2, states] half a second ahead, over a block of restarts each."""
+    sums = np.stack([np.nan_to_num(part[:, JUDGED]) for part in (before, after)], axis=1)
     return np.asarray(np.add.reduceat(sums, np.arange(0, len(sums), BLOCK), axis=0))

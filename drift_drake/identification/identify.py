@@ -20,6 +20,7 @@ from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Trust
+from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.identification.unknowns import check_effect_names
@@ -152,19 +153,18 @@ def stated_in_full(
         case=case, parameters=parameters, correlation=found.correlation.tolist(),
         not_identified=not_identified(shown, prior_of, covariance), tied=tied(shown, found.correlation),
         left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
-        seconds=0.0, warnings=[white.sentence(), *worse_states(found), *found.differences], criterion="prediction",
-        normal=found.normal,
+        seconds=0.0, warnings=[white.sentence(), *worse_states(found.held_out), *found.differences],
+        criterion="prediction", normal=found.normal,
     )  # fmt: skip
     tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)
     return Identification(calibration, found.vehicle.replace(tolerance=tolerance), found.effects, rows)
 
 
-def worse_states(found: PredictionFit) -> list[str]:
+def worse_states(h: HeldOut) -> list[str]:
     """Warnings of states that the calibrated car predicts worse than the first guess."""
-    h = found.held_out
-    pairs = zip(h.states, h.before[-1], h.after[-1], strict=True)
+    rows = zip(h.states, h.before[-1], h.after[-1], strict=True)
     return [f"{state} is predicted worse than by the first guess ({after:.3g}, {before:.3g} before)"
-            for state, before, after in pairs if after > 1.1 * before]  # fmt: skip
+            for state, before, after in rows if state in h.worse]  # fmt: skip
 
 
 class Days(NamedTuple):

@@ -33,6 +33,7 @@ def calibration_row(job: Calibrate, own_figures: bool) -> dict[str, Any]:
             state: {"first_guess": before, "calibrated": after}
             for state, before, after in zip(h["states"], h["before"][-1], h["after"][-1], strict=True)
         },
+        "worse": [state for state, (low, _) in zip(h["states"], h["by_state"], strict=True) if low > 1.0],
         "warnings": c["warnings"],
     }
     if own_figures:
@@ -72,6 +73,7 @@ def calibration_scores(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "cars": len(rows),
         "failed": len(rows) - len(done),
         "no worse than the first guess": share(row["ratio"][0] <= 1.0 for row in done),
+        "no state worse, beyond what the logs leave open": share(not row["worse"] for row in done),
         "half-second error over the first guess's, median": {state: median_of(q) for state, q in ratios.items()},
         "half-second error over the first guess's, most": {state: max(q) for state, q in ratios.items()},
         "interval holds the car's own figure": {

@@ -126,7 +126,7 @@ PARAMETERS = {
 CAR = {
     "criterion": "prediction", "seconds": 60.0, "cpu_seconds": 90.0, "parameters": PARAMETERS, "warnings": [],
     "held_out": {"ratio": 0.5, "low": 0.4, "high": 0.6, "states": ["r", "v"], "before": [[1.0, 1.0], [0.4, 0.2]],
-                 "after": [[1.0, 1.0], [0.1, 0.3]]},
+                 "after": [[1.0, 1.0], [0.1, 0.3]], "by_state": [[0.2, 0.3], [1.1, 1.9]]},
 }  # fmt: skip
 START = """mass: 1200.0\nyaw_inertia: 1800.0\nfront_axle_distance: 1.2\nrear_axle_distance: 1.4\nwheel_radius: 0.3
 rear_axle_inertia: 20.0\ngear_ratio: 10.0\nfriction: 1.0\nfront_stiffness: 1.0e5\nrear_stiffness: 1.0e5\ngravity: 9.81
@@ -144,6 +144,7 @@ def calibrated(tmp_path, name="car"):
 def test_own_figures_are_held_or_not(tmp_path):
     first = calibration_row(calibrated(tmp_path), own_figures=True)
     assert first["half_second"]["r"] == {"first_guess": 0.4, "calibrated": 0.1}
+    assert first["worse"] == ["v"]
     assert first["own_figures"]["gear_ratio"]["holds"]
     assert not first["own_figures"]["yaw_inertia"]["holds"]
     lost = {"failed": {"verdict": "crashed", "message": "Singular matrix"}}

@@ -8,7 +8,7 @@ import pytest
 from drift_drake.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
-from drift_drake.identification.by_prediction import compared, is_held, prior_of, split
+from drift_drake.identification.by_prediction import compared, is_held, prior_of, row_by_row, split
 from drift_drake.identification.identify import identify
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -41,9 +41,20 @@ def test_no_fitted_window_reaches_into_a_held_out_block(runs):
 
 def test_runs_of_three_seconds_are_held_out_too(other_car):
     fitted, judged = split([windowed(run.rows(0, 300)) for run in other_car.runs])
-    counts = [sum(len(run.starts) for run in part) for part in (fitted, judged)]
-    assert min(counts) > 0
-    assert sum(counts) < 2 * sum(len(windowed(run.rows(0, 300)).starts) for run in other_car.runs)
+    assert min(sum(len(run.starts) for run in part) for part in (fitted, judged)) > 0
+    assert all(not np.any(is_held(run, run.starts)) for run in fitted)
+
+
+def test_judging_windows_start_in_every_row_between_two_of_a_held_out_block(runs):
+    run = runs[0]
+    _, judged = split(runs)
+    held = run.starts[is_held(run, run.starts)]  # of one block: the run is 8 s long
+    assert np.array_equal(judged[0].starts, np.arange(held[0], held[-1] + 1))
+    apart = dataclasses.replace(run, starts=run.starts[[0, 1, 5]])  # rows left out in between
+    step = int(run.starts[1] - run.starts[0])
+    expected = [*range(run.starts[0], run.starts[0] + step), run.starts[1], run.starts[5]]
+    assert np.array_equal(row_by_row(apart), expected)
+    assert np.array_equal(row_by_row(dataclasses.replace(run, starts=run.starts[:1])), run.starts[:1])
 
 
 def test_the_calibrated_car_predicts_held_out_parts_better(other_car):
@@ -64,6 +75,11 @@ def test_a_comparison_with_itself_is_one(other_car, runs):
     same = compared(judged, other_car.guess, Effects(), Effects())
     assert same.ratio == same.low == same.high == 1.0
     assert same.before == same.after
+    assert same.worse == ()
+    moved = compared(judged, other_car.guess, Effects(), Effects(gyro_bias=0.2))
+    assert moved.worse[0] == "r"  # and what follows from it
+    assert all(low <= then[-1] / first[-1] <= high for (low, high), then, first
+               in zip(moved.by_state, np.transpose(moved.after), np.transpose(moved.before), strict=True))  # fmt: skip
     fed = [dataclasses.replace(run, fed=True, used=np.array([True, False, True, False, True])) for run in judged]
     assert compared(fed, other_car.guess, Effects(), Effects()).states == ("r", "beta")
 

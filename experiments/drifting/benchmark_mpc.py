@@ -7,6 +7,8 @@ A car moves along the figure-8's reference by 10 ms from one problem to the next
 planned for every horizon in turn, as a function and by the `MpcController`, so that what else the machine does falls on
 all of them. All times are CPU times of one thread. The floor of a plan is its QPs' own time and that of the network's
 matrix products, bare. For the nominal car a real-time iteration stands beside SNOPT, warm-started on the same problems.
+Of a few problems the converged cost stands beside those of SNOPT and IPOPT by Drake, which have the model's Jacobians,
+and of IPOPT by CasADi where that is installed, which has second derivatives too.
 """
 
 import dataclasses
@@ -26,7 +28,7 @@ from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.step_model import NominalStepModel, StepModel
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, MissingExtraError
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
@@ -35,6 +37,7 @@ from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.made import write_benchmark
 
 Array = NDArray[np.float64]
@@ -51,7 +54,7 @@ class BenchmarkConfig:
     horizons: tuple[int, ...] = (10, 25, 45, 90)
     problems: int = 1000
     referee_problems: int = 2
-    """Problems for each horizon that SNOPT and IPOPT solve too, to convergence."""
+    """Problems for each horizon that SNOPT, IPOPT and CasADi solve too, to convergence."""
     referee_horizon: int = 45
     """The longest horizon for them; IPOPT takes minutes beyond."""
     warm_problems: int = 100
@@ -168,8 +171,8 @@ class Bench:
         self.context.get_mutable_discrete_state().SetFrom(update)
         self.times["controller"].append(seconds)
 
-    def referee(self, s: float, state: Array) -> dict[str, dict[str, float]]:
-        """Costs and CPU times [ms] of the converged SQP, SNOPT and IPOPT on one problem, each from the first guess."""
+    def referee(self, s: float, state: Array, peer: CasadiOcp | None) -> dict[str, dict[str, float]]:
+        """Costs and CPU times [ms] of the converged SQP and its peers on one problem, each from the first guess."""
         data = self.data(s, state)
         self.problem.set(data)
         guess = self.problem.first_guess(data)
@@ -182,6 +185,9 @@ class Bench:
                 "ms": 1e3 * seconds,
                 "solved": float(found.is_success()),
             }
+        if peer is not None:
+            seconds, (_, cost, solved) = cpu(lambda: peer.solve(data, guess))
+            answer["casadi_ipopt"] = {"cost": cost, "ms": 1e3 * seconds, "solved": float(solved)}
         return answer
 
     def summary(self) -> dict[str, Any]:
@@ -248,17 +254,20 @@ def run(config: BenchmarkConfig) -> dict[str, Any]:
         state = reference.state(s) + rng.normal(size=6) * SPREAD
         for bench in benches:
             bench.plan(number, state)
+    step = learnt_step(learnt.network, learnt.prior().mean, learnt.vehicle.constants()) if installed() else None
     referees: dict[str, list[Any]] = {}
     for bench in benches:
         if bench.horizon <= config.referee_horizon:
+            peer = None if step is None else CasadiOcp(step, bench.problem)
             places = START + ADVANCE * config.problems * np.arange(config.referee_problems) / config.referee_problems
-            answers = [bench.referee(s, reference.state(s) + rng.normal(size=6) * SPREAD) for s in places]
+            answers = [bench.referee(s, reference.state(s) + rng.normal(size=6) * SPREAD, peer) for s in places]
             referees[str(bench.horizon)] = answers
     return {
         "machine": machine(),
         "problems": config.problems,
         "horizons": {str(bench.horizon): bench.summary() for bench in benches},
         "referees": referees,
+        "missing": "" if step else str(MissingExtraError("the peer IPOPT with second derivatives", "casadi", "peers")),
         "beside_snopt": beside_snopt(config),
     }
 
@@ -277,6 +286,7 @@ def table(numbers: dict[str, Any]) -> str:
         lines.append(f"| {horizon} | " + " | ".join(cells + ratios) + " |")
     medians = ", ".join(f"{name.replace('_', ' ')} {ms:.2g} ms" for name, ms in numbers["beside_snopt"].items())
     lines += ["", f"- nominal car, N = 25: {medians} in the median"]
+    lines += [f"- {numbers['missing']}"] if numbers["missing"] else []
     for horizon, answers in numbers["referees"].items():
         for answer in answers:
             costs = [

@@ -9,6 +9,7 @@ import pytest
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.errors import InvalidOptionError
 from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting import benchmark_mpc
 from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
 
 CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3, warm_problems=3)
@@ -29,9 +30,20 @@ def test_a_benchmark_names_machine_parts_counts_and_referees(
         assert found["plan_over_floor"] > 1.0
     (answer,) = numbers["referees"]["3"]
     assert all(found["solved"] for found in answer.values())
+    assert ("casadi_ipopt" in answer) == benchmark_mpc.installed() == (numbers["missing"] == "")
     np.testing.assert_allclose([found["cost"] for found in answer.values()], answer["sqp"]["cost"], atol=1e-4)
     assert set(numbers["beside_snopt"]) == {"linearise", "real_time_iteration", "snopt_warm"}
     assert numbers["machine"] in capsys.readouterr().out
+
+
+def test_without_casadi_a_benchmark_says_so_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(benchmark_mpc, "installed", lambda: False)
+    main(BenchmarkConfig(horizons=(3,), problems=2, referee_problems=1, warm_problems=2, out=tmp_path))
+    assert "needs casadi; install the extra: pip install 'drift_drake[peers]'" in capsys.readouterr().out
+    (answer,) = json.loads((tmp_path / "numbers.json").read_text())["referees"]["3"]
+    assert set(answer) == {"sqp", "snopt", "ipopt"}
 
 
 def test_too_few_problems_are_refused_before_any_is_solved() -> None:

@@ -21,7 +21,7 @@ def main(out: Path | None = None) -> None:
     parameters = VehicleParameters()
     drift = drift_equilibrium(parameters, 18.0, -0.6)
     driver = HoldDriver(parameters, drift, np.zeros((2, 2)))
-    drive = Drive(parameters, driver, 1, HOLD_PERIOD, np.zeros((2, 2)), driver.initial_command())
+    drive = Drive(parameters, driver, 1, HOLD_PERIOD, None, driver.initial_command())
     for path in draw_graph(drive.diagram, make_run_folder("drive", out) / "drive"):
         print(path)
 

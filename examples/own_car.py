@@ -15,7 +15,7 @@ def main(folder: Path = Path(), seconds: float = 5.0) -> float:
     parameters, effects = read_vehicle(folder / "my_car.yaml")  # checked: units, ranges, spelling
     commands = Plan(0.0, np.array([[0.0, 150.0], [0.06, 100.0]]), dt=2.0)  # steering ramps in over two seconds
     driver = ConstantVectorSource(commands.vector())
-    drive = Drive(parameters, driver, 1, commands.dt, np.zeros((2, 2)), (0.0, 150.0), effects)
+    drive = Drive(parameters, driver, 1, commands.dt, None, (0.0, 150.0), effects)
     table, ending = drive.run(np.array([0.0, 12.0, 0.0, 12.0, 0.0, 0.0]), 0.0, seconds, seed=0)
     table.to_csv(folder / "my_car.csv", index=False)
     print(f"{len(table)} rows, ended by {ending}; {table['v'].iloc[-1]:.1f} m/s at the end")

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import INPUTS
 
 Array = NDArray[np.float64]
@@ -45,6 +46,7 @@ def no_plan(steps: int) -> Array:
     return np.full(plan_size(steps), np.nan)
 
 
+@compiled
 def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, float, float]:
     """Command and its rate at time t: u(t) = u_k + (t - k dt) u_dot_k, held constant beyond either end.
 
@@ -60,11 +62,11 @@ def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, fl
     steps = (t - plan[0]) / dt
     k = math.floor(steps + TIME_TOLERANCE / dt)
     if k < 0:
-        return float(plan[1]), float(plan[2]), 0.0, 0.0
+        return plan[1], plan[2], 0.0, 0.0
     if k >= last:
-        return float(plan[2 * last + 1]), float(plan[2 * last + 2]), 0.0, 0.0
-    delta, tau, next_delta, next_tau = plan[2 * k + 1 : 2 * k + 5].tolist()
-    part, delta_step, tau_step = steps - k, next_delta - delta, next_tau - tau
+        return plan[2 * last + 1], plan[2 * last + 2], 0.0, 0.0
+    delta, tau = plan[2 * k + 1], plan[2 * k + 2]
+    part, delta_step, tau_step = steps - k, plan[2 * k + 3] - delta, plan[2 * k + 4] - tau
     return delta + part * delta_step, tau + part * tau_step, delta_step / dt, tau_step / dt
 
 

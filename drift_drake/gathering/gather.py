@@ -33,7 +33,7 @@ def execution(
     gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
     controller = TrackingController(states, trajectory.u, gains, DT)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
-    return Drive(parameters, controller, 1, DT, np.zeros((2, 2)), start, effects, lane(config), plant=plant)
+    return Drive(parameters, controller, 1, DT, None, start, effects, lane(config), plant=plant)
 
 
 def gather(

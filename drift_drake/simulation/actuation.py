@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
 from drift_drake.vehicle.bicycle import INPUTS
@@ -83,7 +84,10 @@ class LinearInterpolationActuator(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._take_plan)
 
         plans = {self.discrete_state_ticket(self._in_force), self.discrete_state_ticket(self._waiting)}
-        now = {self.time_ticket(), *plans}
+        # Read once for all commands until the next sampling, of which an integrator asks for several.
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_plans)
+        self._plans = self.DeclareCacheEntry("plans", producer, plans)
+        now = {self.time_ticket(), self._plans.ticket()}
         self.DeclareVectorOutputPort("command", 2, self._calc_command, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort("command_rate", 2, self._calc_command_rate, prerequisites_of_calc=now)
         self.DeclareVectorOutputPort("saturated", 2, self._calc_saturated, prerequisites_of_calc=now)
@@ -112,12 +116,15 @@ class LinearInterpolationActuator(LeafSystem):
         else:
             discrete.set_value(self._waiting, plan)
 
+    def _copy_plans(self, context: Context, value: Any) -> None:
+        """(plan followed, plan that waits), as arrays."""
+        value.set_value(tuple(context.get_discrete_state(i).CopyToVector() for i in (self._in_force, self._waiting)))
+
     def _plan(self, context: Context) -> Array | None:
         """The plan in force now, if any."""
-        waiting = context.get_discrete_state(self._waiting).value()
+        in_force, waiting = self._plans.Eval(context)
         if waiting[0] <= context.get_time() + TIME_TOLERANCE:
             return waiting
-        in_force = context.get_discrete_state(self._in_force).value()
         return None if math.isnan(in_force[0]) else in_force
 
     def _unsaturated(self, context: Context) -> tuple[float, float, float, float]:

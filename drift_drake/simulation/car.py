@@ -1,13 +1,14 @@
 """The real car of a simulation: actuators' delay, plant and sensors as one diagram."""
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
 from drift_drake.simulation.delay import TransportDelay
 from drift_drake.simulation.sensors import NoiseLevels, Sensors
+from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+from drift_drake.vehicle.path_plant import POSE, CurvedPath, PathPlant
 from drift_drake.vehicle.plant import VehiclePlant
 from drift_drake.vehicle.plausible import check_effects, check_plausible
 
@@ -68,10 +69,19 @@ class Car(Diagram):
             builder.ExportInput(actuation, "command")
         for name in ("disturbance", "curvature"):
             builder.ExportInput(self.plant.GetInputPort(name), name)
-        for name in ("state", "path_position", "pose", "acceleration"):
-            builder.Connect(self.plant.GetOutputPort(name), self.sensors.GetInputPort(name))
+        truth = self._state_parts(builder) | {"acceleration": self.plant.GetOutputPort("acceleration")}
+        for name, port in truth.items():
+            builder.Connect(port, self.sensors.GetInputPort(name))
+            builder.ExportOutput(port, name)
         for name in ("measured_state", "log_row"):
             builder.ExportOutput(self.sensors.GetOutputPort(name), name)
-        for name in ("state", "path_position", "pose", "acceleration"):
-            builder.ExportOutput(self.plant.GetOutputPort(name), name)
         builder.BuildInto(self)
+
+    def _state_parts(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
+        """The plant's ports of these names, taken out of its whole state by Drake, which calls no Python for them."""
+        whole = self.plant.GetOutputPort("full_state")
+        sizes = [len(STATES), 1, len(POSE)]
+        own = whole.size() - sum(sizes)
+        parts = builder.AddNamedSystem("state_parts", Demultiplexer([*sizes, own] if own else sizes))
+        builder.Connect(whole, parts.get_input_port())
+        return {name: parts.get_output_port(i) for i, name in enumerate(("state", "path_position", "pose"))}

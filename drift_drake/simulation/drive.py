@@ -65,7 +65,7 @@ class Drive:
         driver: LeafSystem,
         steps: int,
         plan_spacing: float,
-        dither: Array,
+        dither: Array | None,
         initial_command: tuple[float, float],
         effects: Effects = Effects(),  # noqa: B008 (immutable)
         reference: Reference | None = None,
@@ -73,7 +73,7 @@ class Drive:
         plant: PathPlant | None = None,
     ) -> None:
         """Args:
-        steps, plan_spacing: of the driver's plans; dither: [K, 2].
+        steps, plan_spacing: of the driver's plans; dither: [K, 2] that is added to its commands, if any.
         reference: where the path comes from.
         plant: the true car, on that path, if it is not that of `parameters` and `effects`; see `Car`.
         """
@@ -82,15 +82,17 @@ class Drive:
         self.driver = builder.AddNamedSystem("driver", driver)
         actuator = LinearInterpolationActuator(parameters, steps, plan_spacing, initial_command=initial_command)
         self.actuator = builder.AddNamedSystem("actuator", actuator)
-        self.dither = builder.AddNamedSystem("dither", Dither(parameters, dither))
         path = None if reference is None else reference.path
         self.car = builder.AddNamedSystem("car", Car(parameters, effects, path, noise, plant=plant))
         if driver.num_input_ports() > 0:
             builder.Connect(self.car.GetOutputPort("measured_state"), driver.GetInputPort("measured_state"))
         plan = driver.GetOutputPort("plan") if driver.HasOutputPort("plan") else driver.get_output_port(0)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
-        builder.Connect(self.actuator.GetOutputPort("command"), self.dither.GetInputPort("command"))
-        command = self.dither.GetOutputPort("dithered_command")
+        command = self.actuator.GetOutputPort("command")
+        if dither is not None:
+            shaken = builder.AddNamedSystem("dither", Dither(parameters, dither))
+            builder.Connect(command, shaken.GetInputPort("command"))
+            command = shaken.GetOutputPort("dithered_command")
         builder.Connect(command, self.car.GetInputPort("command"))
         self._logs = Logs(builder, LOG_PERIOD)
         self._logs.add(self.car.GetOutputPort("log_row"), LOG_ROW)

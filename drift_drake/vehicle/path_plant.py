@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd
-from pydrake.systems.framework import BasicVector_, LeafSystem_
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.errors import DriftDrakeError
@@ -65,6 +66,8 @@ class PathPlant:
         """Declares numeric parameters and the continuous state `state_names` on numbers of the type T, and ports."""
         for values in parameters:
             self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_numbers)
+        self._numbers = self.DeclareCacheEntry("numbers", producer, {self.all_parameters_ticket()})
         self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
 
     def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:
@@ -91,9 +94,12 @@ class PathPlant:
         )
         self.DeclareStateOutputPort("full_state", state_index)
 
-    def numbers(self, context: Any) -> tuple[Any, Any]:
+    def numbers(self: Any, context: Any) -> tuple[Any, Any]:
         """(constants, magnitudes) in a Context."""
-        return context.get_numeric_parameter(0).CopyToVector(), context.get_numeric_parameter(1).CopyToVector()
+        return self._numbers.Eval(context)
+
+    def _copy_numbers(self, context: Any, value: Any) -> None:
+        value.set_value(tuple(context.get_numeric_parameter(i).CopyToVector() for i in (0, 1)))
 
     def set_initial(
         self: Any, context: Any, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None,

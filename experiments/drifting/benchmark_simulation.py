@@ -79,7 +79,7 @@ class HeldPlan(LeafSystem):
         LeafSystem.__init__(self)
         u = np.column_stack([0.03 * np.sin(0.5 * np.arange(steps + 1)), np.full(steps + 1, 40.0)])
         self._plan = Plan(0.0, u).vector()
-        self.DeclareVectorOutputPort("plan", self._plan.size, self._calc)
+        self.DeclareVectorOutputPort("plan", self._plan.size, self._calc, {self.nothing_ticket()})
 
     def _calc(self, context: Context, output: BasicVector) -> None:  # noqa: ARG002
         output.SetFromVector(self._plan)
@@ -113,7 +113,7 @@ def closed_loop(seed: int) -> dict[str, float]:
 def car_alone(seconds: float, seed: int) -> dict[str, float]:
     """The car with a plan that does not change: seconds driven for one of CPU, and shares of its CPU time."""
     parameters, steps = VehicleParameters(), int(10 * seconds)
-    drive = Drive(parameters, HeldPlan(steps), steps, 0.1, np.zeros((steps + 1, 2)), (0.0, 40.0))
+    drive = Drive(parameters, HeldPlan(steps), steps, 0.1, None, (0.0, 40.0))
     limits = DriveLimits(max_speed=np.inf)
     with Counted(drive.car.plant, DERIVATIVES) as plant:
         spent, (table, ending) = cpu(lambda: drive.run(np.array([0.0, 12.0, 0.0, 12.0, 0.0, 0.0]), 0.0, seconds, seed,

@@ -89,7 +89,7 @@ def test_feedback_brings_the_car_back() -> None:
     start = np.array([0.1, 12.0, 0.0, 12.0, 0.8, 0.0])
     ends = []
     for gains in (tracking_gains(NominalStepModel(PARAMETERS), x, u, np.zeros(30)), np.zeros((30, 2, 6))):
-        drive = Drive(PARAMETERS, TrackingController(x, u, gains), 1, 0.1, np.zeros((2, 2)), (0.0, 0.0),
+        drive = Drive(PARAMETERS, TrackingController(x, u, gains), 1, 0.1, None, (0.0, 0.0),
                       reference=reference)  # fmt: skip
         table, ending = drive.run(start, 0.0, 3.0, 0)
         assert ending == "time"

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -33,6 +34,7 @@ from drift_drake.simulation.fault_systems import FaultPoints
 from drift_drake.simulation.faults import Fault, patches
 from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
+from drift_drake.simulation.log_file import LogFile, read_log
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.safe_stop import SafeStop
@@ -162,9 +164,9 @@ class ClosedLoop:
         if isinstance(self.controller, MpcController):
             learners.connect(builder, self.controller, measured_state, command, watched.effects, watched.trusted)
         builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
-        self._logs = Logs(builder, control.period)
+        self.logs = Logs(builder, control.period)
         for name, (port, columns) in self._logged(received, detector).items():
-            self._logs.add(port, columns, name)
+            self.logs.add(port, columns, name)
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")
 
@@ -219,15 +221,33 @@ class ClosedLoop:
     def _stopping(self, root: Context) -> bool:
         return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
 
+    def _ending(self, root: Context, limits: RunLimits) -> Outcome | None:
+        """How a run ends here and now; None where it goes on."""
+        state = self.car.plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+        v, beta, e, s = state[1], state[2], state[4], state[6]
+        if abs(beta) > limits.sideslip:
+            return "spin"
+        e_min, e_max = self.reference.lane(s)
+        if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
+            return "left the lane"
+        if self._stopping(root):
+            return "stopped safely" if v < slowest(self.parameters) else None
+        return "completed" if s >= self.reference.distance else None
+
     @one_blas_thread()
     def run(
-        self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None
-    ) -> "ClosedLoopRun":
+        self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None,
+        log_to: Path | None = None,
+    ) -> "ClosedLoopRun":  # fmt: skip
         """Simulates until the reference's end, a safe stop, a spin, the lane's edge or the time limit.
 
         A car that is being stopped has stopped below the speed at which slips have a meaning.
 
         An error of the integrator or of a system ends the run as "simulation failed", with what it left.
+
+        Args:
+            context: see `initial_context`; change: of the car on the way.
+            log_to: a CSV to write the log to on the way, for drives of many minutes, whose log fills the memory.
 
         Raises:
             ValueError: a change of a car that was built without effects, whose plant has no states for any, or one
@@ -237,19 +257,13 @@ class ClosedLoop:
             check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
         if isinstance(self.controller, MpcController):
             self.controller.warm_up()
-        plant, reference, stopped = self.car.plant, self.reference, slowest(self.parameters)
+        plant, reference = self.car.plant, self.reference
+        file = None if log_to is None else LogFile(self.logs, log_to)
 
         def reason(root: Context) -> Outcome | None:
-            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-            v, beta, e, s = state[1], state[2], state[4], state[6]
-            if abs(beta) > limits.sideslip:
-                return "spin"
-            e_min, e_max = reference.lane(s)
-            if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
-                return "left the lane"
-            if self._stopping(root):
-                return "stopped safely" if v < stopped else None
-            return "completed" if s >= reference.distance else None
+            if file is not None:
+                file.take(root)
+            return self._ending(root, limits)
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
         duration = reference.duration if self.slow_down is None else reference.distance / self.slow_down.pace
@@ -271,8 +285,11 @@ class ClosedLoop:
             outcome: Outcome = status.message() or "time is up"
         except (MotionError, RuntimeError, SystemExit) as failure:  # SystemExit is how Drake's assertions fail
             outcome, error = "simulation failed", one_line(failure)
-        table, watched = self._logs.table(simulator.get_context()), self.monitor and self.monitor.monitor
-        return ClosedLoopRun(table, outcome, reference, self.parameters, error, watched)
+        log, watched = (
+            self.logs.table(context) if file is None else file.finish(context),
+            self.monitor and self.monitor.monitor,
+        )
+        return ClosedLoopRun(log, outcome, reference, self.parameters, error, watched)
 
     def _logged(
         self, received: OutputPort, detector: OutOfDistributionDetector | None
@@ -311,12 +328,17 @@ class ClosedLoop:
 class ClosedLoopRun:
     """One run: a row each control period (true states, commands, `measured_...`, `solve_...`), and how it ended."""
 
-    table: pd.DataFrame
+    log: pd.DataFrame | Path  # the rows, or the file that they are in
     outcome: Outcome
     reference: Reference
     parameters: VehicleParameters
     error: str = ""  # why the simulation failed
     monitor: Monitor | None = None  # that watched, if one did
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The rows; those of a file are read anew each time."""
+        return self.log if isinstance(self.log, pd.DataFrame) else read_log(self.log)
 
     def metrics(self) -> RunMetrics:
         """The run in numbers."""

@@ -60,6 +60,15 @@ class Logs:
             sink.set_name(f"log_{name}")
         self._columns.append((sink, tuple(columns)))
 
+    def count(self, context: Context) -> int:
+        """Rows that are logged."""
+        return int(self._columns[0][0].FindLog(context).num_samples())
+
+    def clear(self, context: Context) -> None:
+        """Forgets the rows logged so far."""
+        for sink, _ in self._columns:
+            sink.FindMutableLog(context).Clear()
+
     def table(self, context: Context) -> pd.DataFrame:
         """A row each period; t is the sampling's time unless a port gives a column t.
 

@@ -10,6 +10,7 @@ actuator with a plan, logs): the same. All times are CPU times of one thread.
 import dataclasses
 import gc
 import resource
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,7 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
+from drift_drake.simulation.log_file import LogFile
 from drift_drake.simulation.runner import make_simulator
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -135,7 +137,7 @@ def megabytes() -> float:
 
 
 def memory(config: BenchmarkConfig) -> dict[str, float]:
-    """Growth of the peak [MB]: a loop built and dropped, and over a long run of one, which is logged."""
+    """Growth of the peak [MB]: a loop built and dropped, and over a long run of one, logged to a file and in memory."""
     reference = figure_8(VehicleParameters())
     for _ in range(2):
         build(ClosedLoopConfig(model="online"))
@@ -143,13 +145,22 @@ def memory(config: BenchmarkConfig) -> dict[str, float]:
     for _ in range(config.loops):
         build(ClosedLoopConfig(model="online"))
     each = (megabytes() - before) / config.loops
+    with tempfile.TemporaryDirectory() as folder:
+        in_file = growth(config.minutes, reference.duration, Path(folder) / "run.csv")
+    in_memory = growth(config.minutes, reference.duration, None)
+    return {"MB a loop built": each, "MB of a long run logged to a file": in_file,
+            "MB of a long run": in_memory, "minutes": config.minutes}  # fmt: skip
+
+
+def growth(minutes: float, before: float, path: Path | None) -> float:
+    """Growth of the peak [MB] over a loop's run, once `before` [s] have made compiled code and buffers."""
     loop = build(ClosedLoopConfig(model="online"))
-    simulator = make_simulator(loop.diagram, loop.initial_context(0, ERROR))
-    simulator.AdvanceTo(reference.duration)  # compiled code and buffers are there
-    before = megabytes()
-    end = reference.duration + 60.0 * config.minutes
-    simulator.AdvanceTo(end)
-    return {"MB a loop built": each, "MB of a long run": megabytes() - before, "minutes": config.minutes}
+    ends = None if path is None else (loop.car.plant, LogFile(loop.logs, path).take)
+    simulator = make_simulator(loop.diagram, loop.initial_context(0, ERROR), ends)
+    simulator.AdvanceTo(before)
+    start = megabytes()
+    simulator.AdvanceTo(before + 60.0 * minutes)
+    return megabytes() - start
 
 
 def medians(runs: list[dict[str, float]]) -> dict[str, float]:

@@ -13,6 +13,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
+from drift_drake.simulation import log_file
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, simulate
 from drift_drake.vehicle.double_track.cars import CARS
@@ -193,3 +194,15 @@ def test_the_config_names_the_plant() -> None:
     assert isinstance(loop.car.plant, DoubleTrackPlant)
     assert loop.parameters == CARS["coupe"].single_track()
     assert isinstance(build(ClosedLoopConfig()).car.plant, VehiclePlant)
+
+
+def test_a_run_that_is_logged_to_a_file_is_the_run(
+    loop: ClosedLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log_file, "ROWS", 20)
+    in_memory = loop.run(loop.initial_context(3))
+    in_file = loop.run(loop.initial_context(3), log_to=tmp_path / "run.csv")
+    assert in_file.log == tmp_path / "run.csv"
+    assert in_file.outcome == in_memory.outcome
+    tables = [run.table.drop(columns="solve_seconds") for run in (in_memory, in_file)]
+    pd.testing.assert_frame_equal(*tables, check_exact=True)

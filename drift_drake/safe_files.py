@@ -126,18 +126,18 @@ def try_folder(folder: Path, option: str) -> None:
 
 
 @contextlib.contextmanager
-def alone_in(folder: Path, option: str) -> Iterator[None]:
-    """Holds the folder of `option` while the block works on its results, so that no two processes mix theirs.
+def alone_in(folder: Path) -> Iterator[None]:
+    """Holds the folder of --out while the block works on its results, so that no two processes mix theirs.
 
     Raises:
         OutputError: it cannot be written to, or another process holds it.
     """
-    try_folder(folder, option)
+    try_folder(folder, "--out")
     with unfinished_folder(folder) as own:
         others = [path.name for path in folder.iterdir() if path.name.startswith(PARTIAL) and path.name != own.name]
         if others:
             raise OutputError(
-                f"{option} {folder}: another process is writing there; give another folder, or remove {others[0]} if "
+                f"--out {folder}: another process is writing there; give another folder, or remove {others[0]} if "
                 "none is"
             )
         yield

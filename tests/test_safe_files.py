@@ -105,13 +105,13 @@ def test_a_disk_that_is_full_is_told_before_a_computation(tmp_path: Path, monkey
 
 
 def test_no_two_processes_write_one_folder(tmp_path: Path) -> None:
-    with alone_in(tmp_path, "--out"):
+    with alone_in(tmp_path):
         write_text(tmp_path / "a.txt", "mine")  # its own files beside
         script = "from pathlib import Path\nfrom drift_drake.safe_files import alone_in\nimport sys\n"
-        script += "with alone_in(Path(sys.argv[1]), '--out'): pass"
+        script += "with alone_in(Path(sys.argv[1])): pass"
         other = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True)
         assert "--out" in other.stderr
         assert "another process is writing there" in other.stderr
-    with alone_in(tmp_path, "--out"):
+    with alone_in(tmp_path):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]

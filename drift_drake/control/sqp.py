@@ -19,6 +19,8 @@ from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpS
 
 Array = NDArray[np.float64]
 
+SUFFICIENT_DECREASE, SHRINK, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
+
 
 @dataclasses.dataclass(frozen=True)
 class SqpOptions:
@@ -30,9 +32,6 @@ class SqpOptions:
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
     exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
     defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
-    sufficient_decrease: float = 1e-4
-    shrink: float = 0.5
-    min_step: float = 1e-4
 
     @classmethod
     def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
@@ -208,16 +207,16 @@ class LineSearchSqp:
         rounding = 1e-12 * (1.0 + abs(merit))
         low, high = (row[point.residual.size :] for row in point.rows)
         step = 1.0
-        while step >= options.min_step:
+        while step >= LEAST_STEP:
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
             cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
             if extra:
                 cost += extra.value(trial) - point.extra_cost
             trial_merit = cost + penalty * _violation(residual, part.matrix @ trial, low, high)
-            if trial_merit <= merit + options.sufficient_decrease * step * decrease + rounding:
+            if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
                 return step, trial, point.y + step * (qp.y - point.y), residual, penalty, qp
-            step *= options.shrink
+            step *= SHRINK
         return 0.0, point.z, point.y, point.residual, penalty, qp
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:

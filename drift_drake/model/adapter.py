@@ -47,7 +47,7 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
 
 
 class BayesianAdapter(LeafSystem):
-    """Adapts the last layer to the car at hand: every dt one sample, from the step that ended.
+    """Adapts the last layer to the car at hand: every `TIME_STEP` one sample, from the step that ended.
 
     Input ports:
         measured_state [7]: (r, v, beta, omega_r, e, dphi, s) as the sensors give it.
@@ -63,12 +63,11 @@ class BayesianAdapter(LeafSystem):
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
     a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, the
-    measurement and commands of the last tick, and whether the car was then trusted to be the same. With dt = 0.1 s,
-    the tick at t = k dt takes the sample of [t - dt, t].
+    measurement and commands of the last tick, and whether the car was then trusted to be the same. The tick at
+    t takes the sample of [t - `TIME_STEP`, t].
     """
 
-    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, dt: float = TIME_STEP,
-                 kept: float = KEPT) -> None:  # fmt: skip
+    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, kept: float = KEPT) -> None:
         """Args: model: its prior is the state that a default Context starts with."""
         super().__init__()
         self._kept = kept
@@ -95,7 +94,7 @@ class BayesianAdapter(LeafSystem):
         ):
             self.DeclareStateOutputPort(name, index)
             assert self.GetOutputPort(name).size() == size
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._tick)
+        self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
         x = np.concatenate([self._measured.Eval(context)[:6], self._lagged.Eval(context)])

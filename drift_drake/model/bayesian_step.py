@@ -30,19 +30,19 @@ PathStep = Literal["euler", "trapezoid"]
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
 
 
-def euler_step(x: Array, u: Array, curvature: Array, nominal: Constants, dt: float = TIME_STEP) -> Array:
+def euler_step(x: Array, u: Array, curvature: Array, nominal: Constants) -> Array:
     """h(x, u) [..., 6] for x [..., 6], u [..., 2], curvature [...]: Euler, with h_4 = 0."""
     rates, _, _ = linearize(x, u, curvature, nominal)
-    h = np.asarray(x) + dt * rates
+    h = np.asarray(x) + TIME_STEP * rates
     h[..., 3] = 0.0
     return h
 
 
-def residual(x: Array, u: Array, x_next: Array, nominal: Constants, dt: float = TIME_STEP) -> Array:
+def residual(x: Array, u: Array, x_next: Array, nominal: Constants) -> Array:
     """y [..., 4] = x_{k+1} - h(x_k, u_k) of the learnt states: what the last layer is fitted to."""
     state = np.zeros((*np.shape(x)[:-1], 6))
     state[..., :STATE_COUNT] = np.asarray(x)[..., :STATE_COUNT]
-    h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal, dt)
+    h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal)
     return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
 
 
@@ -59,14 +59,12 @@ class BayesianStepModel(StepModel):
         network: Network,
         theta: Array,
         nominal: Constants,
-        dt: float = TIME_STEP,
         path_step: PathStep = "trapezoid",
     ) -> None:
         """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
         self._mean = MeanFunction(network, theta)
         self._nominal = nominal
-        self._dt = dt
-        self._lag = lag_factors(dt)
+        self._lag = lag_factors(TIME_STEP)
         self._trapezoid = path_step == "trapezoid"
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
@@ -82,10 +80,10 @@ class BayesianStepModel(StepModel):
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
-        body = euler_step(x[:, :6], u, curvature, self._nominal, self._dt)
+        body = euler_step(x[:, :6], u, curvature, self._nominal)
         body[:, :STATE_COUNT] += self._mean.value(network_inputs(x, u, u_next))
         if self._trapezoid:
-            body[:, 4:] = _trapezoid_path(x, body, curvature, self._dt)[0]
+            body[:, 4:] = _trapezoid_path(x, body, curvature)[0]
         keep, by_now, by_next = self._lag
         return np.concatenate([body, keep * x[:, LAGGED] + by_now * u + by_next * u_next], axis=1)
 
@@ -99,8 +97,8 @@ class BayesianStepModel(StepModel):
         next_state, a = np.empty((count, 8)), np.zeros((count, 8, 8))
         b, b_next = np.zeros((count, 8, 2)), np.zeros((count, 8, 2))
         rates, rate_a, rate_b = linearize(x[:, :6], u, curvature, self._nominal)
-        next_state[:, :6] = x[:, :6] + self._dt * rates
-        a[:, :6, :6], b[:, :6] = self._dt * rate_a, self._dt * rate_b
+        next_state[:, :6] = x[:, :6] + TIME_STEP * rates
+        a[:, :6, :6], b[:, :6] = TIME_STEP * rate_a, TIME_STEP * rate_b
         a[:, range(6), range(6)] += 1.0
         next_state[:, 3], a[:, 3], b[:, 3] = 0.0, 0.0, 0.0
         g, slope = self._mean.linearize(network_inputs(x, u, u_next))
@@ -110,7 +108,7 @@ class BayesianStepModel(StepModel):
         b[:, :learnt] += slope[..., learnt : learnt + 2]
         b_next[:, :learnt] = slope[..., learnt + 2 : learnt + 4]
         if self._trapezoid:
-            path, by_state, by_next = _trapezoid_path(x, next_state, curvature, self._dt)
+            path, by_state, by_next = _trapezoid_path(x, next_state, curvature)
             next_state[:, 4:6] = path
             a[:, 4:6] = by_next @ a[:, :learnt]
             a[:, 4:6, :6] += by_state
@@ -131,26 +129,26 @@ class BayesianStepModel(StepModel):
         gradient = np.zeros((len(x), 12))
         if self._trapezoid:
             x_next = np.empty((len(x), 6))
-            x_next[:, :learnt] = x[:, :learnt] + self._dt * rates[:, :learnt]
+            x_next[:, :learnt] = x[:, :learnt] + TIME_STEP * rates[:, :learnt]
             x_next[:, 3] = 0.0
             x_next[:, :learnt] += g
-            _, by_state, by_next = _trapezoid_path(x, x_next, curvature, self._dt)
+            _, by_state, by_next = _trapezoid_path(x, x_next, curvature)
             path = weights[:, None, 4:6]
             gradient[:, :6] = (path @ by_state)[:, 0]
             body[:, :learnt] += (path @ by_next)[:, 0]
             body[:, 4:] = 0.0
         by_z = pullback(body[:, :learnt])
         body[:, 3] = 0.0  # h_4 = 0
-        gradient[:, :6] += body + self._dt * (body[:, None] @ by_x)[:, 0]
+        gradient[:, :6] += body + TIME_STEP * (body[:, None] @ by_x)[:, 0]
         gradient[:, :learnt] += by_z[:, :learnt]
         keep, by_now, by_end = (factor * weights[:, LAGGED] for factor in self._lag)
         gradient[:, LAGGED] = keep + by_z[:, learnt + 4 :]
-        gradient[:, 8:10] = by_now + self._dt * (body[:, None] @ by_u)[:, 0] + by_z[:, learnt : learnt + 2]
+        gradient[:, 8:10] = by_now + TIME_STEP * (body[:, None] @ by_u)[:, 0] + by_z[:, learnt : learnt + 2]
         gradient[:, 10:] = by_end + by_z[:, learnt + 2 : learnt + 4]
         return gradient
 
 
-def _trapezoid_path(x: Array, x_next: Array, curvature: Array, dt: float) -> tuple[Array, Array, Array]:
+def _trapezoid_path(x: Array, x_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
     """(e, dphi) [n, 2] at the end of a step whose first four states are known at both ends, and its derivatives.
 
     Returns:
@@ -158,13 +156,13 @@ def _trapezoid_path(x: Array, x_next: Array, curvature: Array, dt: float) -> tup
     """
     count = x.shape[0]
     path, by_state, by_next = np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
-    _trapezoid_points(np.ascontiguousarray(x), np.ascontiguousarray(x_next), np.ascontiguousarray(curvature), dt, path,
+    _trapezoid_points(np.ascontiguousarray(x), np.ascontiguousarray(x_next), np.ascontiguousarray(curvature), path,
                       by_state, by_next)  # fmt: skip
     return path, by_state, by_next
 
 
 @compiled
-def _trapezoid_points(x: Array, x_next: Array, curvature: Array, dt: float, path: Array, by_state: Array,
+def _trapezoid_points(x: Array, x_next: Array, curvature: Array, path: Array, by_state: Array,
                       by_next: Array) -> None:  # fmt: skip
     """Writes `_trapezoid_path`'s results into zeroed arrays."""
     for n in range(x.shape[0]):
@@ -175,23 +173,23 @@ def _trapezoid_points(x: Array, x_next: Array, curvature: Array, dt: float, path
         stretch = 1.0 - k * e
         cos_start, sin_start = np.cos(dphi), np.sin(dphi)
         s_dot = v * cos_start / stretch
-        turn = x_next[n, 2] - x[n, 2] + 0.5 * dt * (x[n, 0] + x_next[n, 0])
-        dphi_next = dphi + turn - dt * k * s_dot
+        turn = x_next[n, 2] - x[n, 2] + 0.5 * TIME_STEP * (x[n, 0] + x_next[n, 0])
+        dphi_next = dphi + turn - TIME_STEP * k * s_dot
         mid = 0.5 * (dphi + dphi_next)
         cos_mid, sin_mid = np.cos(mid), np.sin(mid)
-        path[n, 0], path[n, 1] = e + dt * v * sin_mid, dphi_next
-        by_speed = -0.5 * dt * k * cos_start / stretch
+        path[n, 0], path[n, 1] = e + TIME_STEP * v * sin_mid, dphi_next
+        by_speed = -0.5 * TIME_STEP * k * cos_start / stretch
         d = by_state[n, 1]  # of dphi_next
-        d[0], d[1], d[2] = 0.5 * dt, by_speed, -1.0
-        d[4] = -dt * k * k * s_dot / stretch
-        d[5] = 1.0 + dt * k * v * sin_start / stretch
-        by_next[n, 1, 0], by_next[n, 1, 1], by_next[n, 1, 2] = 0.5 * dt, by_speed, 1.0
-        lever = 0.5 * dt * v * cos_mid
+        d[0], d[1], d[2] = 0.5 * TIME_STEP, by_speed, -1.0
+        d[4] = -TIME_STEP * k * k * s_dot / stretch
+        d[5] = 1.0 + TIME_STEP * k * v * sin_start / stretch
+        by_next[n, 1, 0], by_next[n, 1, 1], by_next[n, 1, 2] = 0.5 * TIME_STEP, by_speed, 1.0
+        lever = 0.5 * TIME_STEP * v * cos_mid
         for i in range(6):
             by_state[n, 0, i] = lever * d[i]
-        by_state[n, 0, 1] += 0.5 * dt * sin_mid
+        by_state[n, 0, 1] += 0.5 * TIME_STEP * sin_mid
         by_state[n, 0, 4] += 1.0
         by_state[n, 0, 5] += lever
         for i in range(4):
             by_next[n, 0, i] = lever * by_next[n, 1, i]
-        by_next[n, 0, 1] += 0.5 * dt * sin_mid
+        by_next[n, 0, 1] += 0.5 * TIME_STEP * sin_mid

@@ -94,7 +94,7 @@ class OutOfDistributionDetector(LeafSystem):
     none yet) and the state and commands of the last tick.
     """
 
-    def __init__(self, model: BayesianModel, threshold: float, window: int = WINDOW, dt: float = TIME_STEP) -> None:
+    def __init__(self, model: BayesianModel, threshold: float, window: int = WINDOW) -> None:
         super().__init__()
         self._model = model
         sizes = {"measured_state": MEASURED_COUNT, "command": 2, "lagged_command": 2, "posterior_mean": MEAN_COUNT,
@@ -109,7 +109,7 @@ class OutOfDistributionDetector(LeafSystem):
         self.DeclareVectorOutputPort(
             "alarm", 1, self._calc_alarm, prerequisites_of_calc={*held, self.all_parameters_ticket()}
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(dt, 0.0, self._tick)
+        self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
         measured, u, lagged, mean, covariance = (port.Eval(context) for port in self._inputs)

@@ -43,12 +43,12 @@ class Vehicle(NamedTuple):
     lane: list[list[Rows]]
 
 
-def drives_by_phase(samples: Samples, first_row: int) -> dict[int, list[list[Rows]]]:
-    """Rows of each drive, {vehicle: [phase][drive]}, counted from `first_row`."""
+def drives_by_phase(samples: Samples) -> dict[int, list[list[Rows]]]:
+    """Rows of each drive, {vehicle: [phase][drive]}."""
     found: dict[int, dict[int, list[Rows]]] = {}
     for rows in np.split(np.arange(len(samples.drive)), np.flatnonzero(np.diff(samples.drive)) + 1):
         phase, vehicle = divmod(int(samples.vehicle[rows[0]]), PHASE_STRIDE)
-        found.setdefault(vehicle, {}).setdefault(phase, []).append(rows + first_row)
+        found.setdefault(vehicle, {}).setdefault(phase, []).append(rows)
     return {vehicle: [phases[k] for k in sorted(phases)] for vehicle, phases in found.items()}
 
 
@@ -66,7 +66,7 @@ class Tasks:
         self.inputs = torch.as_tensor(inputs, dtype=torch.float32, device=device)
         y = residual(together.x, together.u, together.x_next, vehicle.constants())
         self.y = torch.as_tensor(y, device=device)
-        drifts, lanes = drives_by_phase(drift, 0), drives_by_phase(lane, 0)
+        drifts, lanes = drives_by_phase(drift), drives_by_phase(lane)
 
         def moved(phases: list[list[Rows]], offset: int) -> list[list[Rows]]:
             return [[rows + offset for rows in drives] for drives in phases]

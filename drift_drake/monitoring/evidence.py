@@ -6,7 +6,6 @@ So each node's evidence against no change is an integral over a normal cut at ze
 at any moment with the same hazard, and the oldest age also stands for a gap that was there from the start.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -19,18 +18,12 @@ from drift_drake.monitoring.nodes import FORCES, Node
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 TWO_SIDED = 1.96
+HAZARD = 1.0 / 600.0  # [1/s] of a change
+GAP_AT_START = 0.1  # probability that the simulator lacks something from the first row on
+NONE_OF_THE_CATALOGUE = 0.1  # probability that a change is
+SHAPE_ERROR = 0.15  # relative error of what an effect does (see `diagnosis.another_day.posterior`)
+AMPLITUDE_OF_UNKNOWN = 1.0  # of each node in an unknown gap, one standard deviation
 RIDGE = 1e-3  # of a score's variance: no signature is exact to more than that
-
-
-@dataclasses.dataclass(frozen=True)
-class Beliefs:
-    """What is believed before the drive."""
-
-    hazard: float = 1.0 / 600.0  # [1/s] of a change
-    gap_at_start: float = 0.1  # probability that the simulator lacks something from the first row on
-    unknown: float = 0.1  # of a change, that it is none of the catalogue
-    shape: float = 0.15  # relative error of what an effect does (see `diagnosis.another_day.posterior`)
-    second: float = 1.0  # amplitude of each node in an unknown gap, one standard deviation
 
 
 class EvidenceProblem(NamedTuple):
@@ -58,8 +51,8 @@ class Verdict(NamedTuple):
     edge: float  # [blocks] the most probable of the ages
 
 
-def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.ndarray | None = None) -> EvidenceProblem:
-    """The problem of nodes; without `excess`, innovations are white."""
+def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray) -> EvidenceProblem:
+    """The problem of nodes where innovations are white."""
     names = tuple(dict.fromkeys(node.name for node in nodes if node.name not in FORCES))
     member = np.array([[node.name == name for name in names] for node in nodes], dtype=float)
     daily = np.array([CATALOGUE[name].daily for name in names])
@@ -69,7 +62,7 @@ def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray, excess: np.nd
                                ("mean", "deviation", "signed"))  # fmt: skip
     n = len(nodes)
     return EvidenceProblem(tuple(nodes), names, member, log_prior, mean, deviation, signed, tolerance,
-                   np.zeros((n, n)) if excess is None else excess)  # fmt: skip
+                   np.zeros((n, n)))  # fmt: skip
 
 
 def residual_scores(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +91,7 @@ def whitened(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.nd
     return both[:, :, 0], both[:, :, 1:]
 
 
-def judge(problem: EvidenceProblem, beliefs: Beliefs, history: History, block: float) -> Verdict:
+def judge(problem: EvidenceProblem, history: History, block: float) -> Verdict:
     """The posterior at the end of a history of blocks of `block` seconds."""
     ages, recent = since(history)
     if not len(ages):
@@ -109,7 +102,7 @@ def judge(problem: EvidenceProblem, beliefs: Beliefs, history: History, block: f
     a, b = np.einsum("mij,mij->mj", m, m), np.einsum("mij,mi->mj", m, w)
     mean, deviation, signed = problem.mean, problem.deviation, problem.signed
     explained = 0.5 * b**2 / np.maximum(a, 1e-12) * (signed | (b > 0.0))
-    temper = 1.0 + 2.0 * beliefs.shape**2 * float(np.max(explained)) / len(problem.nodes)
+    temper = 1.0 + 2.0 * SHAPE_ERROR**2 * float(np.max(explained)) / len(problem.nodes)
     a, b = a / temper, b / temper
     precision = a + 1.0 / deviation**2
     amplitude = (b + mean / deviation**2) / precision
@@ -117,20 +110,20 @@ def judge(problem: EvidenceProblem, beliefs: Beliefs, history: History, block: f
         0.5 * amplitude**2 * precision - 0.5 * (mean / deviation) ** 2 - 0.5 * np.log(precision * deviation**2)
         + np.where(signed, 0.0, log_ndtr(amplitude * np.sqrt(precision)) - log_ndtr(mean / deviation))
     )  # fmt: skip
-    unknown = _unknown(m, w, temper, beliefs.second)
+    unknown = _unknown(m, w, temper)
     spans = np.diff(ages, prepend=0.0) * block
-    begun = np.log(beliefs.hazard * spans)
+    begun = np.log(HAZARD * spans)
     if not np.any(history.before.rows):
-        begun[-1] = np.logaddexp(begun[-1], np.log(beliefs.gap_at_start))
-    joint = begun[:, None] + log_factor + problem.log_prior + np.log(1.0 - beliefs.unknown)
-    return _verdict(problem, joint, begun + unknown + np.log(beliefs.unknown), amplitude, precision, ages, block)
+        begun[-1] = np.logaddexp(begun[-1], np.log(GAP_AT_START))
+    joint = begun[:, None] + log_factor + problem.log_prior + np.log(1.0 - NONE_OF_THE_CATALOGUE)
+    return _verdict(problem, joint, begun + unknown + np.log(NONE_OF_THE_CATALOGUE), amplitude, precision, ages, block)
 
 
-def _unknown(m: np.ndarray, w: np.ndarray, temper: float, deviation: float) -> np.ndarray:
+def _unknown(m: np.ndarray, w: np.ndarray, temper: float) -> np.ndarray:
     """Log evidence [m] of any mixture of all nodes, of either sign, against no change."""
-    inner = np.eye(m.shape[2]) + deviation**2 * m.swapaxes(1, 2) @ m
+    inner = np.eye(m.shape[2]) + AMPLITUDE_OF_UNKNOWN**2 * m.swapaxes(1, 2) @ m
     root = np.linalg.cholesky(inner)
-    projected = np.linalg.solve(root, deviation * np.einsum("mij,mi->mj", m, w)[:, :, None])[:, :, 0]
+    projected = np.linalg.solve(root, AMPLITUDE_OF_UNKNOWN * np.einsum("mij,mi->mj", m, w)[:, :, None])[:, :, 0]
     price = np.sum(np.log(np.einsum("mii->mi", root)), axis=1)
     return np.asarray(0.5 * np.sum(projected**2, axis=1) / temper - price)
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import SURE
-from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, residual_scores
+from drift_drake.monitoring.evidence import HAZARD, EvidenceProblem, residual_scores
 from drift_drake.monitoring.history import Sums
 
 
@@ -16,9 +16,7 @@ class Limit(NamedTuple):
     named: float  # and from every other effect
 
 
-def limits(
-    problem: EvidenceProblem, beliefs: Beliefs, recent: Sums, older: Sums, seconds: float, alarm: float
-) -> list[Limit]:
+def limits(problem: EvidenceProblem, recent: Sums, older: Sums, seconds: float, alarm: float) -> list[Limit]:
     """Limits of each node.
 
     Args:
@@ -29,7 +27,7 @@ def limits(
     root = np.linalg.cholesky(covariance[0])
     shift = np.linalg.solve(root, recent.information)  # of the whitened scores, by amplitudes [n, n]
     size = np.linalg.norm(shift, axis=0)
-    prior = np.log(beliefs.hazard * seconds) + problem.log_prior + np.log(alarm)
+    prior = np.log(HAZARD * seconds) + problem.log_prior + np.log(alarm)
     occam = 0.5 * np.log1p((size * problem.deviation) ** 2)
     nats = np.maximum(occam - np.where(np.isfinite(prior), prior, 0.0), 0.0)
     detected = (SURE + np.sqrt(SURE**2 + 2.0 * nats)) / np.maximum(size, 1e-12)

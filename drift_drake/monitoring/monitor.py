@@ -12,7 +12,7 @@ from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
-from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, evidence_problem, judge, labels
+from drift_drake.monitoring.evidence import EvidenceProblem, evidence_problem, judge, labels
 from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
 from drift_drake.monitoring.nodes import Node, make_nodes
@@ -51,7 +51,6 @@ class Monitor:
     bank: Bank
     used: np.ndarray  # [9] channels
     problem: EvidenceProblem
-    beliefs: Beliefs
     slowest: float  # [m/s] below which the equations are not judged
 
     @property
@@ -78,21 +77,21 @@ def seen(used: Sequence[str]) -> list[str]:
 
 def make_monitor(
     vehicle: VehicleParameters, own: Effects | None = None, used: Sequence[str] = STATES, period: float = 0.01,
-    noise: NoiseLevels | None = None, beliefs: Beliefs | None = None, process_scale: float = PROCESS_SCALE,
+    noise: NoiseLevels | None = None,
 ) -> Monitor:  # fmt: skip
     """A monitor of the simulator's car.
 
     Args:
         vehicle, own: the simulator's car; used: measured channels (of `CHANNELS`, x and y are of no use here);
-        period: [s] between rows; noise: of the sensors; process_scale: on the process noise.
+        period: [s] between rows; noise: of the sensors.
     """
     own, noise = own or Effects(), noise or NoiseLevels()
     nodes = make_nodes(seen(used), vehicle)
     levels = np.array([max(getattr(noise, name), 1e-6) for name in CHANNELS])
-    bank = make_bank(nodes, vehicle, own, period, levels**2, (process_scale * PROCESS_NOISE) ** 2)
+    bank = make_bank(nodes, vehicle, own, period, levels**2, (PROCESS_SCALE * PROCESS_NOISE) ** 2)
     mask = np.array([name in used for name in CHANNELS])
     problem = evidence_problem(nodes, tolerances(nodes, vehicle))
-    return Monitor(bank, mask, problem, beliefs or Beliefs(), slowest(vehicle))
+    return Monitor(bank, mask, problem, slowest(vehicle))
 
 
 def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
@@ -162,9 +161,9 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
         return state._replace(clock=np.array([rows, 0.0, edge, left]))
     n = len(monitor.problem.nodes)
     history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
-    verdict = judge(monitor.problem, monitor.beliefs, history, BLOCK)
+    verdict = judge(monitor.problem, history, BLOCK)
     if verdict.probabilities[0] < TRUSTED:
-        history, verdict = renewed(monitor.problem, monitor.beliefs, history, verdict, BLOCK)
+        history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
     return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), packed(history), values)

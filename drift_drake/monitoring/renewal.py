@@ -7,7 +7,7 @@ have one, those alone count from then on.
 
 import numpy as np
 
-from drift_drake.monitoring.evidence import Beliefs, EvidenceProblem, Verdict, judge, whitened
+from drift_drake.monitoring.evidence import EvidenceProblem, Verdict, judge, whitened
 from drift_drake.monitoring.history import History, newest, since, until
 from drift_drake.monitoring.nodes import RATE_LIMIT
 
@@ -18,14 +18,12 @@ NAMED = 0.8  # probability, from which on a cause is
 REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 
 
-def renewed(
-    problem: EvidenceProblem, beliefs: Beliefs, history: History, verdict: Verdict, block: float
-) -> tuple[History, Verdict]:
+def renewed(problem: EvidenceProblem, history: History, verdict: Verdict, block: float) -> tuple[History, Verdict]:
     """The history that counts, and the verdict on it, after a verdict that the car has changed."""
     recent = newest(history, RECENT / block, verdict.edge)
     if not recent.lengths.any() or verdict.edge * block <= RECENT:
         return history, verdict
-    now = judge(problem, beliefs, recent, block)
+    now = judge(problem, recent, block)
     unknown = verdict.probabilities[-1] >= verdict.probabilities[1:-1].max()
     if now.probabilities[0] >= TRUSTED and (unknown or _nats(problem, recent, verdict) < REFUTED):
         return recent, now

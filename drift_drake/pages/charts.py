@@ -54,8 +54,8 @@ class Panel:
     log: bool = False
 
 
-def stacked(panels: Sequence[Panel], x_title: str, events: Mapping[str, float] | None = None) -> Markup:
-    """Panels above each other whose x axes zoom together; events are vertical lines by name [x]."""
+def stacked(panels: Sequence[Panel], events: Mapping[str, float] | None = None) -> Markup:
+    """Panels over time above each other, which zoom together; events are vertical lines by name [s]."""
     gap = 34  # [px] for a panel's title
     heights = [panel.height for panel in panels]
     total = sum(heights) + gap * (len(panels) - 1)
@@ -69,7 +69,7 @@ def stacked(panels: Sequence[Panel], x_title: str, events: Mapping[str, float] |
         figure.add_annotation(
             x=x, y=1.0, yref="y domain", text=name, showarrow=False, xanchor="left", yanchor="top", bgcolor=VEIL,
         )  # fmt: skip
-    figure.update_xaxes(title_text=x_title, row=len(panels), col=1)
+    figure.update_xaxes(title_text="t [s]", row=len(panels), col=1)
     return finished(figure, total)
 
 

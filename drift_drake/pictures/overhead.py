@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
@@ -17,9 +17,7 @@ from drift_drake.pictures.car_shape import CarShape, placed
 from drift_drake.pictures.style import (
     DEGREES,
     INK,
-    KMH,
     LANE,
-    LEVELS,
     REFERENCE,
     SIDES,
     check_columns,
@@ -44,17 +42,15 @@ def overhead(
     runs: Mapping[str, pd.DataFrame],
     reference: Reference | None = None,
     parameters: VehicleParameters | None = None,
-    colour: Colour | None = None,
     car_every: float = 0.7,
     title: str = "",
 ) -> Figure:
-    """Draws runs from above.
+    """Draws runs from above: one in the colours of its sideslip, several in one colour each.
 
     Args:
         runs: tables with t, x, y, psi, v, beta, delta (SI) by name.
         reference: its path and lane are drawn beneath.
         parameters: the car whose outline is drawn; the default car without.
-        colour: what the driven path's colour means; sideslip for one run and the run itself for several by default.
         car_every: [s] between the cars drawn, leaving out those too near another of their run; 0 draws none.
         title: of the picture.
 
@@ -65,7 +61,6 @@ def overhead(
         raise ValueError("no runs to draw; give at least one")
     for name, run in runs.items():
         check_columns(run, COLUMNS, name)
-    colour = colour or ("sideslip" if len(runs) == 1 else "run")
     shape = CarShape.of(parameters or VehicleParameters())
     low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low
@@ -74,19 +69,19 @@ def overhead(
     axes.set_aspect("equal")
     if reference is not None:
         draw_reference(axes, reference)
-    mappable = _mappable(colour, runs)
+    mappable = _mappable(runs)
     for run, run_colour in zip(runs.values(), colours_of(runs), strict=True):
-        _draw_path(axes, run, mappable, colour, run_colour)
+        _draw_path(axes, run, mappable, run_colour)
         if car_every > 0.0:
             draw_cars(axes, run, shape, car_every, INK if mappable else run_colour)
     first = next(iter(runs.values()))
     axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
     axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
-    _legend(axes, runs, reference, colour)
+    _legend(axes, runs, reference)
     if mappable is not None:
-        label = "sideslip [deg]" if colour == "sideslip" else "speed [km/h]"
-        figure.colorbar(mappable, ax=axes, label=label, shrink=0.7, aspect=30, pad=0.02).outline.set_visible(False)
+        bar = figure.colorbar(mappable, ax=axes, label="sideslip [deg]", shrink=0.7, aspect=30, pad=0.02)
+        bar.outline.set_visible(False)
     return figure
 
 
@@ -120,31 +115,21 @@ def draw_reference(axes: Axes, reference: Reference) -> None:
     axes.plot(x, y, color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), zorder=3)
 
 
-def _mappable(colour: Colour, runs: Mapping[str, pd.DataFrame]) -> ScalarMappable | None:
-    values = np.concatenate([_coloured_quantity(run, colour) for run in runs.values()])
-    if colour == "run":
+def _mappable(runs: Mapping[str, pd.DataFrame]) -> ScalarMappable | None:
+    if len(runs) > 1:
         return None
-    colours: Colormap
-    if colour == "sideslip":
-        size = max(float(np.nanmax(np.abs(values))), 1.0)
-        norm, colours = Normalize(-size, size), SIDES
-    else:
-        norm, colours = Normalize(float(np.nanmin(values)), float(np.nanmax(values))), LEVELS
-    return ScalarMappable(norm, colours)
+    size = max(*(float(run["beta"].abs().max()) * DEGREES for run in runs.values()), 1.0)
+    return ScalarMappable(Normalize(-size, size), SIDES)
 
 
-def _coloured_quantity(run: pd.DataFrame, colour: Colour) -> Array:
-    return run["v"].to_numpy() * KMH if colour == "speed" else run["beta"].to_numpy() * DEGREES
-
-
-def _draw_path(axes: Axes, run: pd.DataFrame, mappable: ScalarMappable | None, colour: Colour, plain: str) -> None:
+def _draw_path(axes: Axes, run: pd.DataFrame, mappable: ScalarMappable | None, plain: str) -> None:
     points = run[["x", "y"]].to_numpy(dtype=float)
     if mappable is None:
         axes.plot(points[:, 0], points[:, 1], color=plain, linewidth=1.6, zorder=4)
         return
     segments = np.stack([points[:-1], points[1:]], axis=1)
     lines = LineCollection(list(segments), cmap=mappable.cmap, norm=mappable.norm, linewidths=2.2, zorder=4)
-    lines.set_array(_coloured_quantity(run, colour)[:-1])
+    lines.set_array(run["beta"].to_numpy()[:-1] * DEGREES)
     lines.set_capstyle("round")
     axes.add_collection(lines)
 
@@ -170,9 +155,9 @@ def draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colo
     axes.add_collection(PolyCollection(cabins, facecolors=colour, edgecolors="none", alpha=0.35, zorder=5.15))
 
 
-def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None, colour: Colour) -> None:
+def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None) -> None:
     handles = []
-    if colour == "run":
+    if len(runs) > 1:
         handles += [
             Line2D([], [], color=paint, linewidth=1.6, label=name)
             for name, paint in zip(runs, colours_of(runs), strict=True)

@@ -27,9 +27,7 @@ class OverheadPanel(NamedTuple):
 
 
 @styled
-def overhead_panels(
-    panels: Sequence[OverheadPanel], reference: Reference, parameters: VehicleParameters, columns: int = 2
-) -> Figure:
+def overhead_panels(panels: Sequence[OverheadPanel], reference: Reference, parameters: VehicleParameters) -> Figure:
     """Draws groups of runs from above.
 
     Raises:
@@ -40,7 +38,7 @@ def overhead_panels(
     shape = CarShape.of(parameters)
     low, high = extent({str(i): run for i, panel in enumerate(panels) for run in panel.runs}, reference, 2.0)
     width, height = high - low
-    columns = 1 if width > 2.5 * height else min(columns, len(panels))
+    columns = 1 if width > 2.5 * height else min(2, len(panels))
     rows = math.ceil(len(panels) / columns)
     figure = new_figure(7.5, 0.5 + rows * (0.25 + 7.2 / columns * height / width))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)

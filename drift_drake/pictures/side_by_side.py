@@ -13,12 +13,11 @@ SMALLEST_REACH = 1.0  # of the axes: that a simulated car may leave the real one
 
 
 @styled
-def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
+def side_by_side(runs: Mapping[str, pd.DataFrame]) -> Figure:
     """Draws states, steering command and distance from the first run, which is the real car, row for row.
 
     Args:
         runs: tables with t, x, y, r, v, beta, omega_r, delta (SI) by name, all with the same rows; NaN breaks a line.
-        title: of the picture.
 
     Raises:
         ValueError: a run lacks a column or has no row.
@@ -58,6 +57,4 @@ def side_by_side(runs: Mapping[str, pd.DataFrame], title: str = "") -> Figure:
     for axes in grid.ravel():
         axes.margins(x=0.0)
     legend_above(grid[0, 0], len(runs))
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
     return figure

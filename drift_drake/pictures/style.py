@@ -47,9 +47,6 @@ def colours_of(names: Iterable[str]) -> list[str]:
 SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])
 """From right to left (sideslip): dark in the middle, so that it shows on a light lane."""
 
-LEVELS = LinearSegmentedColormap.from_list("levels", ["#1B1B4B", "#3B5B92", "#2E9C8F", "#E8B83A"])
-"""From little to much (speed)."""
-
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture on every machine

@@ -209,12 +209,12 @@ class ClosedLoop:
             builder.Connect(self.actuator.GetOutputPort(name), stop.GetInputPort(name))
         return stop, stop.GetOutputPort("supervised_plan")
 
-    def initial_context(self, seed: int, error: Array | None = None, s: float = 0.0) -> Context:
-        """A Context with the car on the reference at s [m], off by `error` [6], and its noise seeded."""
+    def initial_context(self, seed: int, error: Array | None = None) -> Context:
+        """A Context with the car at the reference's start, off by `error` [6], and its noise seeded."""
         context = self.diagram.CreateDefaultContext()
-        state = self.reference.state(s) + (np.zeros(6) if error is None else error)
+        state = self.reference.state(0.0) + (np.zeros(6) if error is None else error)
         plant = self.car.plant
-        plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, s, actuation=self.initial_command)
+        plant.set_initial(plant.GetMyMutableContextFromRoot(context), state, 0.0, actuation=self.initial_command)
         self.car.sensors.set_seed(context, seed)
         return context
 

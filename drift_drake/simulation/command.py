@@ -68,7 +68,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     if command.vehicle is not None:
         read_vehicle(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
-    with contextlib.nullcontext() if command.out is None else alone_in(command.out, "--out"):
+    with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):
             raise OutputError(f"--out {command.out}: holds files already; give a new folder")
         with ended_at_once():

@@ -116,9 +116,7 @@ def drifting_share(table: pd.DataFrame, reference: Reference) -> float:
     return float(np.mean((driven * np.sign(wanted) >= 0.5 * np.abs(wanted))[steady]))
 
 
-def run_metrics(
-    table: pd.DataFrame, outcome: str, reference: Reference, steering_limit: float, s_start: float = 0.0
-) -> RunMetrics:
+def run_metrics(table: pd.DataFrame, outcome: str, reference: Reference, steering_limit: float) -> RunMetrics:
     """Numbers of one run.
 
     Errors of a run that spun are taken up to the beginning of the spin (the paper's Appendix B truncates "before the
@@ -136,7 +134,7 @@ def run_metrics(
     return RunMetrics(
         outcome=outcome,
         completed=outcome == "completed",
-        completion=float(np.clip((s[-1] - s_start) / (reference.distance - s_start), 0.0, 1.0)),
+        completion=float(np.clip(s[-1] / reference.distance, 0.0, 1.0)),
         drifting=drifting_share(table, reference),
         duration=float(table["t"].iloc[-1]),
         rms_e=rms("e", wanted[:, 4]),

@@ -21,16 +21,17 @@ from drift_drake.vehicle.parameters import Constants
 Array = NDArray[np.float64]
 
 UNCERTAINTIES_AT = {"r": 0.9, "v": 14.5, "beta": -0.45, "omega_r": 21.0, "tau": 200.0}
+SUBSTEPS = 100  # of the true vehicle
 COLOURS = ("tab:gray", "tab:blue", "tab:green", "tab:purple")
 
 
-def true_change(steering: Array, nominal: Constants, effects: Effects, substeps: int = 100) -> Array:
+def true_change(steering: Array, nominal: Constants, effects: Effects) -> Array:
     """(x_{k+1} - x_k) / dt of the true vehicle [n, 4] at `UNCERTAINTIES_AT`, commands held, effects settled."""
     at = {name: np.full_like(steering, value) for name, value in UNCERTAINTIES_AT.items()}
     state = np.stack([at["r"], at["v"], at["beta"], at["omega_r"]])
     memory = settled_memory(*state, steering, at["tau"], nominal, effects)
     whole = np.concatenate([state, np.stack(np.broadcast_arrays(*memory))])
-    start, h = whole.copy(), TIME_STEP / substeps
+    start, h = whole.copy(), TIME_STEP / SUBSTEPS
 
     def rates(q: Array) -> Array:
         motion, change = motion_with_effects(
@@ -38,7 +39,7 @@ def true_change(steering: Array, nominal: Constants, effects: Effects, substeps:
         )  # fmt: skip
         return np.stack(np.broadcast_arrays(*motion[:4], *change))
 
-    for _ in range(substeps):
+    for _ in range(SUBSTEPS):
         k1 = rates(whole)
         k2 = rates(whole + 0.5 * h * k1)
         k3 = rates(whole + 0.5 * h * k2)

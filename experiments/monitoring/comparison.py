@@ -105,7 +105,7 @@ def drawn_change(
     monitor: Monitor, trace: Trace, onset: float, plant: Plant, rng: np.random.Generator
 ) -> tuple[str, float, float] | None:
     """An effect, its magnitude and its detection limit on a drive; None if the drive would show none in range."""
-    found = limits(monitor.problem, monitor.beliefs, sums_between(trace, onset, onset + SECONDS),
+    found = limits(monitor.problem, sums_between(trace, onset, onset + SECONDS),
                    sums_between(trace, SETTLING, onset), SECONDS, ALARM)  # fmt: skip
     candidates: dict[str, list[tuple[float, float]]] = {}
     for node, limit in zip(monitor.problem.nodes, found, strict=True):

@@ -107,7 +107,7 @@ def test_limits_fall_with_time_and_are_not_below_what_was_seen(monitor, changed_
     history = unpacked(states(monitor, changed_run, 240)[-1].history, n)
     ages, recent = since(history)
     nothing = no_sums(n)
-    found = [limits(monitor.problem, monitor.beliefs, Sums(*(a[i] for a in recent)), nothing, 1.0, 0.05)
+    found = [limits(monitor.problem, Sums(*(a[i] for a in recent)), nothing, 1.0, 0.05)
              for i in (len(ages) // 2, -1)]  # fmt: skip
     for short, long in zip(*found, strict=True):
         assert 0.0 < long.detected <= short.detected

@@ -35,7 +35,7 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
         misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
         title = f"measured less predicted [{UNITS[state]}]"
         panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))
-    return stacked(panels, "t [s]", {"gap sets in": onset[run.name]} if run.name in onset else {})
+    return stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {})
 
 
 def by_horizon(normal: Normal, cars: Cars) -> Markup:
@@ -59,4 +59,4 @@ def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) 
         lines += [Line(name, t, values[day.run == k]) for name, values in parts.items()]
         sets_in = f"; gap sets in at {onset[run.name]:.1f} s" if run.name in onset else ""
         panels.append(Panel(f"{run.name}: error, in normal ones{sets_in}", lines, 90, log=True))
-    return stacked(panels, "t [s]")
+    return stacked(panels)

@@ -76,7 +76,7 @@ def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
             left = [Line(name, rows * run.period, run.y[rows, i] - values[:, i])
                     for name, (rows, values) in predicted.items()]  # fmt: skip
             panels.append(Panel(f"measured less predicted [{UNITS[state]}]", left, LOW))
-    return stacked(panels, "t [s]", {} if onset is None else {"gap sets in": onset})
+    return stacked(panels, {} if onset is None else {"gap sets in": onset})
 
 
 def reach_of(measured: np.ndarray, predicted: Sequence[np.ndarray]) -> tuple[float, float]:
@@ -102,7 +102,7 @@ def time_line(d: Diagnosis, errors: dict[str, list[np.ndarray]]) -> Markup:
     for i, run in enumerate(d.problem.runs):
         lines = [Line(name, start_rows(run) * run.period, np.sqrt(by_run[i])) for name, by_run in errors.items()]
         panels.append(Panel(f"{run.name}: error at 0.5 s [noise levels]", lines, 90, log=True))
-    return stacked(panels, "t [s]")
+    return stacked(panels)
 
 
 def heat_maps(d: Diagnosis, errors: dict[str, list[np.ndarray]]) -> list[Markup]:

@@ -89,7 +89,7 @@ def run_import(command: Import) -> None:
         if name not in COLUMNS:
             raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
     mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
-    with alone_in(command.out, "--out"):
+    with alone_in(command.out):
         _import(command, mapping, command.out)
 
 

@@ -37,17 +37,17 @@ blind: .venv/installed
 	$(BIN)/python -m experiments.gap.blind score --out $$out
 
 test: lint
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder -m "not slow"
 
 test-slow: lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder
 
 # Another Python than .venv's, in an environment of its own: make test-python PYTHON=python3.13
 test-python:
 	env=.venv-$$($(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])') && \
 	{ test -x $$env/bin/python || $(PYTHON) -m venv $$env; } && \
 	$$env/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,test]" && \
-	$$env/bin/python -m pytest -n 2 -m "not slow"
+	$$env/bin/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder -m "not slow"
 
 FUZZ_CASES ?= 10000
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver
+from drift_drake.drives.drivers import HoldDriver
+from drift_drake.drives.row_by_row import ROW_PERIOD
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.run_folder import make_run_folder
@@ -21,7 +22,7 @@ def main(out: Path | None = None) -> None:
     parameters = VehicleParameters()
     drift = drift_equilibrium(parameters, 18.0, -0.6)
     driver = HoldDriver(parameters, drift, np.zeros((2, 2)))
-    drive = Drive(parameters, driver, 1, HOLD_PERIOD, None, driver.initial_command())
+    drive = Drive(parameters, driver, 1, ROW_PERIOD, None, driver.initial_command())
     for path in draw_graph(drive.diagram, make_run_folder("drive", out) / "drive"):
         print(path)
 

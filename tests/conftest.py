@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.normal import Normal
 from drift_drake.identification import identify as identification
 from drift_drake.identification.calibration import Identification
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 
@@ -24,6 +25,13 @@ OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
 def pytest_configure():
     """Ctrl-C is heard by the tests and by what they start, in the background of a shell too, which ignores it there."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items):
+    """One worker of xdist (--dist loadgroup) has all tests of a module, or of a case that takes long to make."""
+    for item in items:
+        shared = [name for name in ("other_car", "stiffness_case") if name in item.fixturenames]
+        item.add_marker(pytest.mark.xdist_group((shared or [item.nodeid.split("::")[0]])[0]))
 
 
 @dataclasses.dataclass(frozen=True)

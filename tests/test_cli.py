@@ -13,13 +13,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.cli import BAD_INPUT, COMMANDS, main
 from drift_drake.diagnosis.answers import apply
 from drift_drake.ending import NOT_READ
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
-from experiments.gap.cases import Truth, make_case
 
 ROOT = Path(__file__).parents[1]
 ANSWER = {

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from pebble import ProcessPool
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import SPAWNING, worker_processes
-from experiments.gap.cases import Truth, make_case
 
 PARENT = """
 import sys, time

@@ -241,7 +241,7 @@ def _centred(multipliers: Array, room: Array, length: float, room_step: Array, m
 
 
 @compiled
-def _attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: StageRows,
+def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: StageRows,
              tolerance: float, start: tuple[float, float, int], x: Array, u: Array, slack: Array, costate: Array,
              multipliers: Array) -> tuple[int, bool]:  # fmt: skip
     """`interior_point` from one of the `STARTS`."""
@@ -295,7 +295,6 @@ def _attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, tar
         iteration += 1
 
 
-@compiled
 def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: StageRows,
                    tolerance: float, x: Array, u: Array, slack: Array, costate: Array,
                    multipliers: Array) -> tuple[int, bool]:  # fmt: skip
@@ -310,7 +309,7 @@ def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Arra
     total = 0
     for start in STARTS:
         x[:], u[:] = first_x, first_u
-        iterations, solved = _attempt(
+        iterations, solved = attempt(
             f, hessian, gx, gu, penalty, target, rows, tolerance, start, x, u, slack, costate, multipliers
         )
         total += iterations

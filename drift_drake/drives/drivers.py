@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.controllers import LinearQuadraticRegulator
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.control.plan import Plan, interpolate_knots, no_plan
+from drift_drake.control.plan import interpolate_knots
+from drift_drake.drives.row_by_row import RowByRowDriver
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -13,7 +13,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Array = NDArray[np.float64]
 
 KNOT_SPACING = 0.1  # [s] of scripts, wander and dither
-HOLD_PERIOD = 0.01  # [s]
 HOLD_STATE_COST = (4.0, 0.3, 20.0, 0.05)  # of (r, v, beta, omega_r)
 HOLD_INPUT_COST = (10.0, 5e-5)  # of (delta, tau)
 DITHER_STEERING = 0.02  # [rad] standard deviation
@@ -28,13 +27,8 @@ def hold_gain(parameters: VehicleParameters, drift: DriftEquilibrium) -> Array:
     return np.asarray(gain)
 
 
-class HoldDriver(LeafSystem):
+class HoldDriver(RowByRowDriver):
     """Holds a drift equilibrium of the car it believes in, about inputs that wander; free to leave its circle.
-
-    Every 0.01 s it sends a plan of one step of 0.01 s, from the command it gave last to the new one, to begin one
-    period later: the command is continuous, and linear between the rows of a log.
-
-    Input port: measured_state [7]. Output port: plan [5], NaN before the first. State: the plan.
 
     Args:
         parameters: the car it believes in, and its limits.
@@ -43,29 +37,21 @@ class HoldDriver(LeafSystem):
     """
 
     def __init__(self, parameters: VehicleParameters, drift: DriftEquilibrium, wander: Array) -> None:
-        super().__init__()
+        super().__init__(parameters)
         self._gain = hold_gain(parameters, drift)
         self._target = np.array([drift.r, drift.v, drift.beta, drift.omega_r])
         self._command = np.array([drift.delta, drift.tau])
         self._wander = wander
-        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
-        self._high = np.array([parameters.steering_limit, parameters.torque_max])
-        self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._plan = self.DeclareDiscreteState(no_plan(1))
-        self.DeclareStateOutputPort("plan", self._plan)
-        self.DeclarePeriodicDiscreteUpdateEvent(HOLD_PERIOD, 0.0, self._update)
 
     def initial_command(self) -> tuple[float, float]:
         """The command to start from: the equilibrium's."""
         return float(self._command[0]), float(self._command[1])
 
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        start = context.get_time() + HOLD_PERIOD
-        plan = context.get_discrete_state(self._plan).value()
-        last = self._command if np.isnan(plan[0]) else plan[3:]
-        error = self._measured.Eval(context)[:4] - self._target
-        wanted = self._command + interpolate_knots(self._wander, start + HOLD_PERIOD) - self._gain @ error
-        discrete.set_value(self._plan, Plan(start, np.array([last, np.clip(wanted, self._low, self._high)])).vector())
+    def first(self, t: float, measured: Array) -> Array:  # noqa: ARG002
+        return self._command
+
+    def wanted(self, t: float, measured: Array) -> Array:
+        return self._command + interpolate_knots(self._wander, t) - self._gain @ (measured[:4] - self._target)
 
 
 def dither(duration: float, generator: np.random.Generator) -> Array:

@@ -5,13 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drift_drake.control.controller import MpcController
-from drift_drake.control.plan import DT, Plan, no_plan
+from drift_drake.control.plan import DT, Plan
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.names import Name
+from drift_drake.drives.row_by_row import ROW_PERIOD, RowByRowDriver
 from drift_drake.logs.table import Run
 from drift_drake.playback.measured_motion import measured_motion
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -20,7 +21,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 
-SCRIPT_PERIOD = 0.01  # [s] between a script's commands
 SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
 ACCELERATION = 2.5  # [m/s^2] of the straight
 STEP_AT, STEP_RAMP = 1.0, 0.1  # [s] when the steering steps, and how long it takes
@@ -40,13 +40,8 @@ class Manoeuvre(NamedTuple):
     reference: Reference | None = None
 
 
-class ScriptDriver(LeafSystem):
+class ScriptDriver(RowByRowDriver):
     """Steers as a script says and holds the speed that it says.
-
-    Every 0.01 s it sends a plan of one step of 0.01 s, from the command it gave last to the new one, to begin one
-    period later: the command is continuous, and linear between the rows of a log.
-
-    Input port: measured_state [7]. Output port: plan [5], NaN before the first. State: the plan.
 
     Args:
         parameters: the car it believes in, and its limits.
@@ -54,29 +49,14 @@ class ScriptDriver(LeafSystem):
     """
 
     def __init__(self, parameters: VehicleParameters, script: Callable[[float], tuple[float, float, float]]) -> None:
-        LeafSystem.__init__(self)
-        p = parameters
+        super().__init__(parameters)
         self._script = script
-        self._torque_per_acceleration = p.mass * p.wheel_radius / p.gear_ratio
-        self._low = np.array([-p.steering_limit, p.torque_min])
-        self._high = np.array([p.steering_limit, p.torque_max])
-        self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._plan = self.DeclareDiscreteState(no_plan(1))
-        self.DeclareStateOutputPort("plan", self._plan)
-        self.DeclarePeriodicDiscreteUpdateEvent(SCRIPT_PERIOD, 0.0, self._update)
+        self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
 
-    def command(self, t: float, speed: float) -> Array:
-        """(delta [rad], tau [N m]) at a time [s] and measured speed [m/s]."""
-        delta, wanted, acceleration = self._script(t)
-        tau = self._torque_per_acceleration * (acceleration + (wanted - speed) / SPEED_TIME)
-        return np.clip([delta, tau], self._low, self._high)
-
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        start = context.get_time() + SCRIPT_PERIOD
-        plan, speed = context.get_discrete_state(self._plan).value(), float(self._measured.Eval(context)[1])
-        last = self.command(context.get_time(), speed) if np.isnan(plan[0]) else plan[3:]
-        new = self.command(start + SCRIPT_PERIOD, speed)
-        discrete.set_value(self._plan, Plan(start, np.array([last, new])).vector())
+    def wanted(self, t: float, measured: Array) -> Array:
+        delta, speed, acceleration = self._script(t)
+        tau = self._torque_per_acceleration * (acceleration + (speed - float(measured[1])) / SPEED_TIME)
+        return np.array([delta, tau])
 
 
 def straight(p: VehicleParameters, speed: float, _steering: float) -> Manoeuvre:
@@ -131,10 +111,9 @@ def logged(run: Run, p: VehicleParameters, effects: Effects) -> Manoeuvre:
 
 def _scripted(p: VehicleParameters, speed: float, script: Callable[[float], tuple[float, float, float]],
               duration: float) -> Manoeuvre:  # fmt: skip
-    driver = ScriptDriver(p, script)
-    delta, tau = driver.command(0.0, speed)
-    state = np.array([0.0, speed, 0.0, speed, 0.0, 0.0])
-    return Manoeuvre(driver, 1, SCRIPT_PERIOD, state, (float(delta), float(tau)), duration)
+    driver, state = ScriptDriver(p, script), np.array([0.0, speed, 0.0, speed, 0.0, 0.0])
+    delta, tau = driver.command(0.0, state)
+    return Manoeuvre(driver, 1, ROW_PERIOD, state, (float(delta), float(tau)), duration)
 
 
 def _tracked(p: VehicleParameters, reference: Reference) -> Manoeuvre:

@@ -14,13 +14,12 @@ from drift_drake.model.features import (
     features,
     network_inputs,
 )
-from drift_drake.model.posterior import Posterior, forgotten, mahalanobis, predict, update
+from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
 
 Array = NDArray[np.float64]
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 DEFAULT_THRESHOLD = 8.0
-KEPT = 0.0  # of what was learnt, once the car has become another one
 
 
 def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
@@ -67,10 +66,9 @@ class BayesianAdapter(LeafSystem):
     t takes the sample of [t - `TIME_STEP`, t].
     """
 
-    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, kept: float = KEPT) -> None:
+    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD) -> None:
         """Args: model: its prior is the state that a default Context starts with."""
         super().__init__()
-        self._kept = kept
         self.model = model
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
@@ -119,7 +117,7 @@ class BayesianAdapter(LeafSystem):
         posterior, was = self.posterior(context), context.get_discrete_state(self._was_trusted).value()[0]
         if not self._trusted.HasValue(context) or self._trusted.Eval(context)[0] > 0.5 or was < 0.5:
             return posterior, False
-        return forgotten(posterior, self.model.prior(), self.model.sigma, self._kept), True
+        return self.model.prior(), True
 
     def _write(self, discrete: DiscreteValues, posterior: Posterior) -> None:
         for index, values in zip((self._mean, self._covariance, self._q), posterior, strict=True):

@@ -93,18 +93,6 @@ def update_all(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight:
     return Posterior(mean, _symmetric(np.linalg.inv(precision)), q)
 
 
-def forgotten(posterior: Posterior, prior: Posterior, sigma: Array, kept: float) -> Posterior:
-    """The belief with a share `kept` (0 to 1) of what the samples since the prior have told, as if so many fewer.
-
-    Lambda = Lambda_0 + kept (Lambda_n - Lambda_0), and Q likewise: 1 keeps all, 0 is the prior again.
-    """
-    start = np.linalg.inv(prior.covariance)
-    precision = start + kept * (np.linalg.inv(posterior.covariance) - start)
-    q = prior.q + kept * (posterior.q - prior.q)
-    mean = np.linalg.solve(precision, q.ravel()).reshape(q.shape) * sigma[:, None]
-    return Posterior(mean, _symmetric(np.linalg.inv(precision)), q)
-
-
 def predict(posterior: Posterior, sigma: Array, phi: Array) -> Prediction:
     """Mean and covariance of the next residual, eq. (6) without h: sigma [4], phi [..., 4, 16]."""
     spread = spread_of_features(posterior.covariance, phi)[1]

@@ -15,6 +15,7 @@ from drift_drake.model.samples import Samples, concatenate
 Array = NDArray[np.float64]
 
 SAMPLE_WEIGHTS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
+ADAPTED_TO = (10, 100)  # samples, after which a weight is judged
 GAUSSIAN_COVERAGE = (0.6827, 0.9545, 0.9973)  # of 1, 2 and 3 sigma
 
 
@@ -114,23 +115,23 @@ def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep =
     return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step=path_step)
 
 
-def choose_sample_weight(model: BayesianModel, samples: Samples, points: tuple[int, ...] = (10, 100)) -> float:
+def choose_sample_weight(model: BayesianModel, samples: Samples) -> float:
     """The weight of a sample, for all states, with which the model predicts other drives of the same vehicles best.
 
     Each vehicle adapts to its first drives and is judged by the others (each of its drives coming first once); the
-    objective is the mean of error^2 / Sigma + log Sigma over `points` samples adapted to.
+    objective is the mean of error^2 / Sigma + log Sigma after each of `ADAPTED_TO` samples.
     """
     splits = []
     for vehicle in np.unique(samples.vehicle):
         own = samples.of_vehicle(vehicle)
-        splits += [split_vehicle(own, max(points), rotation) for rotation in range(len(own.drives()))]
+        splits += [split_vehicle(own, max(ADAPTED_TO), rotation) for rotation in range(len(own.drives()))]
     losses = []
     for weight in SAMPLE_WEIGHTS:
         weighted = dataclasses.replace(model, sample_weight=np.full(STATE_COUNT, weight))
         total = 0.0
         for split in splits:
             judged = concatenate(split.judged)
-            for count in points:
+            for count in ADAPTED_TO:
                 posterior = adapted(weighted, split.adaptation.where(np.arange(count)))
                 total += mean_nll(*standardized_errors(weighted, posterior, judged))
         losses.append(total)

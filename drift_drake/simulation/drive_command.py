@@ -9,7 +9,7 @@ import numpy as np
 
 from drift_drake.compilation import say_if_it_compiles
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.interior_point import interior_point
+from drift_drake.control.interior_point import attempt
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import BayesianAdapter
@@ -128,7 +128,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         pictures = draw_graph(build(config).diagram, folder / "closed_loop")
         print(*pictures, sep="\n", file=to)
         return {"out": folder, "pictures": pictures}
-    say_if_it_compiles(interior_point, "the controller")
+    say_if_it_compiles(attempt, "the controller")
     run = simulate(config)
     m = run.metrics()
     events = []

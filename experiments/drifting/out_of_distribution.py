@@ -18,6 +18,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
 from drift_drake.model.adapter import BayesianAdapter
@@ -40,7 +41,6 @@ from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.runs import DriftConfig, open_folder, reference
-from experiments.intervals import binomial
 from experiments.made import write_report
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]

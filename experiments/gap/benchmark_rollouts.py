@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.problem import filter_case, make_problem, observe_case
 from drift_drake.estimation.windows import HORIZONS, STRIDE, errors, windowed
 from drift_drake.model.checkpoint import load_model
@@ -25,7 +27,6 @@ from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.drifting.benchmark_simulation import car_alone, cpu
-from experiments.gap.cases import Truth, make_case
 from experiments.made import write_benchmark
 
 EFFECT = {"rear_stiffness_error": -0.1}

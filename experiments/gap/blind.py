@@ -26,6 +26,10 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.drake_cases import drake_case
+from drift_drake.benchmarks.scores import score_text, scores
+from drift_drake.benchmarks.truths import Truth, drawn_truth
 from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.diagnosis.folders import answer_folder
@@ -37,10 +41,7 @@ from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, drawn_truth, make_case
-from experiments.gap.drake_cases import drake_case
 from experiments.gap.pictures import draw_scores
-from experiments.gap.score import score_text, scores
 from experiments.made import write_report
 
 TIERS = {"exact": 0.25, "tolerance": 0.3, "none": 0.15, "pair": 0.15, "family": 0.075, "removed": 0.075}

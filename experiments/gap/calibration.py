@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from drift_drake.benchmarks.scores import UNKNOWNS, true_name
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, probabilities_of
 from drift_drake.safe_files import write_text
-from experiments.gap.score import UNKNOWNS, true_name
 
 Record = tuple[dict[str, Any], dict[str, Any]]  # (label, evidences)
 

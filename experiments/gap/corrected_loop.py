@@ -24,6 +24,9 @@ from scipy.stats import spearmanr
 from tqdm import tqdm
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.drake_cases import drake_case
+from drift_drake.benchmarks.intervals import bootstrap
+from drift_drake.benchmarks.truths import Truth, drawn_truth, true_car
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.diagnosis.answers.correction import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
@@ -32,11 +35,8 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop
-from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, drawn_truth, true_constants
-from experiments.gap.drake_cases import drake_case
-from experiments.intervals import bootstrap
 from experiments.made import write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")
@@ -58,9 +58,8 @@ class CorrectedLoopConfig:
 
 def real_car(truth: Truth, vehicle: VehicleParameters) -> tuple[VehicleParameters, Effects]:
     """The car that a truth describes."""
-    constants, offset = true_constants(vehicle, truth.deviations)
-    effects = make_effects(truth.effects)
-    return vehicle.with_constants(constants), effects._replace(steering_offset=effects.steering_offset + offset)
+    constants, effects = true_car(truth, vehicle)
+    return vehicle.with_constants(constants), effects
 
 
 def drift(believed: VehicleParameters, car: VehicleParameters, effects: Effects, seed: int) -> dict[str, Any]:

@@ -16,6 +16,9 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.identification.calibration import Identification
@@ -24,9 +27,7 @@ from drift_drake.logs.table import Run
 from drift_drake.run_folder import make_run_folder, write_json
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, drawn_deviations, drawn_magnitude, make_case
 from experiments.gap.each_vehicle import Results, each_vehicle
-from experiments.intervals import binomial
 from experiments.made import write_report
 
 MISFITS = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake

@@ -16,14 +16,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.drake_cases import drake_case
+from drift_drake.benchmarks.intervals import binomial, bootstrap
+from drift_drake.benchmarks.truths import Truth, true_constants
 from drift_drake.identification.identify import identify
 from drift_drake.run_folder import make_run_folder, write_json
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case, true_constants
-from experiments.gap.drake_cases import drake_case
 from experiments.gap.each_vehicle import each_vehicle
-from experiments.intervals import binomial, bootstrap
 from experiments.made import write_report
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit

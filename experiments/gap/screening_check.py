@@ -16,6 +16,9 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.log_mutations import SAMPLES, Planted, unit_mistakes, with_bad_sample, with_factors
+from drift_drake.benchmarks.truths import Truth, drawn_truth
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.screening.screened import Screened, screened
@@ -23,8 +26,6 @@ from drift_drake.logs.screening.suspicions import Suspicion, suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, drawn_truth, make_case
-from experiments.gap.log_mutations import SAMPLES, Planted, unit_mistakes, with_bad_sample, with_factors
 from experiments.made import write_report
 from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
 

@@ -21,6 +21,9 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.drake_cases import drive
+from drift_drake.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
+from drift_drake.benchmarks.truths import drawn_truth
 from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import tracking_gains
@@ -33,8 +36,6 @@ from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import PERIOD, STEERING_RATE, TORQUE_RATE, drawn_truth, slewed
-from experiments.gap.drake_cases import drive
 from experiments.made import write_report
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open

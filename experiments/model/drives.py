@@ -25,7 +25,8 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
-from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, manual_script, wander
+from drift_drake.drives.drivers import HoldDriver, dither, manual_script, wander
+from drift_drake.drives.row_by_row import ROW_PERIOD
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import COLUMNS, Run, write_run
@@ -175,7 +176,7 @@ def _prepare(kind: str, duration: float, parameters: VehicleParameters, effects:
         holder = HoldDriver(parameters, drift, drifting)
         state = np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
         state[:4] += STATE_SCATTER[:4] * generator.standard_normal(4)
-        drive = Drive(parameters, holder, 1, HOLD_PERIOD, shake, holder.initial_command(), effects)
+        drive = Drive(parameters, holder, 1, ROW_PERIOD, shake, holder.initial_command(), effects)
         return drive, state, 0.0, None
     if kind == "manual":
         script = manual_script(parameters, duration, generator)

@@ -19,11 +19,12 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run, make_run
-from drift_drake.model.adapter import KEPT, BayesianAdapter
+from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, Policy, events_of
@@ -39,7 +40,6 @@ from drift_drake.simulation.true_plant import plant_of
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.intervals import binomial
 from experiments.made import write_report
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
@@ -107,7 +107,7 @@ def reference(plant: PlantName) -> Reference:
 
 def closed_loop(
     plant: PlantName, faults: Sequence[Fault] = (), monitor: Monitor | None = None, policy: Policy = "watch",
-    online: bool = False, kept: float = KEPT,
+    online: bool = False,
 ) -> ClosedLoop:  # fmt: skip
     """The loop of a plant; the true car may change."""
     vehicle = simulator(plant)
@@ -115,7 +115,7 @@ def closed_loop(
     adapter = None
     if online:
         learnt = load_model()
-        model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, kept=kept)
+        model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
         effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)

@@ -18,6 +18,8 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.drivers import MANOEUVRES
+from drift_drake.benchmarks.truths import drawn_deviations
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import load_model
@@ -35,7 +37,6 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import MANOEUVRES, drawn_deviations
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive

@@ -5,18 +5,16 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.benchmarks.compiled_cases import NOISE, driven, sensed
+from drift_drake.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
+from drift_drake.benchmarks.strange_effects import make_strange
+from drift_drake.benchmarks.truths import true_constants
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.rollout import LOG_STATES, advance, start
-from drift_drake.vehicle.effects import Effects, combined, settled_memory
+from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap import cases as gap_cases
-from experiments.gap.cases import NOISE, PERIOD, RING, SPIN, STATES, Driver, sensed, true_constants
-from experiments.gap.strange_effects import Strange
 from experiments.other_worlds.drivers import DayDriver
-
-SLOWEST = 3.0  # [m/s] at which a drive ends
-NOTHING = Strange(*([0.0] * len(Strange._fields)))
 
 
 def changed_drive(
@@ -28,42 +26,21 @@ def changed_drive(
     It ends early where the car spins.
 
     Args:
-        kind: of `gap.cases.MANOEUVRES`; deviations: of the car from the vehicle, within its tolerances.
+        kind: of `drivers.MANOEUVRES`; deviations: of the car from the vehicle, within its tolerances.
     """
     vehicle = vehicle or VehicleParameters()
     driver = Driver(kind, np.random.default_rng([seed, 0]), vehicle)
     constants, offset = true_constants(vehicle, deviations or {})
-    rows, nominal = round(duration / PERIOD) + 1, Effects(steering_offset=offset)
-    effects = combined(nominal, effects)
-    delta, tau = np.zeros(rows), np.zeros(rows)
-    state = driver.start()
-    delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
-    z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
-    z[:4] = state
-    z[7:RING] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, nominal)
-    z[RING] = tau[0]
-    gap_cases._rates(z, 0.0, delta[0], tau[0], constants, nominal, NOTHING, scratch)
-    states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
-    states[0], accelerations[0] = z, scratch[STATES:]
-    end, change = rows, round(onset / PERIOD)
-    for row in range(rows - 1):
-        if row == change:  # actuators and tyres that begin to lag do so from where they are
-            z[7:11] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, effects)[:4]
-        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
-        now = effects if change <= row < until / PERIOD else nominal
-        accelerations[row + 1] = gap_cases._advance(z, row, delta, tau, constants, now, NOTHING)
-        states[row + 1] = z
-        if abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST:
-            end = row + 1
-            break
-    return sensed_across(states[:end], accelerations[:end], delta[:end], tau[:end], effects, onset, seed)
+    nominal, change = Effects(steering_offset=offset), round(onset / PERIOD)
+    changed = combined(nominal, effects)
+    motion = driven(driver, constants, lambda row: changed if change <= row < until / PERIOD else nominal,
+                    make_strange({}), duration, settles_at=change)  # fmt: skip
+    return sensed_across(*motion, changed, onset, seed)
 
 
-def changed_double_track_drive(
-    kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0, car: str = "coupe"
-) -> Run:
-    """The same of a double-track car; `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
-    parameters = CARS[car]
+def changed_double_track_drive(kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0) -> Run:
+    """The same of the double-track coupe; `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
+    parameters = CARS["coupe"]
     driver, p = DayDriver(kind, np.random.default_rng([seed, 0]), parameters), parameters.constants()
     rows, nominal = round(duration / PERIOD) + 1, Effects()
     delta, tau = np.zeros(rows), np.zeros(rows)

@@ -15,6 +15,7 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.truths import drawn_deviations
 from drift_drake.executors import ExecutorConfig, make_executor
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.fleet import FleetFindings, compared
@@ -23,7 +24,6 @@ from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_column
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 
 SHARED = {"aero_drag": 1.2}

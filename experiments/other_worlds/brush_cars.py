@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from drift_drake.benchmarks.compiled_cases import NOISE, sensed
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import NOISE, sensed
 from experiments.other_worlds.brush_car import PERIOD, STATES, BrushCar, advance
 from experiments.other_worlds.drivers import SLOWEST, SPIN, ScaledDriver
 

@@ -18,6 +18,7 @@ from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.compiled_cases import NOISE
 from drift_drake.logs.table import Run, write_run
 from drift_drake.run_folder import write_json, write_versions
 from drift_drake.vehicle.double_track.cars import CARS
@@ -25,7 +26,6 @@ from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.rollout import PERIOD
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
-from experiments.gap.cases import NOISE
 from experiments.other_worlds import brush_cars, double_track
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_cars import BRUSH_CARS

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
+from drift_drake.benchmarks.drivers import STEERING_RATE, TORQUE_RATE, slewed
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import STEERING_RATE, TORQUE_RATE, slewed
 
 DAY_ONE = ("slalom", "power", "transient", "circle")
 OTHER = ("lane_change", "lift_off", "two_circles", "sweep")

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.scores import said
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.vehicle.catalogue import CATALOGUE
-from experiments.gap.score import said
-from experiments.intervals import binomial
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
 
 FAILED = (REFUSED, CRASHED, NO_CAR)

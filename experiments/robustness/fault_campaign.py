@@ -19,6 +19,7 @@ import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -33,7 +34,6 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.intervals import binomial
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

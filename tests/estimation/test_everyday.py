@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.everyday import applied, traced, with_more_process_noise
 from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT
 from drift_drake.estimation.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 RESISTANCE = 0.03
 FUNCTIONS = 20  # of the state, the first of them constant

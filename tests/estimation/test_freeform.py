@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.problem import make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 
 @pytest.mark.parametrize("kind", ["pulses", "functions"])

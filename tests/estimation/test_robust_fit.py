@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.robust_fit import bounded_step, loss, robust_fit, robust_scales
 from drift_drake.estimation.unknowns import unknown
 from drift_drake.estimation.windows import windowed
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 CAR = VehicleParameters()
 TRUE = {"friction_level": -0.1, "rear_stiffness_error": -0.2, "yaw_inertia_error": 0.15}

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from drift_drake.benchmarks.compiled_cases import simulate
+from drift_drake.benchmarks.drivers import PERIOD, Driver
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation import windows
 from drift_drake.estimation.windows import HORIZONS, LARGEST_ERROR, errors, errors_of_all, regimes, run_errors, windowed
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import PERIOD, Driver, Truth, simulate
 
 CAR = VehicleParameters()
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import simulate
+from drift_drake.benchmarks.drake_cases import drive
+from drift_drake.benchmarks.drivers import Driver
+from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.scores import scores
+from drift_drake.benchmarks.truths import Truth, drawn_truth
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Driver, Truth, drawn_truth, simulate
-from experiments.gap.drake_cases import drive
-from experiments.gap.score import scores
-from experiments.intervals import binomial
 
 VEHICLE = VehicleParameters()
 

@@ -8,10 +8,10 @@ import zlib
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.scores import TIERS, scores, true_name
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.gap.blind import Score, case_truth, score, tier_list
 from experiments.gap.pictures import cells, outcome
-from experiments.gap.score import TIERS, scores, true_name
 
 
 def made_up(count=40, seed=0):

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth, true_constants
 from drift_drake.identification.identify import identify
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case, true_constants
 
 TRUTH = Truth(
     {"steering_lag": 0.06},

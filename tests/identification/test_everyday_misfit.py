@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.everyday import traced
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.problem import filter_case, flat, make_problem
@@ -10,7 +12,6 @@ from drift_drake.estimation.regression import Responses, equations
 from drift_drake.identification.estimate import estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit, scatter
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 ROWS, WEIGHTS = 4000, 40
 

@@ -10,7 +10,6 @@ from drift_drake.model.posterior import (
     Posterior,
     block_diagonal,
     covariance_norms,
-    forgotten,
     from_precision,
     mahalanobis,
     predict,
@@ -318,13 +317,3 @@ def test_covariance_norms_fall_with_data(prior: Posterior) -> None:
     phi = correlated_features(50, generator)
     after, _ = covariance_norms(update_all(prior, SIGMA, phi, generator.normal(size=(50, 4))))
     assert (after < norms).all()
-
-
-@pytest.mark.parametrize("kept", [0.0, 0.3, 1.0])
-def test_what_is_forgotten_was_never_told(kept):
-    generator, prior = np.random.default_rng(7), coupled(8)
-    phi, y = correlated_features(12, generator), SIGMA * generator.normal(size=(12, 4))
-    left = forgotten(update_all(prior, SIGMA, phi, y, WEIGHT), prior, SIGMA, kept)
-    expected = update_all(prior, SIGMA, phi, y, kept * WEIGHT)
-    for found, wanted in zip(left, expected, strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-9)

@@ -133,10 +133,10 @@ def test_learning_weighs_each_state_by_its_own_weight(random_model: BayesianMode
 
 def test_a_right_model_is_given_full_weight_and_a_wrong_one_less(full_weight: BayesianModel, believed: Samples) -> None:
     twice = concatenate([believed, believed._replace(vehicle=believed.vehicle + 1, drive=believed.drive + 6)])
-    right = choose_sample_weight(full_weight, twice, points=(10, 100))
+    right = choose_sample_weight(full_weight, twice)
     # Half of the drives shifted one way and half the other: an error that does not average out within a drive.
     shift = np.zeros((len(twice.x), 8))
     shift[:, :4] = np.where(twice.drive % 2 == 0, 3.0, -3.0)[:, None] * full_weight.sigma
-    wrong = choose_sample_weight(full_weight, twice._replace(x_next=twice.x_next + shift), points=(10, 100))
+    wrong = choose_sample_weight(full_weight, twice._replace(x_next=twice.x_next + shift))
     assert right >= 0.5
     assert wrong <= 0.3

@@ -5,7 +5,8 @@ import pytest
 
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither, wander
+from drift_drake.drives.drivers import HoldDriver, dither, wander
+from drift_drake.drives.row_by_row import ROW_PERIOD
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
@@ -34,7 +35,7 @@ def drives() -> list[tuple[Samples, Samples]]:
             drift = drift_equilibrium(car, side * 18.0, -side * 0.6)
             holder = HoldDriver(car, drift, wander(6.0, generator, np.array([0.03, 10.0]), 0.3))
             effects = draw_effects("held_out", vehicle, seed=77)
-            drive = Drive(car, holder, 1, HOLD_PERIOD, dither(6.0, generator), holder.initial_command(), effects)
+            drive = Drive(car, holder, 1, ROW_PERIOD, dither(6.0, generator), holder.initial_command(), effects)
             state = np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
             table, _ = drive.run(state, 0.0, 6.0, seed=vehicle)
             parts.append(samples_from_log(table, None, vehicle, len(parts)))

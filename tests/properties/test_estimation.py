@@ -12,6 +12,8 @@ pytest.importorskip("hypothesis", reason="properties need the extra `test`")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.diagnosis.likelihood.search import search
 from drift_drake.diagnosis.shared.posterior import make_posterior, read_constants
 from drift_drake.estimation.filter_state import CHANNELS
@@ -21,7 +23,6 @@ from drift_drake.logs.importing.frames import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 CAR = VehicleParameters()
 ODD = ("steering_offset", "gyro_bias", "sideslip_bias")  # effects that a mirror turns the sign of

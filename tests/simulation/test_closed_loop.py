@@ -13,7 +13,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.simulation import log_file
+from drift_drake.simulation import drive_command, log_file
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, simulate
 from drift_drake.vehicle.double_track.cars import CARS
@@ -131,7 +131,10 @@ def test_what_is_compiled_first_is_not_the_first_plan_s_time(loop: ClosedLoop, m
     assert run.table["solve_seconds"].iloc[1] > 0.0
 
 
-def test_main_writes_a_run_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_main_writes_a_run_folder(
+    short: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(drive_command, "figure_8", lambda _: short)
     main(ClosedLoopConfig(control=dataclasses.replace(FAST, horizon=20), out=tmp_path))
     assert "completed after" in capsys.readouterr().out
     names = {"config.json", "numbers.json", "versions.json", "run.csv", "overhead.png", "time_series.png", "solver.png",

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from drift_drake.drives.dataset import DECIMATION, samples_from_log
-from drift_drake.drives.drivers import HOLD_PERIOD, HoldDriver, dither
+from drift_drake.drives.drivers import HoldDriver, dither
+from drift_drake.drives.row_by_row import ROW_PERIOD
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.logs.table import COLUMNS, read_case
 from drift_drake.model.samples import load_samples
@@ -25,7 +26,7 @@ def hold() -> tuple[Drive, np.ndarray]:
     drift = drift_equilibrium(CAR, 18.0, -0.6)
     driver = HoldDriver(CAR, drift, np.zeros((2, 2)))
     knots = dither(2.0, np.random.default_rng(0))
-    drive = Drive(CAR, driver, 1, HOLD_PERIOD, knots, driver.initial_command(), draw_effects("train", 1, 0))
+    drive = Drive(CAR, driver, 1, ROW_PERIOD, knots, driver.initial_command(), draw_effects("train", 1, 0))
     return drive, np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
 
 

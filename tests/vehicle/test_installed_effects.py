@@ -211,7 +211,8 @@ DIAGNOSED = """
 import sys
 import numpy as np
 from drift_drake import VehicleParameters, write_vehicle, write_run, Effects
-from experiments.gap.cases import Truth, make_case
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 car = VehicleParameters()
 for run in make_case(Truth({sys.argv[1]: float(sys.argv[2])}, {}, {"friction": 0.01}), car, np.random.default_rng(2)):
     write_run(run, f"logs/{run.name}.csv")

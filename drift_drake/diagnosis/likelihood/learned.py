@@ -46,19 +46,14 @@ class Learned:
     """speed [m/s] and sideslip [rad] edges; deviation [speed, sideslip] in the model's noise levels; count."""
 
 
-def learned(
-    problem: Problem,
-    before: Sequence[np.ndarray],
-    floor: Sequence[np.ndarray],
-    model: BayesianModel | None = None,
-) -> Learned:
-    """The learnt model on a case's runs.
+def learned(problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> Learned:
+    """The shipped learnt model on a case's runs.
 
     Args:
         before, floor: squared errors [starts, horizons, states] of the nominal car and of the best fit
-            (`reduction.errors_of`); model: the shipped one without.
+            (`reduction.errors_of`).
     """
-    model = model or load_model()
+    model = load_model()
     missing = _missing(problem)
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")

@@ -6,10 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth
 from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, make_case
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import NOISE
 from drift_drake.control.plan import interpolate_plan
 from drift_drake.diagnosis.answers.answer import Answer, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import (
@@ -27,7 +28,6 @@ from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, ma
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import NOISE
 
 VEHICLE = VehicleParameters()
 SENSING = Sensing(np.array([NOISE[name] for name in CHANNELS]), np.ones(9, dtype=np.bool_), PROCESS_NOISE**2)

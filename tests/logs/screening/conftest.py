@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from drift_drake.benchmarks.compiled_cases import make_case
+from drift_drake.benchmarks.truths import Truth, drawn_deviations
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.cases import Truth, drawn_deviations, make_case
 
 VEHICLE = VehicleParameters()
 # At the ends of their ranges: what is most like another unit, a wrong clock, a bad sample or another car.

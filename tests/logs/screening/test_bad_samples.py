@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 
+from drift_drake.benchmarks.compiled_cases import NOISE
 from drift_drake.logs.screening.frozen import frozen
 from drift_drake.logs.screening.rounding import coarse, noise_of, step
 from drift_drake.logs.screening.screened import MEASURED, screen, screened
 from drift_drake.logs.screening.spikes import spikes
-from experiments.gap.cases import NOISE
 
 ROWS = 1200
 T = np.arange(ROWS) * 0.01

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from drift_drake.benchmarks.log_mutations import with_factors
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.screening.screened import screened
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.gap.log_mutations import with_factors
 from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
 
 SHARED = Path(__file__).parents[4] / "shared"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.intervals import binomial, bootstrap
+from drift_drake.benchmarks.intervals import binomial, bootstrap
 
 Pair = tuple[dict[str, Any], dict[str, Any]]  # (label, answer)
 

@@ -17,14 +17,14 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import LogVectorOutput
 
+from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
+from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
+from drift_drake.benchmarks.truths import Truth, true_car
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
 from drift_drake.simulation.sensors import LOG_ROW
-from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-from experiments.gap.cases import MANOEUVRES, PERIOD, SPIN, Driver, Truth, true_constants
-from experiments.gap.strange_effects import Strange, ring_rates, rung_torque, strange_wrench
 
 ACCURACY = 1e-6
 
@@ -46,7 +46,7 @@ class RowDriver(Protocol):
 
 
 class DriverSystem(LeafSystem):
-    """A driver of `gap_cases` as a system: a new command each row, reached linearly by the next one.
+    """A driver as a system: a new command each row, reached linearly by the next one.
 
     Input ports: state (6). Output ports: command (delta [rad], tau [N m]).
     """
@@ -121,7 +121,7 @@ class Driveline(LeafSystem):
 
 
 @dataclasses.dataclass(frozen=True)
-class Drive:
+class DrivenCar:
     """A diagram of one drive and the systems in it that are asked later."""
 
     diagram: Diagram
@@ -131,12 +131,10 @@ class Drive:
     first: tuple[float, float]
 
 
-def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> Drive:
+def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> DrivenCar:
     """Driver, strange forces and the car that `truth` describes, logged each row."""
-    constants, offset = true_constants(vehicle, truth.deviations)
-    effects = make_effects(truth.effects)
-    effects = effects._replace(steering_offset=effects.steering_offset + offset)
-    strange = Strange(*(float(q) for q in Strange(**truth.strange)))
+    constants, effects = true_car(truth, vehicle)
+    strange = make_strange(truth.strange)
     first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
     builder = DiagramBuilder()
     parameters = vehicle.with_constants(constants)
@@ -157,7 +155,7 @@ def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> 
         builder.Connect(command, car.GetInputPort("command"))
     commands = LogVectorOutput(command, builder, PERIOD)
     rows = LogVectorOutput(car.GetOutputPort("log_row"), builder, PERIOD)
-    return Drive(builder.Build(), car, commands, rows, first)
+    return DrivenCar(builder.Build(), car, commands, rows, first)
 
 
 def drive(
@@ -177,7 +175,7 @@ def drive(
 
     def spun(_root: Context) -> str | None:
         r, v, beta, omega_r = state.Eval(car_context)[:4]
-        return "spin" if abs(beta) > SPIN or v < 3.0 or omega_r < 3.0 or abs(r) > 6.0 else None
+        return "spin" if abs(beta) > SPIN or v < SLOWEST or omega_r < SLOWEST or abs(r) > 6.0 else None
 
     make_simulator(built.diagram, context, (built.car, spun), ACCURACY).AdvanceTo(duration)
     rows, commands = built.rows.FindLog(context).data(), built.commands.FindLog(context).data()

@@ -5,6 +5,7 @@ plant and a Drake plant use it. None is known to `drift_drake`.
 """
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from drift_drake.vehicle.bicycle import body_wrench, front_contact_velocity, front_slip, rear_slip, static_loads
@@ -49,6 +50,11 @@ class Strange(NamedTuple):
     driveline_oscillation: Any = 0.0
     slippery_patch: Any = 0.0
     tyre_curve: Any = 0.0  # no family of the blind check: an everyday misfit, from 0 to 1 (`rational_force`)
+
+
+def make_strange(magnitudes: Mapping[str, float]) -> Strange:
+    """All families' magnitudes as floats, zero where none is given."""
+    return Strange(**{name: float(magnitudes.get(name, 0.0)) for name in Strange._fields})
 
 
 @jitable

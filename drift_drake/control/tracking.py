@@ -1,10 +1,11 @@
 """A low-level controller that executes a planned trajectory: feedforward of the plan plus feedback of the state."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSystem
 
 from drift_drake.control.plan import Plan, plan_size
 from drift_drake.control.step_model import StepModel
@@ -42,12 +43,22 @@ def lqr_gains(a: Array, b: Array) -> Array:
     return gains
 
 
+class Tracked(NamedTuple):
+    """A trajectory to follow, and how."""
+
+    x: Array  # states [N+1, 6]
+    u: Array  # inputs [N+1, 2]
+    gains: Array  # [N, 2, 6], see `tracking_gains`
+    start: float = 0.0  # [s]
+
+
 class TrackingController(LeafSystem):
-    """Follows a trajectory from time 0 on; beyond its end the last point is held.
+    """Follows a trajectory from its start on; beyond its end the last point is held.
 
     Input port: measured_state [7] (r, v, beta, omega_r, e, dphi, s).
     Output port: plan [5], of one step as `LinearInterpolationActuator` takes it: the trajectory's commands now and
     `dt` later, both corrected by the feedback of now.
+    Parameter in the Context: the trajectory; see `follow`.
 
     Args:
         x: states [N+1, 6]; u: inputs [N+1, 2]; dt: their spacing [s]; gains: [N, 2, 6], see `tracking_gains`.
@@ -55,26 +66,36 @@ class TrackingController(LeafSystem):
 
     def __init__(self, x: Array, u: Array, gains: Array, dt: float = 0.1) -> None:
         LeafSystem.__init__(self)
-        self._x, self._u, self._dt = np.array(x), np.array(u), dt
-        self._gains = np.concatenate([gains, gains[-1:]])
+        self._dt = dt
+        tracked = Tracked(np.array(x), np.array(u), np.array(gains))
+        self._tracked = AbstractParameterIndex(self.DeclareAbstractParameter(AbstractValue.Make(tracked)))
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self.DeclareVectorOutputPort(
             "plan",
             plan_size(1),
             self._calc_plan,
-            prerequisites_of_calc={self.time_ticket(), self.input_port_ticket(self._measured.get_index())},
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.input_port_ticket(self._measured.get_index()),
+                self.abstract_parameter_ticket(self._tracked),
+            },
         )
 
+    def follow(self, context: Context, tracked: Tracked) -> None:
+        """Puts another trajectory into a Context of this system, to be followed from now on."""
+        context.get_mutable_abstract_parameter(self._tracked).set_value(tracked)
+
     def _at(self, values: Array, t: float) -> Array:
-        """Linear interpolation at time t, the ends held."""
+        """Linear interpolation at time t [s] after the trajectory's start, the ends held."""
         position = min(max(t / self._dt, 0.0), len(values) - 1.0)
         k = min(int(position), len(values) - 2)
         result: Array = values[k] + (position - k) * (values[k + 1] - values[k])
         return result
 
     def _calc_plan(self, context: Context, output: Any) -> None:
-        t = context.get_time()
-        error = self._measured.Eval(context)[:6] - self._at(self._x, t)
-        correction = self._at(self._gains, t) @ error
-        commands = [self._at(self._u, t) + correction, self._at(self._u, t + self._dt) + correction]
-        output.SetFromVector(Plan(t, np.array(commands), self._dt).vector())
+        x, u, gains, start = context.get_abstract_parameter(self._tracked).get_value()
+        t = context.get_time() - start
+        error = self._measured.Eval(context)[:6] - self._at(x, t)
+        correction = self._at(gains, t) @ error
+        commands = [self._at(u, t) + correction, self._at(u, t + self._dt) + correction]
+        output.SetFromVector(Plan(context.get_time(), np.array(commands), self._dt).vector())

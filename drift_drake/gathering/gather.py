@@ -1,7 +1,7 @@
 """Information gathering on one vehicle: a plan driven by the tracking controller, logged, decimated, learnt."""
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.gathering.plan import GatheringConfig, Trajectory, information_expected, information_gained
+from drift_drake.gathering.replan import Replanner
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
@@ -43,10 +44,21 @@ def gather(
     config: GatheringConfig,
     seed: int,
     plant: PathPlant | None = None,
+    learning: tuple[BayesianModel, Posterior] | None = None,
 ) -> tuple[pd.DataFrame, str]:
-    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned)."""
+    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned).
+
+    Args:
+        learning: the model and what is believed before the drive, where the rest of the drive is to be planned again
+            each `config.replan` [s].
+    """
     drive = execution(trajectory, effects, parameters, config, plant)
-    return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed)
+    replanning: dict[str, Any] = {}
+    if learning is not None and config.replan > 0.0 and trajectory.alpha > 0.0:
+        assert isinstance(drive.driver, TrackingController)
+        replanner = Replanner(*learning, trajectory, config, drive.driver)
+        replanning = {"pauses": replanner.times(), "at_pause": replanner}
+    return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed, **replanning)
 
 
 def lane(config: GatheringConfig) -> Reference:
@@ -85,7 +97,7 @@ def taught(
     seed: int,
 ) -> Gathered:
     """Drives a trajectory and learns from the drive, with what that was expected to tell and what it told."""
-    table, ending = gather(trajectory, effects, parameters, config, seed)
+    table, ending = gather(trajectory, effects, parameters, config, seed, learning=(model, before))
     after = learn_drive(model, before, table)
     expected = information_expected(model, before, trajectory)
     return Gathered(expected, information_gained(before, after), table, ending, after)

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
-from drift_drake.errors import DriftDrakeError
+from drift_drake.errors import DriftDrakeError, InvalidOptionError
+from drift_drake.gathering.control_information import ControlInformationCost, figure_8_task
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
@@ -20,8 +22,9 @@ from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
-# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come.
-Objective = Literal["eq8", "updated", "drifts"]
+# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
+# of what the control along the figure-8 will need.
+Objective = Literal["eq8", "updated", "drifts", "reference"]
 
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
@@ -39,6 +42,7 @@ class GatheringConfig(LaneDrive):
     # drifting. With updates they seek what is new, whether a drift asks for it or not.
     objective_later: Objective = "drifts"
     ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
+    replan: float = 0.0  # [s], in whole steps, after which the rest of a drive is planned again with what it has taught
     bounded: bool = True  # speed, wheel spin and sideslip of plans
     fixed_alpha: bool = False  # the same weight of the information in later rounds
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
@@ -47,6 +51,11 @@ class GatheringConfig(LaneDrive):
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.replan != 0.0 and not self.replan >= DT:
+            raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
 
 
 def as_in_paper(config: GatheringConfig) -> GatheringConfig:
@@ -69,6 +78,7 @@ class Trajectory(NamedTuple):
     cost: float
     information: float  # [nat] to the belief that it was planned with, by the objective
     status: str
+    alpha: float = 0.0  # weight of the information that it was planned with [1/nat]
 
 
 @one_blas_thread()
@@ -90,13 +100,17 @@ def plan_drive(
     """
     problem = info_ocp(model, belief, config, alpha, lateral)
     cost = information_cost(model, belief, config.objective, alpha)
-    options = SqpOptions(max_iterations=config.max_iterations, tolerance=config.tolerance)
-    solver = LineSearchSqp(problem, options)
+    solver = LineSearchSqp(problem, sqp_options(config))
     straight = problem.GetInitialGuess(problem.decision_variables())
     guesses = _first_guesses(problem, straight, config.starts if alpha > 0.0 else 1, np.random.default_rng(seed))
     best = _best(solver, guesses)
     x, u, _ = problem.unstack(best.z)
-    return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status)
+    return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status, alpha)
+
+
+def sqp_options(config: GatheringConfig) -> SqpOptions:
+    """To convergence, as plans are solved."""
+    return SqpOptions(max_iterations=config.max_iterations, tolerance=config.tolerance)
 
 
 def _first_guesses(
@@ -169,6 +183,9 @@ def information_cost(
     Raises:
         InvalidCheckpointError: the model does not know where it is to predict.
     """
+    if objective == "reference":
+        believed, task, weights = step_model(model, belief), figure_8_task(model.vehicle), OcpWeights().state()
+        return ControlInformationCost(model, believed, belief.covariance, task, weights, alpha)
     if objective != "drifts":
         covariance = weighed(belief.covariance, model.sample_weight)
         return InformationCost(model.network, covariance, alpha, updated=objective == "updated")
@@ -210,4 +227,4 @@ def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, conf
     if config.fixed_alpha:
         return config.alpha
     cost = information_cost(model, belief, config.objective_later)
-    return config.alpha * first.information / cost.information(first.x[:-1], first.u[:-1], first.u[1:])
+    return first.alpha * first.information / cost.information(first.x[:-1], first.u[:-1], first.u[1:])

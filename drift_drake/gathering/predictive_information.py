@@ -35,20 +35,22 @@ class PredictiveInformationCost:
     """
 
     def __init__(self, network: Network, covariance: Array, sample_weight: Array, points: Array, alpha: float) -> None:
-        self._network = network
-        # As if samples counted in full: the covariance is scaled by their weight, and the points' features against it.
-        self._precision: Array = np.linalg.inv(weighed(covariance, sample_weight)).astype(np.float64)
-        phi = features(network, points) / np.sqrt(sample_weight)[:, None]
-        states = range(phi.shape[1])
-        rows = np.zeros((len(phi), len(states), *phi.shape[1:]))
-        rows[:, states, states] = phi
-        self._rows = rows.reshape(-1, len(self._precision))  # of Phi, of all points
-        self._before = self._variances(weighed(covariance, sample_weight))
-        self._count = len(points)
-        self._alpha = alpha
+        rows = feature_rows(features(network, points))
+        self._prepare(network, covariance, sample_weight, rows.reshape(-1, len(covariance)), len(points), alpha)
 
-    def _variances(self, covariance: Array) -> Array:
-        """v of each point and state [4 n]."""
+    def _prepare(
+        self, network: Network, covariance: Array, sample_weight: Array, rows: Array, count: int, alpha: float
+    ) -> None:
+        """With rows [m, 64] of what is to be predicted, by theta / sigma; `count`: what the sum is divided by."""
+        # As if samples counted in full: the covariance is scaled by their weight, and the rows against it.
+        root = np.repeat(np.sqrt(sample_weight), len(covariance) // len(sample_weight))
+        before = weighed(covariance, sample_weight)
+        self._network, self._rows, self._count, self._alpha = network, rows / root, count, alpha
+        self._precision: Array = np.linalg.inv(before).astype(np.float64)
+        self._before = self._spread(before)
+
+    def _spread(self, covariance: Array) -> Array:
+        """What is to be narrowed, of which the logarithms count: v of each point and state [4 n]."""
         return 1.0 + np.sum((self._rows @ covariance) * self._rows, axis=1)
 
     def value(self, x: Array, u: Array, u_next: Array) -> float:
@@ -58,13 +60,13 @@ class PredictiveInformationCost:
     def information(self, x: Array, u: Array, u_next: Array) -> float:
         """l_pred [nat] of a trajectory."""
         after = covariance_after(self._precision, features(self._network, network_inputs(x, u, u_next)))
-        return float(0.5 * np.sum(np.log(self._before / self._variances(after))) / self._count)
+        return float(0.5 * np.sum(np.log(self._before / self._spread(after))) / self._count)
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         """See `StageCost`."""
         phi = features(self._network, network_inputs(x, u, u_next))
         after = covariance_after(self._precision, phi)
-        wanted = (self._rows.T / self._variances(after)) @ self._rows / self._count
+        wanted = (self._rows.T / self._spread(after)) @ self._rows / self._count
         # What is left after all stages but one is C = A + P' M P, with A what is left after all of them; so C W C is
         # A W A and terms of rank four. Neither is formed: the points of a stage are multiplied by their factors.
         projected, weighted = others_factors(after, phi)
@@ -91,6 +93,14 @@ class PredictiveInformationCost:
             return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
 
         return gradient
+
+
+def feature_rows(phi: Array) -> Array:
+    """Phi [n, 4, 64] of features phi [n, 4, 16]: those of state i in row i, in that state's place."""
+    states = range(phi.shape[1])
+    rows = np.zeros((len(phi), len(states), *phi.shape[1:]))
+    rows[:, states, states] = phi
+    return rows.reshape(len(phi), len(states), -1)
 
 
 def _by_matrix(phi: Array, matrix: Array) -> Array:

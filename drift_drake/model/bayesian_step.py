@@ -120,6 +120,14 @@ class BayesianStepModel(StepModel):
             matrix[:, range(2), range(2)] = factor
         return next_state, a, b, b_next
 
+    def disturbance(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        """How an error of the learnt states' step enters x_{k+1}: its derivative by g [n, 8, 4]."""
+        enters = np.zeros((len(x), 8, STATE_COUNT))
+        enters[:, range(STATE_COUNT), range(STATE_COUNT)] = 1.0
+        if self._trapezoid:
+            enters[:, 4:6] = _trapezoid_path(x, self.step(x, u, u_next, curvature), curvature)[2]
+        return enters
+
     def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
         """See `StepModel`: one reverse pass through the network, where `linearize` needs one for each learnt state."""
         learnt = STATE_COUNT

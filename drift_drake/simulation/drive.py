@@ -1,5 +1,6 @@
 """One drive of a simulated vehicle: any driver in closed loop with actuator, dither and car, logged at 100 Hz."""
 
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -101,9 +102,21 @@ class Drive:
         self.diagram = builder.Build()
         self.diagram.set_name("drive")
 
-    def run(self, state: Array, s: float, duration: float, seed: int,
-            limits: DriveLimits | None = None) -> tuple[pd.DataFrame, str]:  # fmt: skip
+    def run(
+        self,
+        state: Array,
+        s: float,
+        duration: float,
+        seed: int,
+        limits: DriveLimits | None = None,
+        pauses: Iterable[float] = (),
+        at_pause: Callable[[Context, pd.DataFrame], None] | None = None,
+    ) -> tuple[pd.DataFrame, str]:
         """Drives from a state [6] at s [m] for `duration` [s] or until the limits.
+
+        Args:
+            pauses: times [s] of rows at which the simulation stands still for `at_pause`, which is given the diagram's
+                Context, to change perhaps, and the rows up to then.
 
         Returns:
             (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time" or what limit).
@@ -124,5 +137,12 @@ class Drive:
 
         simulator = make_simulator(self.diagram, context, (plant, reason))
         simulator.Initialize()
-        ending = simulator.AdvanceTo(duration).message() or "time"
+        ending = ""
+        for time in pauses:
+            ending = simulator.AdvanceTo(LOG_PERIOD * round(time / LOG_PERIOD)).message()  # the row's time to the bit
+            if ending:
+                break
+            assert at_pause is not None
+            at_pause(context, self._logs.table(context))
+        ending = ending or simulator.AdvanceTo(duration).message() or "time"
         return self._logs.table(context), ending

@@ -59,15 +59,16 @@ def gather_beliefs(job: GatherJob) -> Taught:
     learnt, config, parameters, prior = job.learnt, job.config, VehicleParameters(), job.learnt.prior()
     seed, beliefs = job.attempt[1], {}
 
-    def samples_of(trajectory: Trajectory, drive_seed: int) -> Samples:
+    def samples_of(trajectory: Trajectory, drive_seed: int, before: Posterior) -> Samples:
         plant = plant_of(job.plant, job.effects, lane(config).path)
-        return samples_from_log(gather(trajectory, job.effects, parameters, config, drive_seed, plant)[0], None, 0, 0)
+        table, _ = gather(trajectory, job.effects, parameters, config, drive_seed, plant, (learnt, before))
+        return samples_from_log(table, None, 0, 0)
 
     if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed))
+        beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed, prior))
     if not job.wanted & {"once_info", "twice_info"}:
         return Taught(beliefs, None)
-    first = samples_of(job.info, seed)
+    first = samples_of(job.info, seed, prior)
     surprise = float(np.mean(squared_distances(learnt, prior, first)))
     beliefs["once_info"] = once = learn(learnt, prior, first)
     if "twice_info" in job.wanted:
@@ -75,7 +76,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
             return Taught(beliefs, surprise)
-        beliefs["twice_info"] = learn(learnt, once, samples_of(second, SECOND_ROUND + seed))
+        beliefs["twice_info"] = learn(learnt, once, samples_of(second, SECOND_ROUND + seed, once))
     return Taught(beliefs, surprise)
 
 

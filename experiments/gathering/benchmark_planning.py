@@ -1,9 +1,10 @@
-"""How long a plan of a lane drive takes: OCP, Info-OCP's first and a later one, and an iteration of each.
+"""How long a plan of a lane drive takes: OCP, Info-OCP's first, a later and a replanned one, and an iteration of each.
 
     python -m experiments.gathering.benchmark_planning
 
 On validation vehicles: the straight drive, the first informative one, and the one planned with what driving that has
-taught. CPU times of one thread, the three in turn.
+taught; and what is planned again in the middle of the first drive, half a second after it was planned last. CPU times
+of one thread, the four in turn.
 """
 
 import dataclasses
@@ -12,19 +13,24 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering import replan
 from drift_drake.gathering.gather import gather, learn_drive
 from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive
+from drift_drake.gathering.replan import plan_rest
 from drift_drake.model.checkpoint import load_model
 from drift_drake.run_folder import machine, make_run_folder
+from drift_drake.vehicle.effects import Effects
 from experiments.made import write_benchmark
 
-PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later")
+PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
+REPLAN = 0.5  # [s] from one plan to the next
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,17 +63,18 @@ def solves_timed() -> Iterator[list[tuple[int, float]]]:
 
 
 def timed(plan: Callable[[], Trajectory]) -> tuple[dict[str, float], Trajectory]:
-    """CPU time [s], SQP iterations and the time of one of a plan, and the plan."""
+    """CPU time [s] in all and before the SQP, SQP iterations and the time of one of a plan, and the plan."""
     with solves_timed() as solves:
         start = time.thread_time()
         found = plan()
         seconds = time.thread_time() - start
     iterations, solving = (sum(column) for column in zip(*solves, strict=True))
-    return {"seconds": seconds, "iterations": iterations, "an iteration": solving / iterations}, found
+    numbers = {"seconds": seconds, "iterations": iterations, "an iteration": solving / iterations}
+    return numbers | {"setting up": seconds - solving}, found
 
 
 def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> dict[str, dict[str, float]]:
-    """The three plans of one vehicle, in numbers."""
+    """The four plans of one vehicle, in numbers."""
     model = load_model()
     prior, effects = model.prior(), draw_effects("validation", index, config.vehicle_seed)
     straight, _ = timed(lambda: plan_drive(model, prior, gathering, 0.0))
@@ -75,7 +82,22 @@ def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> 
     table, _ = gather(informative, effects, model.vehicle, gathering, index)
     belief = learn_drive(model, prior, table)
     later, _ = timed(lambda: plan_again(model, belief, informative, gathering, index))
-    return dict(zip(PLANS, (straight, first, later), strict=True))
+    return dict(zip(PLANS, (straight, first, later, replanned(informative, effects, gathering, index)), strict=True))
+
+
+def replanned(first: Trajectory, effects: Effects, gathering: GatheringConfig, seed: int) -> dict[str, float]:
+    """The plan made in the middle of the first drive, where that is replanned, in numbers."""
+    model, found = load_model(), []
+
+    def kept(*arguments: Any) -> Trajectory:
+        numbers, plan = timed(lambda: plan_rest(*arguments))
+        found.append(numbers)
+        return plan
+
+    with mock.patch.object(replan, "plan_rest", kept):
+        config = dataclasses.replace(gathering, replan=REPLAN)
+        gather(first, effects, model.vehicle, config, seed, learning=(model, model.prior()))
+    return found[len(found) // 2]
 
 
 def table(numbers: dict[str, Any]) -> str:
@@ -83,16 +105,17 @@ def table(numbers: dict[str, Any]) -> str:
     lines = [
         f"{numbers['machine']}; medians and most of {len(numbers['vehicles'])} vehicles",
         "",
-        "| plan | CPU time [s] | SQP iterations | an iteration [ms] | over OCP's |",
-        "| --- | --- | --- | --- | --- |",
+        "| plan | CPU time [s] | of it before the SQP [ms] | SQP iterations | an iteration [ms] | over OCP's |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     found = {plan: {name: np.array([each[plan][name] for each in numbers["vehicles"]])
-                    for name in ("seconds", "iterations", "an iteration")} for plan in PLANS}  # fmt: skip
+                    for name in ("seconds", "setting up", "iterations", "an iteration")} for plan in PLANS}  # fmt: skip
     straight = np.median(found["OCP"]["an iteration"])
     for plan, by_name in found.items():
-        seconds, iterations, each = by_name.values()
+        seconds, before, iterations, each = by_name.values()
         lines.append(
-            f"| {plan} | {np.median(seconds):.2f} / {seconds.max():.2f} | {np.median(iterations):.0f} /"
+            f"| {plan} | {np.median(seconds):.2f} / {seconds.max():.2f} | {1e3 * np.median(before):.0f} |"
+            f" {np.median(iterations):.0f} /"
             f" {iterations.max():.0f} | {1e3 * np.median(each):.1f} | {np.median(each) / straight:.2f} |"
         )
     return "\n".join(lines)
@@ -101,7 +124,7 @@ def table(numbers: dict[str, Any]) -> str:
 def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder, gathering = make_run_folder("benchmark_planning", config.out), GatheringConfig()
-    vehicle(0, config, dataclasses.replace(gathering, steps=8, v_end=9.0, starts=1))  # compiles
+    vehicle(0, config, dataclasses.replace(gathering, steps=12, v_end=9.0, starts=1))  # compiles
     vehicles = [vehicle(index, config, gathering) for index in range(config.vehicles)]
     numbers = {"machine": machine(), "vehicles": vehicles}
     write_benchmark(folder, config, numbers, table(numbers))

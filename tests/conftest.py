@@ -19,6 +19,7 @@ from experiments.other_worlds.drivers import DAY_ONE
 
 TRUE_STIFFNESS = -0.25
 DURATION = 3.0
+LONG_TO_MAKE = ("stiffness_case", "good_cases", "identified", "other_car")  # fixtures; the last one decides
 OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
 
 
@@ -27,11 +28,12 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the marks
 def pytest_collection_modifyitems(items):
-    """One worker of xdist (--dist loadgroup) has all tests of a module, or of a case that takes long to make."""
+    """With --dist loadgroup one worker has all of a module, and of the modules that share what takes long to make."""
+    groups = {item.path: name for item in items for name in LONG_TO_MAKE if name in item.fixturenames}
     for item in items:
-        shared = [name for name in ("other_car", "stiffness_case") if name in item.fixturenames]
-        item.add_marker(pytest.mark.xdist_group((shared or [item.nodeid.split("::")[0]])[0]))
+        item.add_marker(pytest.mark.xdist_group(groups.get(item.path, str(item.path))))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,11 +7,12 @@ import pytest
 
 from drift_drake.executors import ExecutorConfig
 from experiments.drifting import runs as drift_runs
+from experiments.gathering import beliefs
 
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> ExecutorConfig:
-    """Has drives made in this process."""
+    """Has drives and gatherings made in this process."""
 
     def run_here(_: ExecutorConfig, function: Callable[[Any], Any], jobs: Sequence[Any],
                  finish: Callable[[Any, Any], None], unit: str) -> None:  # fmt: skip
@@ -19,5 +20,6 @@ def here(monkeypatch: pytest.MonkeyPatch) -> ExecutorConfig:
         for job in jobs:
             finish(job, function(job))
 
-    monkeypatch.setattr(drift_runs, "run_jobs", run_here)
+    for module in (drift_runs, beliefs):
+        monkeypatch.setattr(module, "run_jobs", run_here)
     return ExecutorConfig(workers=1)

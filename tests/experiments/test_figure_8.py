@@ -9,8 +9,8 @@ import pytest
 
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
-from drift_drake.gathering.plan import GatheringConfig, as_in_paper, plan_drive
-from drift_drake.model.checkpoint import load_model, paper_checkpoint
+from drift_drake.gathering.plan import GatheringConfig, as_in_paper
+from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation import true_plant
 from drift_drake.simulation.closed_loop import ControlConfig
@@ -84,12 +84,7 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
     double = dataclasses.replace(config(tmp_path, here), plant="double_track", models=("once_info",))
     main(double)
     assert json.loads((tmp_path / "once_info-000-0.json").read_text())["outcome"] == "completed"
-    learnt = load_model()
-    line = plan_drive(learnt, learnt.prior(), SHORT, 0.0)
-    wanted = frozenset({"once_info"})
-    job = beliefs.GatherJob((0, 0), wanted, learnt, double.effects(0), line, line, SHORT, "double_track")
-    beliefs.gather_beliefs(job)
-    assert plants[-2:] == [True, True]  # in the drift, and along the lane
+    assert plants == [True, True]  # along the lane, and in the drift
     with pytest.raises(InvalidOptionError, match="no model knows the double-track car; leave oracle out"):
         main(dataclasses.replace(double, models=("oracle",)))
 

@@ -26,3 +26,8 @@ def test_no_class_is_defined_twice() -> None:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places.setdefault(node.name, []).append(str(path.relative_to(PACKAGE)))
     assert not {name: found for name, found in places.items() if len(found) > 1}
+
+
+def test_no_room_rests_on_the_benchmarks() -> None:
+    inside = PACKAGE / "benchmarks"
+    assert not [path for path in FILES if inside not in path.parents and "drift_drake.benchmarks" in path.read_text()]

@@ -84,8 +84,9 @@ def _cluster(config: ExecutorConfig) -> Iterator[Any]:
             'dask.distributed is missing; install it with pip install "drift_drake[cluster]"'
         ) from None
     if config.scheduler is None:
+        any_port = "127.0.0.1:0"  # without, it asks for 8787, which another command's cluster may have
         with (
-            LocalCluster(n_workers=config.workers, threads_per_worker=1, dashboard_address=None) as cluster,
+            LocalCluster(n_workers=config.workers, threads_per_worker=1, dashboard_address=any_port) as cluster,
             Client(cluster) as client,
         ):
             yield client

@@ -1,7 +1,9 @@
 """The same jobs on processes and on a cluster."""
 
+import contextlib
 import os
 import signal
+import socket
 from pathlib import Path
 
 import pytest
@@ -101,3 +103,14 @@ def test_a_local_cluster_of_two_workers() -> None:
     assert results == {0.5 * k: 0.25 * k * k for k in range(12)}
     assert len(processes) == 2
     assert os.getpid() not in processes
+
+
+def test_a_local_cluster_starts_beside_another() -> None:
+    pytest.importorskip("distributed", reason="the cluster's engine is an extra: pip install drift_drake[cluster]")
+    with socket.socket() as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with contextlib.suppress(OSError):  # another test's cluster has it already
+            other.bind(("0.0.0.0", 8787))  # the port that a first cluster takes
+            other.listen()
+        results, _ = collect(ExecutorConfig(executor="dask", workers=1))
+    assert len(results) == 12

@@ -83,6 +83,18 @@ def differential(torque: Any, difference: Any, p: Any) -> Any:
 
 
 @compiled
+def wheel_loads(z: Any, mass: Any, a: Any, b: Any, p: Any) -> Any:
+    """Loads [N] of the wheels front left, front right, rear left and right; a, b: from the axles to the centre [m]."""
+    across = mass * z[11] * p.cg_height / p.track  # from the left wheels to the right ones
+    across_front, across_rear = p.front_roll_share * across, (1.0 - p.front_roll_share) * across
+    weight, length = mass * p.gravity, a + b
+    along, least = mass * p.cg_height * z[10] / length, LEAST_LOAD * weight
+    front, rear = 0.5 * (weight * b / length - along), 0.5 * (weight * a / length + along)
+    load_fl, load_fr = max(front - across_front, least), max(front + across_front, least)
+    return load_fl, load_fr, max(rear - across_rear, least), max(rear + across_rear, least)
+
+
+@compiled
 def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
     """Writes d(STATES)/dt under the steering [rad] and torque [N m] commands; returns (a_x, a_y) [m/s^2]."""
     u, w, r, psi = z[0], z[1], z[2], z[3]
@@ -94,12 +106,7 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
     steering = (z[8] if lagging else delta) + q.steering_offset
     torque = z[9] if q.torque_lag > 0.0 else tau
 
-    across = mass * z[11] * p.cg_height / p.track  # [N] from the left wheels to the right ones
-    across_front, across_rear = p.front_roll_share * across, (1.0 - p.front_roll_share) * across
-    along, least = mass * p.cg_height * z[10] / length, LEAST_LOAD * weight
-    front, rear = 0.5 * (weight * b / length - along), 0.5 * (weight * a / length + along)
-    load_fl, load_fr = max(front - across_front, least), max(front + across_front, least)
-    load_rl, load_rr = max(rear - across_rear, least), max(rear + across_rear, least)
+    load_fl, load_fr, load_rl, load_rr = wheel_loads(z, mass, a, b, p)
     # Axle forces, in proportion to the slips that lag, turn the wheels back.
     yields_front = p.front_compliance * max(min(p.front_stiffness * z[13], 1.0), -1.0)
     yields_rear = p.rear_compliance * max(min(p.rear_stiffness * z[14], 1.0), -1.0)

@@ -46,6 +46,7 @@ FAR_BEYOND = (
     "may be what the calibration could not see instead of a change since"
 )
 SINGLES, PAIRS = 6, 3  # leading ones that are judged at the changed car
+USUAL = 2.0  # deviations from one recording to the next, below which a cause may be what is usual
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
 Progress = Callable[[str, float], None]
@@ -99,6 +100,7 @@ def diagnose_day(
     named = found.verdict == "effect"
     if named:
         warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
+        warnings += usual_sentences(search.normal, h)
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -199,6 +201,17 @@ def unseen_sentence(name: str, q: float) -> str:
         f"beside it the day asks for {name} of {q:.2g}{unit}, which belongs to the car's build: the day of calibration "
         "did not show it; calibrate on such drives too"
     )
+
+
+def usual_sentences(normal: Normal, h: Hypothesis) -> list[str]:
+    """Says of which causes the recordings of the calibration differ by about as much among themselves."""
+    deviations = dict(zip(normal.names, np.sqrt(np.diag(normal.recording)) * normal.units, strict=True))
+    return [
+        f"the calibration's recordings differ in {name} by {deviations[name]:.2g}{unit_suffix(CATALOGUE[name].unit)} "
+        "among themselves (one standard deviation): it may be how recordings of the car differ; calibrate on more"
+        for name, q in zip(h.names, h.magnitudes, strict=True)
+        if abs(q) < USUAL * deviations[name]
+    ]
 
 
 def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:

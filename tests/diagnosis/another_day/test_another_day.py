@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.another_day import diagnose_day as another_day
-from drift_drake.diagnosis.another_day.diagnose_day import brought_along, ranked_hypotheses
+from drift_drake.diagnosis.another_day.diagnose_day import brought_along, ranked_hypotheses, usual_sentences
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
 from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
 from drift_drake.diagnosis.answers.answer import read_answer
@@ -41,6 +41,16 @@ def test_the_detection_limit_of_what_was_named_is_below_it(late_day):
     limit = late_day.answer.details["detection"]["steering_delay"]
     assert limit["unit"] == "s"
     assert limit["least"] < 0.08
+
+
+def test_what_the_calibrations_recordings_differ_by_is_said_of_a_cause_of_that_size(late_day):
+    normal, leading = late_day.search.normal, late_day.ranked.leading
+    assert usual_sentences(normal, leading) == []
+    at = normal.names.index("steering_delay")
+    recording = normal.recording.copy()
+    recording[at, at] = (0.05 / normal.units[at]) ** 2  # half of 0.08 s and a little more
+    (sentence,) = usual_sentences(dataclasses.replace(normal, recording=recording), leading)
+    assert "recordings differ in steering_delay by 0.05 s among themselves" in sentence
 
 
 def test_soft_rear_tyres_are_the_nearest_known_at_least_and_their_interval_holds_the_truth(other_car, diagnosed):

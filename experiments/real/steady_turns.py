@@ -6,6 +6,7 @@ The small car's recordings on floor a. Rows count that turn steadily at a nearly
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,11 +45,12 @@ def averaged(x: np.ndarray, rows: int) -> np.ndarray:
 def steady_turns(run: Run) -> list[dict[str, float | str]]:
     """By direction and speed: seconds, torque [N m] (median and quartiles), yaw rate [rad/s] (median, absolute)."""
     rows = round(AVERAGED / run.period)
+    assert run.tau_cmd is not None  # the mapping's
     v, r, torque = (averaged(x, rows) for x in (run.v, run.r, run.tau_cmd))
     steady = np.abs(np.gradient(v, run.period)) < STEADY
     out = []
     for turn, sign in (("left", 1.0), ("right", -1.0)):
-        for low, high in zip(SPEEDS[:-1], SPEEDS[1:], strict=True):
+        for low, high in itertools.pairwise(SPEEDS):
             at = steady & (v >= low) & (v < high) & (sign * r > TURNING)
             seconds = float(np.sum(at)) * run.period
             if seconds >= LEAST_TIME:

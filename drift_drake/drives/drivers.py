@@ -47,7 +47,7 @@ class HoldDriver(RowByRowDriver):
         """The command to start from: the equilibrium's."""
         return float(self._command[0]), float(self._command[1])
 
-    def first(self, t: float, measured: Array) -> Array:  # noqa: ARG002
+    def first(self, _t: float, _measured: Array) -> Array:
         return self._command
 
     def wanted(self, t: float, measured: Array) -> Array:

@@ -89,6 +89,12 @@ class Day:
         """Index [runs] of the recording that each run is a part of."""
         return np.unique([run.recording for run in self.runs], return_inverse=True)[1]
 
+    @property
+    def recording_count(self) -> float:
+        """How many recordings of equal length the windows are worth."""
+        windows = np.bincount(self.recordings[self.run]).astype(float)
+        return float(windows.sum() ** 2 / np.sum(windows**2))
+
     def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
         """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
         return errors(self.runs, self.constants, added(self.own, effects), horizons)

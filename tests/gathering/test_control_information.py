@@ -8,18 +8,13 @@ from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.gathering.control_information import ControlInformationCost, Task, figure_8_task, sensitivities
 from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import update_all
 from drift_drake.model.quality import step_model
 
 ALPHA = 1.7
 WEIGHTS = OcpWeights().state()
-
-
-@pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
 
 
 @pytest.fixture(scope="module")

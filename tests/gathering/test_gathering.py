@@ -29,7 +29,7 @@ from drift_drake.gathering.plan import (
     plan_drive,
     round_alpha,
 )
-from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError, load_model
+from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import learn, step_model
@@ -39,11 +39,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=3, max_iterations=60)
 PARAMETERS = VehicleParameters()
 EFFECTS = draw_effects("validation", 0, 0)
-
-
-@pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
 
 
 @pytest.fixture(scope="module")

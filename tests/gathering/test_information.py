@@ -9,16 +9,11 @@ from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.plan import GatheringConfig
-from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update, weighed
 
 ALPHA = 1.7
-
-
-@pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
 
 
 def cost(model: BayesianModel, updated: bool) -> InformationCost:

@@ -6,16 +6,11 @@ from control_problems import check_against_referees, check_gradient, lane_ocp, s
 
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
-from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import predict, update_all
 
 ALPHA = 1.7
-
-
-@pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from drift_drake.gathering.gather import gather, learn_drive, taught
 from drift_drake.gathering.lane import problem_data
 from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive, round_alpha
 from drift_drake.gathering.replan import plan_rest, rest_of_drive, rest_of_plan
-from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples
@@ -26,11 +26,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 CONFIG = GatheringConfig(steps=14, v_end=11.0, starts=1, max_iterations=60, replan=0.4)
 PARAMETERS = VehicleParameters()
 EFFECTS = draw_effects("validation", 0, 0)
-
-
-@pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
 
 
 @pytest.fixture(scope="module")

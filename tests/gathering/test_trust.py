@@ -26,11 +26,6 @@ CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=1, max_iterations=30)
 
 
 @pytest.fixture(scope="module")
-def model() -> BayesianModel:
-    return load_model()
-
-
-@pytest.fixture(scope="module")
 def info(model: BayesianModel) -> Trajectory:
     return plan_drive(model, model.prior(), CONFIG, CONFIG.alpha)
 

@@ -100,7 +100,7 @@ def diagnose_day(
     named = found.verdict == "effect"
     if named:
         warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
-        warnings += usual_sentences(search.normal, h)
+        warnings += usual_sentences(search.normal, h, search.day.recording_count)
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -203,14 +203,18 @@ def unseen_sentence(name: str, q: float) -> str:
     )
 
 
-def usual_sentences(normal: Normal, h: Hypothesis) -> list[str]:
-    """Says of which causes the recordings of the calibration differ by about as much among themselves."""
+def usual_sentences(normal: Normal, h: Hypothesis, count: float) -> list[str]:
+    """Says of which causes the recordings of the calibration differ by about as much among themselves.
+
+    Args:
+        count: of the day's recordings, whose mean a cause is.
+    """
     deviations = dict(zip(normal.names, np.sqrt(np.diag(normal.recording)) * normal.units, strict=True))
     return [
         f"the calibration's recordings differ in {name} by {deviations[name]:.2g}{unit_suffix(CATALOGUE[name].unit)} "
         "among themselves (one standard deviation): it may be how recordings of the car differ; calibrate on more"
         for name, q in zip(h.names, h.magnitudes, strict=True)
-        if abs(q) < USUAL * deviations[name]
+        if abs(q) < USUAL * deviations[name] / np.sqrt(count)
     ]
 
 

@@ -45,12 +45,16 @@ def test_the_detection_limit_of_what_was_named_is_below_it(late_day):
 
 def test_what_the_calibrations_recordings_differ_by_is_said_of_a_cause_of_that_size(late_day):
     normal, leading = late_day.search.normal, late_day.ranked.leading
-    assert usual_sentences(normal, leading) == []
+    assert usual_sentences(normal, leading, 1.0) == []
     at = normal.names.index("steering_delay")
     recording = normal.recording.copy()
     recording[at, at] = (0.05 / normal.units[at]) ** 2  # half of 0.08 s and a little more
-    (sentence,) = usual_sentences(dataclasses.replace(normal, recording=recording), leading)
+    normal = dataclasses.replace(normal, recording=recording)
+    (sentence,) = usual_sentences(normal, leading, 1.0)
     assert "recordings differ in steering_delay by 0.05 s among themselves" in sentence
+    # Four recordings differ so in their mean by half as much.
+    assert late_day.search.day.recording_count == pytest.approx(4.0, rel=0.02)
+    assert usual_sentences(normal, leading, late_day.search.day.recording_count) == []
 
 
 def test_soft_rear_tyres_are_the_nearest_known_at_least_and_their_interval_holds_the_truth(other_car, diagnosed):

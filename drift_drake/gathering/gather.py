@@ -15,7 +15,8 @@ from drift_drake.gathering.replan import Replanner
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
-from drift_drake.reference.trajectory import Reference, straight_line
+from drift_drake.model.samples import Samples
+from drift_drake.reference.trajectory import Reference, circle
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -31,7 +32,7 @@ def execution(
 ) -> Drive:
     """The diagram that drives a trajectory on a vehicle; see `Drive`."""
     states = trajectory.x[:, :6]
-    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(config.steps))
+    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.full(config.steps, config.curvature))
     controller = TrackingController(states, trajectory.u, gains, DT)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
     return Drive(parameters, controller, 1, DT, None, start, effects, lane(config), plant=plant)
@@ -62,19 +63,24 @@ def gather(
 
 
 def lane(config: GatheringConfig) -> Reference:
-    """The straight lane, and the speed along it."""
-    return straight_line(config.v_start, config.v_end, config.steps * DT, config.half_width)
+    """The lane, and the speed along it."""
+    return circle(config.v_start, config.v_end, config.steps * DT, config.curvature, config.half_width)
 
 
 def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
     """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
-    farthest = max(lane(config).distance, *(float(table["x"].max()) for table in tables))
-    return straight_line(config.v_end, config.v_end, farthest / config.v_end, config.half_width)
+    farthest = max(lane(config).distance, *(float(table["s"].max()) for table in tables))
+    return circle(config.v_end, config.v_end, farthest / config.v_end, config.curvature, config.half_width)
 
 
-def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame) -> Posterior:
-    """The belief after a drive's log, decimated to 10 Hz."""
-    return learn(model, belief, samples_from_log(table, None, 0, 0))
+def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
+    """A drive's log as samples at 10 Hz."""
+    return samples_from_log(table, lane(config).path, 0, 0)
+
+
+def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:
+    """The belief after a drive's log."""
+    return learn(model, belief, drive_samples(table, config))
 
 
 class Gathered(NamedTuple):
@@ -98,6 +104,6 @@ def taught(
 ) -> Gathered:
     """Drives a trajectory and learns from the drive, with what that was expected to tell and what it told."""
     table, ending = gather(trajectory, effects, parameters, config, seed, learning=(model, before))
-    after = learn_drive(model, before, table)
+    after = learn_drive(model, before, table, config)
     expected = information_expected(model, before, trajectory)
     return Gathered(expected, information_gained(before, after), table, ending, after)

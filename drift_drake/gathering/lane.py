@@ -1,4 +1,4 @@
-"""A short drive along a straight lane as an optimal control problem: what informative drives are planned on."""
+"""A short drive along a lane as an optimal control problem: what informative drives are planned on."""
 
 import dataclasses
 
@@ -49,17 +49,22 @@ ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
 
 
-def problem_data(config: LaneDrive, lateral: Array | None = None) -> OcpData:
-    """The straight line, or a line e(t) [N+1] [m] beside it, as an OCP's data."""
+def problem_data(config: LaneDrive, lateral: Array | None = None, curvature: float = 0.0) -> OcpData:
+    """The lane's middle, or a line e(t) [N+1] [m] beside it, as an OCP's data: the car enters it from a straight.
+
+    Args:
+        curvature: of the lane [1/m], positive to the left.
+    """
     n = config.steps
     reference = np.zeros((n + 1, 6))
     reference[:, 1] = reference[:, 3] = np.linspace(config.v_start, config.v_end, n + 1)
+    reference[:, 0] = curvature * reference[:, 1]
     if lateral is not None:
         reference[:, 4] = lateral
         reference[:, 5] = np.gradient(lateral, DT) / reference[:, 1]
     lane = np.full(n + 1, config.half_width - config.margin)
     start = np.array([0.0, config.v_start, 0.0, config.v_start, 0.0, 0.0])
-    return OcpData(start, np.zeros(2), reference, np.zeros(n), -lane, lane)
+    return OcpData(start, np.zeros(2), reference, np.full(n, curvature), -lane, lane)
 
 
 def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
@@ -82,13 +87,14 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
             described(f"{what}, softened", bound)
 
 
-def bound_end(problem: OptimalControlProblem) -> None:
+def bound_end(problem: OptimalControlProblem, curvature: float = 0.0) -> None:
     """Bounds how the drive ends, so that a car which drives on can be kept in the lane.
 
-    Softened as `bound_slip` is.
+    Softened as `bound_slip` is. On a lane of a curvature [1/m] the yaw rate beyond the lane's is bounded.
     """
     end, slack = problem.x[-1], problem.slack[-1:]
-    for weights, limit in ENDS:
+    (_, yaw), *others = ENDS
+    for weights, limit in (({0: 1.0, 1: -curvature} if curvature else {0: 1.0}, yaw), *others):
         row = np.array([weight * STATE_SCALE[state] for state, weight in weights.items()])
         rows = np.column_stack([np.stack([row, -row]), np.full(2, -END_SOFTENING * limit)])
         states = np.append(end[list(weights)], slack)

@@ -26,12 +26,17 @@ Array = NDArray[np.float64]
 # of what the control along the figure-8 will need.
 Objective = Literal["eq8", "updated", "drifts", "reference"]
 
+HARDEST = 8.0  # [m/s^2] of lateral acceleration that a circle may ask for: tyres on dry asphalt give hardly more
+NARROWEST = 0.5  # half width of a circle's lane, of its radius
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
     """A lane drive that is worth learning from."""
+
+    curvature: float = 0.0
+    """[1/m] of the lane, which is a circle then; positive to the left."""
 
     # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
     max_sideslip: float = 0.35  # [rad] in plans
@@ -54,6 +59,17 @@ class GatheringConfig(LaneDrive):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        lateral, half_width = abs(self.curvature) * self.v_end**2, self.half_width
+        if not lateral <= HARDEST:
+            raise InvalidOptionError(
+                f"a curvature of {self.curvature:g} 1/m at a v_end of {self.v_end:g} m/s asks for {lateral:.1f} m/s^2; "
+                f"give less of either, for {HARDEST:g} at most"
+            )
+        if not abs(self.curvature) * half_width <= NARROWEST:
+            raise InvalidOptionError(
+                f"a lane of {half_width:g} m to either side cannot have a curvature of {self.curvature:g} 1/m; give "
+                f"{NARROWEST / half_width:g} at most"
+            )
         if self.replan != 0.0 and not self.replan >= DT:
             raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
 
@@ -167,8 +183,8 @@ def info_ocp(
     if config.bounded:
         bound_slip(problem, config)
     if informative and config.ends_straight:
-        bound_end(problem)
-    data = problem_data(config, lateral)
+        bound_end(problem, config.curvature)
+    data = problem_data(config, lateral, config.curvature)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)
     problem.SetInitialGuessForAllVariables(problem.first_guess(data))

@@ -17,6 +17,7 @@ from drift_drake.gathering.plan import GatheringConfig, Trajectory, info_ocp, in
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
+from drift_drake.reference.path import Path
 from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -50,7 +51,7 @@ def plan_rest(
             information [1/nat]; x: state and lagged commands now [8]; u: command in force [2].
     """
     problem = info_ocp(model, belief, config, alpha)
-    problem.set(problem_data(config)._replace(x_init=x, u_init=u))
+    problem.set(problem_data(config, curvature=config.curvature)._replace(x_init=x, u_init=u))
     guess = problem.stack(np.vstack([x, plan.x[1:]]), np.vstack([u, plan.u[1:]]))
     found = LineSearchSqp(problem, sqp_options(config)).solve(guess)
     if found.failed or found.primal_residual >= FEASIBLE:
@@ -87,13 +88,14 @@ class Replanner:
     def __call__(self, root: Context, table: pd.DataFrame) -> None:
         """Plans again from the log's last row, which is now, and lets the controller follow."""
         step = round(root.get_time() / DT)
-        samples = samples_from_log(table, None, 0, 0)
+        samples = samples_from_log(table, Path([0.0, 1.0], [self._config.curvature] * 2), 0, 0)
         belief = learn(self._model, self._before, samples)
         rest = rest_of_drive(self._config, step)
         left = rest_of_plan(self._plan, step - self._from)
         x, u = samples.x_next[-1], samples.u_next[-1]
         self._plan, self._from = plan_rest(self._model, belief, left, rest, self._alpha, x, u), step
         states, inputs = self._plan.x[:, :6], self._plan.u
-        gains = tracking_gains(NominalStepModel(self._model.vehicle), states, inputs, np.zeros(rest.steps))
+        curvature = np.full(rest.steps, rest.curvature)
+        gains = tracking_gains(NominalStepModel(self._model.vehicle), states, inputs, curvature)
         context = self._controller.GetMyMutableContextFromRoot(root)
         self._controller.follow(context, Tracked(states, inputs, gains, root.get_time()))

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.gather import gather, lane
+from drift_drake.gathering.gather import drive_samples, gather, lane
 from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
@@ -62,7 +61,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     def samples_of(trajectory: Trajectory, drive_seed: int, before: Posterior) -> Samples:
         plant = plant_of(job.plant, job.effects, lane(config).path)
         table, _ = gather(trajectory, job.effects, parameters, config, drive_seed, plant, (learnt, before))
-        return samples_from_log(table, None, 0, 0)
+        return drive_samples(table, config)
 
     if "once_ocp" in job.wanted:
         beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed, prior))

@@ -80,7 +80,7 @@ def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> 
     straight, _ = timed(lambda: plan_drive(model, prior, gathering, 0.0))
     first, informative = timed(lambda: plan_drive(model, prior, gathering, gathering.alpha, index))
     table, _ = gather(informative, effects, model.vehicle, gathering, index)
-    belief = learn_drive(model, prior, table)
+    belief = learn_drive(model, prior, table, gathering)
     later, _ = timed(lambda: plan_again(model, belief, informative, gathering, index))
     return dict(zip(PLANS, (straight, first, later, replanned(informative, effects, gathering, index)), strict=True))
 

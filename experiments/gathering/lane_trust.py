@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
-from drift_drake.gathering.gather import gather
+from drift_drake.gathering.gather import drive_samples, gather
 from drift_drake.gathering.plan import plan_drive
 from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import REFUSED, familiar_from, keep_familiar, squared_distances
@@ -61,7 +60,7 @@ def surprises(config: LaneTrust, learnt: BayesianModel) -> dict[Population, Arra
         for index in tqdm(range(config.first, last), desc=population, unit="vehicle"):
             effects = draw_effects(population, index, config.vehicle_seed)
             table = gather(info, effects, parameters, gathering, index)[0]
-            values.append(float(np.mean(squared_distances(learnt, prior, samples_from_log(table, None, 0, 0)))))
+            values.append(float(np.mean(squared_distances(learnt, prior, drive_samples(table, gathering)))))
         found[population] = np.array(values)
     return found
 

@@ -56,6 +56,6 @@ def test_plans_are_not_bounded_beyond_the_lane(model: BayesianModel, info: Traje
 
 
 def test_the_information_weighs_the_same_in_every_round(model: BayesianModel, info: Trajectory) -> None:
-    after = learn_drive(model, model.prior(), gather(info, EFFECTS, VehicleParameters(), CONFIG, 0)[0])
+    after = learn_drive(model, model.prior(), gather(info, EFFECTS, VehicleParameters(), CONFIG, 0)[0], CONFIG)
     assert round_alpha(model, after, info, CONFIG) == CONFIG.alpha
     assert CONFIG.objective == CONFIG.objective_later == "eq8"

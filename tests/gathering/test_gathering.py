@@ -117,7 +117,7 @@ def test_what_is_driven_is_learnt(model: BayesianModel, ocp: Trajectory, info: T
         assert ending == "time"
         assert table["e"].abs().max() < CONFIG.half_width
         np.testing.assert_allclose(table[list(STATES)].to_numpy()[0], trajectory.x[0, :6], atol=0.3)
-        after = learn_drive(model, prior, table)
+        after = learn_drive(model, prior, table, CONFIG)
         samples = samples_from_log(table, None, 0, 0)
         assert len(samples.x) == CONFIG.steps
         np.testing.assert_array_equal(samples.x[0, LAGGED], samples.u[0])
@@ -141,7 +141,7 @@ def test_a_later_rounds_repeat_of_the_first_drive_keeps_its_worth(model: Bayesia
     prior = model.prior()
     same = dataclasses.replace(CONFIG, objective_later=CONFIG.objective)
     assert round_alpha(model, prior, info, same) == pytest.approx(CONFIG.alpha)
-    after = learn_drive(model, prior, gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    after = learn_drive(model, prior, gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0], CONFIG)
     alpha = round_alpha(model, after, info, CONFIG)
     again = information_cost(model, after, "drifts").information(info.x[:-1], info.u[:-1], info.u[1:])
     assert alpha > 2.0 * CONFIG.alpha
@@ -153,7 +153,7 @@ def test_later_rounds_plan_for_the_drifts_to_come(
 ) -> None:
     calls: list[tuple[Any, ...]] = []
     monkeypatch.setattr(planning, "plan_drive", lambda *arguments: calls.append(arguments) or info)
-    belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0], CONFIG)
     plan_again(model, belief, info, CONFIG, 7)
     plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later="updated"))
     alpha = round_alpha(model, belief, info, CONFIG)
@@ -163,7 +163,7 @@ def test_later_rounds_plan_for_the_drifts_to_come(
 
 def test_a_plan_for_drifts_or_the_reference_tells_more_of_them(model: BayesianModel, info: Trajectory) -> None:
     """More than plans for the paper's objectives, from the same belief."""
-    belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0])
+    belief = learn_drive(model, model.prior(), gather(info, EFFECTS, PARAMETERS, CONFIG, 0)[0], CONFIG)
     plans = {
         objective: plan_again(model, belief, info, dataclasses.replace(CONFIG, objective_later=objective), 1)
         for objective in get_args(Objective)
@@ -214,7 +214,7 @@ def test_the_guess_that_leads_furthest_is_gone_on_with_and_the_next_where_it_fai
 
 
 def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:
-    near, far = (pd.DataFrame({"x": [0.0, x]}) for x in (5.0, 40.0))
+    near, far = (pd.DataFrame({"s": [0.0, s]}) for s in (5.0, 40.0))
     assert lane_for_pictures(CONFIG, [near]).distance == pytest.approx(0.5 * (7.5 + 11.0) * 1.2)
     assert lane_for_pictures(CONFIG, [near, far]).distance == pytest.approx(40.0)
 

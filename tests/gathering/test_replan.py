@@ -127,7 +127,7 @@ def test_a_replanned_drive_replays_and_is_learnt_once(
 ) -> None:
     drive = taught(model, model.prior(), info, EFFECTS, PARAMETERS, CONFIG, 3)
     pd.testing.assert_frame_equal(drive.table, driven[0], check_exact=True)
-    np.testing.assert_array_equal(drive.belief.mean, learn_drive(model, model.prior(), drive.table).mean)
+    np.testing.assert_array_equal(drive.belief.mean, learn_drive(model, model.prior(), drive.table, CONFIG).mean)
 
 
 def test_a_plan_that_weighs_no_information_is_driven_as_it_is(model: BayesianModel, info: Trajectory) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drift_drake.errors import shown
-from drift_drake.estimation.windows import HORIZONS, PREDICTED
+from drift_drake.estimation.windows import HORIZONS, PREDICTED, STRIDE
 from drift_drake.plain_files import number
 from drift_drake.vehicle.catalogue import CATALOGUE
 
@@ -26,6 +26,7 @@ class Normal:
     """What is normal for a calibrated car. Scores are in `units` of the effects `names`."""
 
     names: tuple[str, ...]
+    stride: float  # [s] between horizons
     units: np.ndarray  # [n]
     scales: np.ndarray  # [HORIZONS, channels]
     precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
@@ -55,8 +56,11 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
     names = tuple(str(name) for name in arrays.pop("names"))  # type: ignore[attr-defined]
     blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
+    stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     try:
-        out = Normal(names, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()})
+        out = Normal(
+            names, stride, blocks=blocks, **{key: np.array(value, dtype=float) for key, value in arrays.items()}
+        )
     except OverflowError:
         raise ValueError("normal holds a number that is out of range") from None
     _check_normal(out)

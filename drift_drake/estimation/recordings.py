@@ -3,7 +3,8 @@
 Batteries empty, tyres warm up, wind turns, a sensor is aligned anew, and equations that do not follow the car ask for
 other parameters on a circle than in a slalom. Blocks of time within a recording do not show that, whole recordings do:
 each is one draw (Liang and Zeger 1986). A few recordings show little of it: what is known to vary from recording to
-recording (`Effect.varies`) is taken to, by less than a gap.
+recording (`Effect.varies`) is taken to, by less than a gap; and by how much recordings differ is read off all that the
+logs show together, since a few recordings differ in few directions, and the next one will in others.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,9 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
+ALIKE = 4.0
+"""Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
+(validation days and recordings)."""
 SHARE = 0.5  # of the least gap, that an effect's standard deviation from recording to recording is: two are a gap
 
 
@@ -40,3 +44,19 @@ def spread(pulled: np.ndarray) -> np.ndarray:
     """
     count = len(pulled)
     return np.asarray(count**2 / max(count - 1, 1) * pulled.T @ pulled)
+
+
+def shrunk(seen: np.ndarray, alone: np.ndarray, information: np.ndarray, count: int) -> np.ndarray:
+    """Covariance [n, n] from recording to recording, towards one that is alike in all directions that the logs show.
+
+    In units of what the logs leave open: as many times that as has been seen over all directions (Ledoit and Wolf 2004,
+    with that metric in place of the identity).
+
+    Args:
+        seen: of the recordings (`spread`) [n, n]; alone: covariance of the estimate, prior and logs [n, n];
+        information: of the logs [n, n], without the prior; count: of the recordings.
+    """
+    shown = alone @ information
+    size = np.trace(np.linalg.solve(alone, seen)) / np.trace(shown)
+    share = ALIKE / (ALIKE + count - 1.0)
+    return np.asarray((1.0 - share) * seen + share * size * shown @ alone)

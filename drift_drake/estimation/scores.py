@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.normal import Normal, capped_squares
-from drift_drake.estimation.recordings import pulls, spread
+from drift_drake.estimation.recordings import pulls, shrunk, spread
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
@@ -79,6 +79,11 @@ class Day:
     block: np.ndarray  # [windows]
     run: np.ndarray  # [windows] index of the run
     weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
+
+    @property
+    def ahead(self) -> list[str]:
+        """The horizons in words."""
+        return [f"{h:g} s" for h in self.runs[0].horizons]
 
     @property
     def blocks(self) -> int:
@@ -182,14 +187,14 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     pulled = pulls(by_recording / temper, blocks, alone)
     model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
     seen_apart = spread(pulled)
-    recording = seen_apart + np.diag(everyday**2)
+    recording = shrunk(seen_apart, alone, information / temper, len(pulled)) + np.diag(everyday**2)
     unknown = alone + model_form + recording / len(pulled)
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
     offset = np.median(day.errors, axis=0)
     level = capped_squares((day.errors - offset) / scales).mean(axis=0)
     normal = Normal(
-        names=tuple(names), units=steps, scales=scales, precision=precision, blocks=len(score),
+        names=tuple(names), stride=day.runs[0].between, units=steps, scales=scales, precision=precision, blocks=len(score),
         mean=score.mean(axis=0), covariance=covariance, modes=modes, information=np.diag(information) / len(score),
         covered=drive_coverage(day.runs), unknown=unknown, recording=recording, offset=offset, level=level,
     )  # fmt: skip

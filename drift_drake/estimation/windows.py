@@ -1,8 +1,10 @@
 """Predictions over short windows that start from measured states: errors some tenths of a second ahead.
 
 What a simulator is for is prediction. A window starts every fifth of a second from the smoothed measurement, is driven
-by the logged commands, and is compared with the measurement a tenth to half a second later. The effects' own states
-(slips that lag, heat, filtered accelerations) are carried along the measured motion up to each start.
+by the logged commands, and is compared with the measurement a tenth to half a second later. A small car moves faster:
+these times are shorter for it, as the square root of its length (Froude's scaling), or its predictions would diverge.
+The effects' own states (slips that lag, heat, filtered accelerations) are carried along the measured motion up to each
+start.
 """
 
 import dataclasses
@@ -25,14 +27,16 @@ from drift_drake.estimation.filter_state import (
 )
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import wheelbase
 from drift_drake.vehicle.effects import Effects, settled_memory, unbiased
-from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
 HORIZONS = 5  # of a tenth of a second
-STRIDE = 0.1  # [s] between horizons
-START_EVERY = 0.2  # [s]
-SMOOTHING = 0.15  # [s] of measurements behind a start, a parabola through them
+STRIDE = 0.1  # [s] between horizons, of a car with a wheelbase of FULL_LENGTH or more
+FULL_LENGTH = 1.0  # [m]
+START_EVERY = 2.0  # strides
+SMOOTHING = 1.5  # strides of measurements behind a start, a parabola through them
 SETTLING = 0.35  # [s] at a run's start without windows: commands before it are unknown
 STEP = 0.005  # [s] of Runge-Kutta, at most
 STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
@@ -51,6 +55,7 @@ class WindowedRun:
     delta: np.ndarray  # [rows] commands
     tau: np.ndarray
     starts: np.ndarray  # [windows] rows
+    between: float  # [s] between horizons, before rounding to rows
     fed: bool  # speeds are fed as measured: no torque is logged
     used: np.ndarray  # [5] bool: channels that are measured and predicted
     recording: str = ""  # that the run is a part of
@@ -58,22 +63,37 @@ class WindowedRun:
     @property
     def stride(self) -> int:
         """Rows between horizons."""
-        return max(round(STRIDE / self.period), 1)
+        return max(round(self.between / self.period), 1)
+
+    @property
+    def horizons(self) -> tuple[float, ...]:
+        """Times [s] ahead that errors are of [HORIZONS]."""
+        return tuple(round(self.stride * self.period * (k + 1), 3) for k in range(HORIZONS))
 
 
-def smoothed(values: np.ndarray, period: float) -> np.ndarray:
-    """Local parabolas through a channel [rows]: noise falls to 0.4, motion below 3 Hz stays."""
+def stride_of(vehicle: VehicleParameters) -> float:
+    """Time [s] between the horizons that a car of this size is judged by."""
+    return STRIDE * min(np.sqrt(wheelbase(vehicle) / FULL_LENGTH), 1.0)
+
+
+def start_rows(stride: float, period: float) -> int:
+    """Rows from one window's start to the next; stride: time [s] between horizons."""
+    return max(round(START_EVERY * stride / period), 1)
+
+
+def smoothed(values: np.ndarray, period: float, stride: float = STRIDE) -> np.ndarray:
+    """Local parabolas through a channel [rows]: at 100 Hz noise falls to 0.4, and motion below 3 Hz stays."""
     from scipy.signal import savgol_filter
 
-    length = max(2 * round(0.5 * SMOOTHING / period) + 1, 5)
+    length = max(2 * round(0.5 * SMOOTHING * stride / period) + 1, 5)
     return np.asarray(savgol_filter(values, length, 2)) if len(values) > length else values
 
 
-def windowed(run: Run, left_out: np.ndarray | None = None) -> WindowedRun:
+def windowed(run: Run, left_out: np.ndarray | None = None, between: float = STRIDE) -> WindowedRun:
     """A run as windows.
 
     Args:
-        left_out: rows [rows] (bool) that no window may touch.
+        left_out: rows [rows] (bool) that no window may touch; between: time [s] between horizons (`stride_of`).
     """
     data: RunData = prepare_run(run)
     y = data.y[:, [CHANNELS.index(name) for name in PREDICTED]].copy()
@@ -82,18 +102,18 @@ def windowed(run: Run, left_out: np.ndarray | None = None) -> WindowedRun:
         y[:, 3] = y[:, 1]
     if run.psi is None:
         y[:, 4] = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:, 0] + y[:-1, 0]) * run.period)])
-    stride = max(round(STRIDE / run.period), 1)
+    stride = max(round(between / run.period), 1)
     first = round(SETTLING / run.period)
-    starts = np.arange(first, len(y) - HORIZONS * stride - stride, max(round(START_EVERY / run.period), 1))
+    starts = np.arange(first, len(y) - HORIZONS * stride - stride, start_rows(between, run.period))
     if left_out is not None:
         bad = np.concatenate([[0], np.cumsum(left_out)])
-        margin = round(SMOOTHING / run.period)
+        margin = round(SMOOTHING * between / run.period)
         clean = bad[starts + HORIZONS * stride + 1] == bad[np.maximum(starts - margin, 0)]
         starts = starts[clean]
-    start_y = np.stack([smoothed(y[:, i], run.period) for i in range(len(PREDICTED))], axis=1)
+    start_y = np.stack([smoothed(y[:, i], run.period, between) for i in range(len(PREDICTED))], axis=1)
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
     return WindowedRun(
-        run.name, run.period, y, start_y, data.delta, data.tau, starts, fed, used, run.recording or run.name
+        run.name, run.period, y, start_y, data.delta, data.tau, starts, between, fed, used, run.recording or run.name
     )
 
 

@@ -10,7 +10,7 @@ from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
-from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun, errors, thinned
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, thinned
 from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -94,7 +94,7 @@ def fit_by_prediction(
         widths = WIDTHS if start is None else WIDTHS[1:]
         return robust_fit(some, constants, effects, unknowns, EVIDENCE, start, widths)
 
-    def half_second(fit: RobustFit) -> float:
+    def furthest(fit: RobustFit) -> float:
         e = errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta)))
         return float(np.mean(np.log(np.median(np.abs(e[:, -1, : len(STATES)]), axis=0) + 1e-12)))
 
@@ -103,7 +103,7 @@ def fit_by_prediction(
     progress("with further effects", 0.2)
     start = np.concatenate([alone.theta, [u.start for u in more]])
     full = fitted_to(fitted, [*base, *more], start)
-    asked_for = half_second(full) < half_second(alone)
+    asked_for = furthest(full) < furthest(alone)
     chosen, best = ([*base, *more], full) if asked_for else (base, alone)
     held_out = compared(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
     progress("all windows", 0.5)
@@ -145,7 +145,7 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
 def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:
     """Median absolute errors on held-out windows of the first guess and of the calibrated car, in the states' units.
 
-    The ratio is the states' geometric mean half a second ahead, its interval from resampled blocks of 2 s.
+    The ratio is the states' geometric mean at the longest horizon, its interval from resampled blocks of 2 s.
     """
     shown = [i for i in range(len(STATES)) if all(run.used[i] for run in judged)]
     one, two = (np.abs(errors(judged, vehicle.constants(), car))[..., shown] for car in (before, after))
@@ -161,6 +161,7 @@ def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: 
     low, high = np.quantile(np.exp(np.mean(np.log(draws), axis=1)), [0.025, 0.975])
     by_state = [(float(a), float(b)) for a, b in np.quantile(draws, [0.025, 0.975], axis=0).T]
     first, then = ([[float(q) for q in row] for row in np.median(part, axis=0)] for part in (one, two))
-    horizons = tuple(round(STRIDE * (h + 1), 3) for h in range(HORIZONS))
     ratio = float(np.exp(np.mean(np.log(ratios(np.arange(len(one)))))))
-    return HeldOut(horizons, tuple(STATES[i] for i in shown), first, then, ratio, float(low), float(high), by_state)
+    return HeldOut(
+        judged[0].horizons, tuple(STATES[i] for i in shown), first, then, ratio, float(low), float(high), by_state
+    )

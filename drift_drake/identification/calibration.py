@@ -58,13 +58,13 @@ class Calibration:
         h = self.held_out
         if self.held_out.ratio > 1.0:
             return (
-                f"{self.case}: no better than the first guess: half a second ahead on parts that were not fitted, "
+                f"{self.case}: no better than the first guess: {h.judged:g} s ahead on parts that were not fitted, "
                 f"errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of its."
             )
         identified = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
         free = sum(1 for p in self.parameters.values() if p.kind != "known")
         return (
-            f"{self.case}: {identified} of {free} parameters identified; half a second ahead on parts that were not "
+            f"{self.case}: {identified} of {free} parameters identified; {h.judged:g} s ahead on parts that were not "
             f"fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first guess's."
         )
 

@@ -9,6 +9,7 @@ from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
 from drift_drake.estimation.problem import Problem
 from drift_drake.estimation.reduction import BLOCK, RESAMPLES, errors_of, fold_of
 
+LONGEST_JUDGED = HORIZONS[JUDGED]  # [s]
 FOLD = 0  # that is held out: every fourth block
 
 
@@ -28,20 +29,25 @@ def without_fold(problem: Problem) -> Problem:
 
 @dataclasses.dataclass(frozen=True)
 class HeldOut:
-    """Root mean square errors [horizons][states] in the states' units, and their change at half a second."""
+    """Root mean square errors [horizons][states] in the states' units, and their change at the judged horizon."""
 
     horizons: tuple[float, ...]
     states: tuple[str, ...]
     before: list[list[float]]
     after: list[list[float]]
-    ratio: float  # of the errors after to those before at half a second, states in noise levels
+    ratio: float  # of the errors after to those before at the judged horizon, states in noise levels
     low: float  # 95 %
     high: float
     by_state: list[tuple[float, float]]  # the same ratio's 95 % interval, state by state
 
     @property
+    def judged(self) -> float:
+        """The horizon [s] that the ratio is of: half a second, or less for a small car."""
+        return min(self.horizons[-1], LONGEST_JUDGED)
+
+    @property
     def worse(self) -> tuple[str, ...]:
-        """States that are predicted worse half a second ahead, beyond what the logs leave open."""
+        """States that are predicted worse at the judged horizon, beyond what the logs leave open."""
         return tuple(state for state, (low, _) in zip(self.states, self.by_state, strict=True) if low > 1.0)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
 from drift_drake.estimation.usable import usable
-from drift_drake.estimation.windows import windowed
+from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
@@ -119,7 +119,14 @@ def by_prediction(
     candidates = [name for name in names if name in seen and name not in OWN]
     stated = tolerances | frozenset(known)
     return fit_by_prediction(
-        [windowed(run, run.filled) for run in runs], vehicle, effects, own, candidates, stated, seen, tell
+        [windowed(run, run.filled, stride_of(vehicle)) for run in runs],
+        vehicle,
+        effects,
+        own,
+        candidates,
+        stated,
+        seen,
+        tell,
     )
 
 

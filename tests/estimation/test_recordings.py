@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.recordings import everyday, pulls, spread
+from drift_drake.estimation.recordings import everyday, pulls, shrunk, spread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -70,3 +70,37 @@ def test_what_varies_is_scaled_by_the_car() -> None:
     car = VehicleParameters()
     small = car.replace(mass=car.mass / 1000.0)
     assert everyday(["aero_drag"], small) == pytest.approx(everyday(["aero_drag"], car) / 1000.0)
+
+
+def test_the_next_recording_is_as_far_off_as_a_few_say() -> None:
+    """Of recordings that differ alike in all that the logs show, in units of what they leave open."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(8, 8))
+    information = root @ root.T
+    alone = np.linalg.inv(information + 1e-6 * np.eye(8))
+    draw = np.linalg.cholesky(5.0 * alone)
+    distances: dict[str, list[float]] = {"seen": [], "shrunk": []}
+    for _ in range(200):
+        *some, one = (draw @ rng.normal(size=(8, 4))).T
+        seen = np.cov(np.array(some).T)  # of three recordings: in two directions
+        floor = 1e-3 * np.diag(np.diag(alone))
+        for name, covariance in (("seen", seen), ("shrunk", shrunk(seen, alone, information, 3))):
+            distances[name].append(one @ np.linalg.solve(covariance + floor, one))
+    assert np.median(distances["seen"]) > 50.0 * 8
+    assert 4.0 < np.median(distances["shrunk"]) < 16.0
+
+
+def test_many_recordings_are_believed_and_one_says_nothing() -> None:
+    seen, alone, information = np.diag([2.0, 0.1]), np.diag([0.5, 0.5]), np.diag([1.9, 1.9])
+    assert shrunk(seen, alone, information, 10**6) == pytest.approx(seen, abs=1e-4)
+    few = shrunk(seen, alone, information, 3)
+    assert np.trace(np.linalg.solve(alone, few)) == pytest.approx(np.trace(np.linalg.solve(alone, seen)))
+    assert few[1, 1] > 2.0 * seen[1, 1]
+    assert np.all(shrunk(0.0 * seen, alone, information, 1) == 0.0)
+
+
+def test_what_the_logs_do_not_show_does_not_differ_from_recording_to_recording() -> None:
+    alone, information = np.diag([0.1, 1.0]), np.diag([9.0, 0.0])  # the second by its prior alone
+    found = shrunk(np.diag([0.4, 0.0]), alone, information, 3)
+    assert found[0, 0] > 0.0
+    assert found[1, 1] == 0.0

@@ -21,7 +21,7 @@ from drift_drake.estimation.scores import (
     scatter_of,
     summed,
 )
-from drift_drake.estimation.windows import regimes, windowed
+from drift_drake.estimation.windows import STRIDE, regimes, windowed
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 
@@ -58,6 +58,7 @@ def test_what_is_normal_survives_json(other_car):
     again = normal_from_data(json.loads(json.dumps(normal.as_data())))
     assert again.names == normal.names
     assert again.blocks == normal.blocks
+    assert again.stride == normal.stride == STRIDE
     for field in ("units", "scales", "precision", "mean", "covariance", "modes", "information", "covered", "unknown",
                   "recording"):  # fmt: skip
         np.testing.assert_array_equal(getattr(again, field), getattr(normal, field))

@@ -74,6 +74,7 @@ CALIBRATION: dict[str, Any] = {
 CALIBRATION_BY_PREDICTION: dict[str, Any] = {
     "normal": Normal(
         ("aero_drag", "steering_lag"),
+        0.1,
         np.ones(2),
         np.ones((HORIZONS, len(PREDICTED))),
         np.eye(HORIZONS * len(PREDICTED)),

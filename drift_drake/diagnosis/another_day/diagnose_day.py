@@ -28,7 +28,7 @@ from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable
-from drift_drake.estimation.windows import HORIZONS, START_EVERY, STRIDE, thinned, windowed
+from drift_drake.estimation.windows import start_rows, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -42,7 +42,7 @@ CERTAIN = 0.98  # probability of `unknown` then
 MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 FAR_BEYOND = (
-    "errors are far beyond normal: causes are judged by the errors that they remove a tenth of a second ahead, and "
+    "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
     "may be what the calibration could not see instead of a change since"
 )
 SINGLES, PAIRS = 6, 3  # leading ones that are judged at the changed car
@@ -164,8 +164,8 @@ def search_of(
         raise InvalidLogError(
             f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
         )
-    windows = [windowed(run, run.filled) for run in runs]
-    covered = sum(len(run.starts) * max(round(START_EVERY / run.period), 1) * run.period for run in windows)
+    windows = [windowed(run, run.filled, normal.stride) for run in runs]
+    covered = sum(len(run.starts) * start_rows(normal.stride, run.period) * run.period for run in windows)
     if covered < LEAST_TIME:
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
@@ -230,7 +230,7 @@ def doubt_of(search: Search) -> float:
 
 
 def gross(search: Search, h: Hypothesis) -> float:
-    """The largest median error of a channel half a second ahead under a hypothesis, in deviations that are normal.
+    """The largest median error of a channel at the longest horizon under a hypothesis, in deviations that are normal.
 
     Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say. Normal is
     the scale on the day of calibration with what another recording differs by.
@@ -255,5 +255,4 @@ def nearest_hypothesis(h: Hypothesis, causes: dict[str, Interval], shrinks: Redu
 def errors_by_state(search: Search) -> dict[str, list[float]]:
     """Median absolute errors of the calibrated car at each horizon, in the states' units."""
     medians = np.median(np.abs(search.day.errors), axis=0)
-    out = {f"{STRIDE * (k + 1):g} s": [float(q) for q in medians[k, :4]] for k in range(HORIZONS)}
-    return out
+    return {ahead: [float(q) for q in row[:4]] for ahead, row in zip(search.day.ahead, medians, strict=True)}

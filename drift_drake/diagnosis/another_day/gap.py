@@ -9,7 +9,6 @@ from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.normal import LOST, WORST, Normal
 from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
-from drift_drake.estimation.windows import HORIZONS, STRIDE
 
 STATES = ("r", "v", "beta", "omega_r")
 
@@ -20,7 +19,7 @@ def squares(normal: Normal, e: np.ndarray, cap: float = WORST) -> np.ndarray:
 
 
 def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) -> Reduction:
-    """The share 1 - (after - floor) / (before - floor) at half a second, with a 95 % block-bootstrap interval.
+    """The share 1 - (after - floor) / (before - floor) at the longest horizon, with a 95 % block-bootstrap interval.
 
     After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the mean squares of the
     day of calibration, or those of the best hypothesis where they are lower.
@@ -46,8 +45,7 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) ->
     estimate = share(*sums.sum(axis=0))
     whole = (before, after, floor)
     by_state = {s: share(*(float(part[:, -1, i].sum()) for part in whole)) for i, s in enumerate(STATES)}
-    by_horizon = {f"{STRIDE * (k + 1):g} s": share(*(float(part[:, k].sum()) for part in whole))
-                  for k in range(HORIZONS)}  # fmt: skip
+    by_horizon = {ahead: share(*(float(part[:, k].sum()) for part in whole)) for k, ahead in enumerate(day.ahead)}
     means = [[float(q) for q in part.mean(axis=(0, 2))] for part in whole]
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
 
@@ -100,8 +98,7 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
         "regions": regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip)),
         "onset": dict(onset),
         "lag": {},
-        "horizons": {f"{STRIDE * (k + 1):g} s": float(q) for k, q in
-                     enumerate(before.mean(axis=(0, 2)))},
+        "horizons": dict(zip(day.ahead, map(float, before.mean(axis=(0, 2))), strict=True)),
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""A gap far beyond what is normal: hypotheses judged by the errors themselves, a tenth of a second ahead.
+"""A gap far beyond what is normal: hypotheses judged by the errors themselves, at the shortest horizon.
 
 Scores are clipped, and nearly linear around the calibrated car alone. Where a car is off by many times what is normal
 (drifts on a slippery floor of a car that was calibrated in grip), what counts is what removes most of the errors while
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from drift_drake.diagnosis.another_day.hypotheses import (
+    EXTENSIONS,
     SIGNED_GRID,
     UNSIGNED_GRID,
     Hypothesis,
@@ -22,10 +23,10 @@ from drift_drake.diagnosis.another_day.hypotheses import (
 )
 from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
-from drift_drake.diagnosis.shared.ranges import Range, clipped
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther
 from drift_drake.estimation.reduction import FOLDS, Reduction
 from drift_drake.estimation.scores import Day
-from drift_drake.estimation.windows import STRIDE, thinned
+from drift_drake.estimation.windows import thinned
 
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time
@@ -111,10 +112,15 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
 def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
     """Probabilities of hypotheses by what they remove.
 
-    The share that the leading one leaves on held-out blocks is the probability of `unknown`.
+    The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best single
+    is at the end of its range, that is widened; `search.ranges` of the leading causes are those that were looked at.
     """
-    search = search.on(fewer_windows(search.day, MOST_WINDOWS))
+    whole, search = search, search.on(fewer_windows(search.day, MOST_WINDOWS))
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
+    for _ in range(EXTENSIONS):
+        if not widened_at_ends(search, min(singles, key=lambda h: h.nats)):
+            break
+        singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     pairs = grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share))
     none = search.none()
     level = nats(search, mean_misfit(search, (), ()))
@@ -122,9 +128,22 @@ def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Ca
     known.append(dataclasses.replace(none, nats=level, log_evidence=-level))
     values = {hypothesis_name(h.names): h.log_evidence + prior(h, len(search.ranges), constants) for h in known}
     leading = concluded_from(values, known, 0.0).leading
+    whole.ranges |= {name: search.ranges[name] for name in leading.names}
     progress(0.8)
     shrinks = held_out_reduction(search, leading)
     return GrossGap(concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks)
+
+
+def widened_at_ends(search: Search, h: Hypothesis) -> bool:
+    """Widens `search.ranges` of causes whose magnitudes are at an end; whether there was one.
+
+    A gap this large may well go beyond what is usual, and a second cause would make up for what the first may not be.
+    """
+    ends = {name for name, q in zip(h.names, h.magnitudes, strict=True) if at_end(float(q), search.ranges[name])}
+    wider = {name: farther(name, search.ranges[name], search.vehicle) for name in ends - {RATE_LIMIT}}
+    wider = {name: r for name, r in wider.items() if r != search.ranges[name]}
+    search.ranges |= wider
+    return bool(wider)
 
 
 def grown_singles(
@@ -198,7 +217,7 @@ def one_each(tried: Sequence[tuple[float, str, float]]) -> list[tuple[float, str
 
 def held_out_reduction(search: Search, h: Hypothesis, draws: int = 400) -> Reduction:
     """Share of the misfit that a hypothesis removes on blocks that were not fitted, with a 95 % interval."""
-    day, ahead = search.day, f"{STRIDE:g} s"
+    day = search.day
     if not h.names:
         return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
     before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day), 1))
@@ -214,5 +233,5 @@ def held_out_reduction(search: Search, h: Hypothesis, draws: int = 400) -> Reduc
     values = [1.0 - float(left / there) for there, left in (sums[r].sum(axis=0) for r in rows)]
     estimate = 1.0 - float(after.sum() / before.sum())
     low, high = (float(x) for x in np.quantile(values, [0.025, 0.975]))
-    return Reduction(estimate, min(low, estimate), max(high, estimate), {}, {ahead: estimate},
+    return Reduction(estimate, min(low, estimate), max(high, estimate), {}, {day.ahead[0]: estimate},
                      [float(before.mean())], [float(after.mean())], [0.0])  # fmt: skip

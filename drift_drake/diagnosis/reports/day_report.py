@@ -12,7 +12,7 @@ from drift_drake.diagnosis.reports.limit_rows import LimitRow, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH
-from drift_drake.estimation.windows import HORIZONS, STRIDE, regimes
+from drift_drake.estimation.windows import regimes
 from drift_drake.pages.page import GLOSSARY, Source, page_html
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -73,7 +73,7 @@ def pictures(d: DayDiagnosis) -> dict[str, Markup]:
     worst, onset = worst_run(d), d.answer.where["onset"]
     return {
         "overlay": figures.overlay(day, normal, worst, cars, onset),
-        "by_horizon": figures.by_horizon(normal, cars),
+        "by_horizon": figures.by_horizon(normal, cars, d.search.day.runs[0].horizons),
         "time_line": figures.time_line(day, normal, cars, onset),
     }
 
@@ -96,7 +96,7 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         probabilities=[(name.replace("+", " + "), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
         at_least=answer.details["at_least"],
         brought_along=answer.details["with"],
-        ahead=f"{HORIZONS * STRIDE:g} s",
+        ahead=search.day.ahead[-1],
         pictures=pictures(d),
         limits=limits,
         reach=REACH,

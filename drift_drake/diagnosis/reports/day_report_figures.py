@@ -1,6 +1,6 @@
 """Charts of another day's report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -10,19 +10,19 @@ from drift_drake.diagnosis.reports.report_figures import UNITS, reach_of
 from drift_drake.estimation.normal import LOST, Normal
 from drift_drake.estimation.robust_fit import MAD
 from drift_drake.estimation.scores import Day
-from drift_drake.estimation.windows import HORIZONS, STRIDE, WindowedRun
+from drift_drake.estimation.windows import HORIZONS, WindowedRun
 from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, stacked
 
 Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the name of the car
 
 
 def ends(run: WindowedRun) -> np.ndarray:
-    """Rows [windows] that are predicted half a second ahead."""
+    """Rows [windows] that are predicted, at the longest horizon."""
     return np.asarray(run.starts + HORIZONS * run.stride)
 
 
 def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float]) -> Markup:
-    """One run as measured and as predicted half a second ahead, and below each state what is left over."""
+    """One run as measured and as predicted at the longest horizon, and below each state what is left over."""
     run = day.runs[index]
     t, at = np.arange(len(run.y)) * run.period, ends(run)
     panels = []
@@ -38,19 +38,18 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
     return stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {})
 
 
-def by_horizon(normal: Normal, cars: Cars) -> Markup:
+def by_horizon(normal: Normal, cars: Cars, horizons: Sequence[float]) -> Markup:
     """Median absolute errors of each state against the horizon, beside those of the day of calibration."""
-    horizons = STRIDE * np.arange(1, HORIZONS + 1)
-    panels = []
+    at, panels = np.array(horizons), []
     for i, state in enumerate(STATES):
-        usual = Line("day of calibration", horizons, normal.scales[:, i] / MAD, NORMAL)
-        lines = [Line(name, horizons, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
+        usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)
+        lines = [Line(name, at, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
         panels.append(Panel(f"{state} [{UNITS[state]}]", [usual, *lines], 140))
     return beside(panels, "ahead [s]")
 
 
 def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) -> Markup:
-    """Errors half a second ahead over time, run by run, in those of the day of calibration."""
+    """Errors at the longest horizon over time, run by run, in those of the day of calibration."""
     parts = {name: np.sqrt(squares(normal, errors, LOST)[:, -1].mean(axis=-1)) for name, errors in cars.items()}
     panels = []
     for k, run in enumerate(day.runs):

@@ -118,16 +118,8 @@ def by_prediction(
     own = [name for name in OWN if name not in held and name in seen]
     candidates = [name for name in names if name in seen and name not in OWN]
     stated = tolerances | frozenset(known)
-    return fit_by_prediction(
-        [windowed(run, run.filled, stride_of(vehicle)) for run in runs],
-        vehicle,
-        effects,
-        own,
-        candidates,
-        stated,
-        seen,
-        tell,
-    )
+    windows = [windowed(run, run.filled, stride_of(vehicle)) for run in runs]
+    return fit_by_prediction(windows, vehicle, effects, own, candidates, stated, seen, tell)
 
 
 def stated_in_full(

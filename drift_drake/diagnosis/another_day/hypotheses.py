@@ -94,8 +94,10 @@ class Search:
         self.curves: list[Curve] = []
 
     def on(self, day: Day) -> "Search":
-        """The same search on other windows."""
-        return Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
+        """The same search, in the same ranges, on other windows."""
+        other = Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
+        other.ranges = dict(self.ranges)
+        return other
 
     def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
         """Scores less their normal mean [n] once effects are added, of the blocks that are kept [blocks] (bool)."""

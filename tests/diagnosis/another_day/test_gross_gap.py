@@ -68,3 +68,39 @@ def test_the_covariance_is_the_inverse_of_the_second_derivatives(late_day, monke
     monkeypatch.setattr(search, "ranges", {**ranges, **wide})
     h = gross_gap.hypothesis(search, ("gyro_bias", "mass_error"), middle)
     np.testing.assert_allclose(h.covariance, np.linalg.inv(hessian), rtol=1e-9)
+
+
+@pytest.fixture
+def narrow(late_day):
+    """The search for what made the day late, where a delay is not looked for as far as it is."""
+    search = late_day.search.on(late_day.search.day)
+    search.ranges["steering_delay"] = dataclasses.replace(search.ranges["steering_delay"], high=0.05)
+    return search
+
+
+def test_a_cause_beyond_its_range_is_followed_and_found(narrow):
+    found = judged_by_errors(narrow, PRIORS, lambda _: None).ranked.leading
+    at = found.names.index("steering_delay")
+    assert found.magnitudes[at] == pytest.approx(0.08, abs=0.02)
+    assert narrow.ranges["steering_delay"].high == pytest.approx(0.1)  # so that 0.08 is not stated as "at least"
+
+
+def test_only_ranges_with_a_cause_at_their_end_are_widened(narrow):
+    names = ("mass_error", "steering_delay")
+    before = dict(narrow.ranges)
+    inside = gross_gap.hypothesis(narrow, names, np.array([0.1, 0.03]))
+    assert not gross_gap.widened_at_ends(narrow, inside)
+    assert narrow.ranges == before
+    assert gross_gap.widened_at_ends(narrow, dataclasses.replace(inside, magnitudes=np.array([0.1, 0.05])))
+    assert narrow.ranges["steering_delay"].high == pytest.approx(0.1)
+    assert narrow.ranges["mass_error"] == before["mass_error"]
+
+
+def test_a_range_that_is_as_wide_as_can_be_is_not_widened(narrow):
+    h = gross_gap.hypothesis(narrow, ("steering_delay",), np.array([0.05]))
+    for _ in range(8):
+        end = np.array([narrow.ranges["steering_delay"].high])
+        if not gross_gap.widened_at_ends(narrow, dataclasses.replace(h, magnitudes=end)):
+            break
+    else:
+        pytest.fail("widened for ever")

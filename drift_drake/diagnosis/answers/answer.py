@@ -13,6 +13,7 @@ from drift_drake.plain_files import number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
+EVEN = 0.5  # probability of a verdict, below which its rivals are named beside it
 MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
@@ -59,7 +60,7 @@ class Answer:
     def sentence(self) -> str:
         """The verdict in one sentence."""
         if self.verdict == "none":
-            return f"{self.case}: {self._no_gap()}.{self._could_show()}"
+            return f"{self.case}: {self._no_gap()}.{self._rivals()}{self._could_show()}"
         if self.verdict == "unknown":
             return (
                 f"{self.case}: there is a gap that no catalogued effect explains "
@@ -71,8 +72,19 @@ class Answer:
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
         return (
             f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} of the gap on parts of runs "
-            "that were not fitted."
+            f"that were not fitted.{self._rivals()}"
         )
+
+    def _rivals(self) -> str:
+        """What it may be instead, where the verdict is not even as probable as not."""
+        leading = "+".join(sorted(self.causes)) or self.verdict
+        if self.posterior[leading] >= EVEN:
+            return ""
+        others = [f"{name.replace('+', ' and ')} ({self.posterior[name]:.2f})"
+                  for name in self.ambiguity if name != leading and name in self.posterior]  # fmt: skip
+        if not others:
+            return ""
+        return f" It may be {', or '.join(others)} instead: 'drift-drake plan-next' plans a drive that would tell."
 
     def _no_gap(self) -> str:
         """Beyond what there is no gap."""

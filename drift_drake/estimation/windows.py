@@ -76,7 +76,7 @@ def stride_of(vehicle: VehicleParameters) -> float:
     return STRIDE * min(np.sqrt(wheelbase(vehicle) / FULL_LENGTH), 1.0)
 
 
-def start_rows(stride: float, period: float) -> int:
+def rows_between_starts(stride: float, period: float) -> int:
     """Rows from one window's start to the next; stride: time [s] between horizons."""
     return max(round(START_EVERY * stride / period), 1)
 
@@ -104,7 +104,7 @@ def windowed(run: Run, left_out: np.ndarray | None = None, between: float = STRI
         y[:, 4] = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:, 0] + y[:-1, 0]) * run.period)])
     stride = max(round(between / run.period), 1)
     first = round(SETTLING / run.period)
-    starts = np.arange(first, len(y) - HORIZONS * stride - stride, start_rows(between, run.period))
+    starts = np.arange(first, len(y) - HORIZONS * stride - stride, rows_between_starts(between, run.period))
     if left_out is not None:
         bad = np.concatenate([[0], np.cumsum(left_out)])
         margin = round(SMOOTHING * between / run.period)

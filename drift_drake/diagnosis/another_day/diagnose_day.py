@@ -28,7 +28,7 @@ from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
 from drift_drake.estimation.usable import usable
-from drift_drake.estimation.windows import start_rows, thinned, windowed
+from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -165,7 +165,7 @@ def search_of(
             f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
         )
     windows = [windowed(run, run.filled, normal.stride) for run in runs]
-    covered = sum(len(run.starts) * start_rows(normal.stride, run.period) * run.period for run in windows)
+    covered = sum(len(run.starts) * rows_between_starts(normal.stride, run.period) * run.period for run in windows)
     if covered < LEAST_TIME:
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"

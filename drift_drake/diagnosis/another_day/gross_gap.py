@@ -112,16 +112,16 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
 def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
     """Probabilities of hypotheses by what they remove.
 
-    The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best single
-    is at the end of its range, that is widened; `search.ranges` of the leading causes are those that were looked at.
+    The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best are at the
+    ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
     """
     whole, search = search, search.on(fewer_windows(search.day, MOST_WINDOWS))
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     for _ in range(EXTENSIONS):
-        if not widened_at_ends(search, min(singles, key=lambda h: h.nats)):
+        if not widened_at_ends(search, sorted(singles, key=lambda h: h.nats)[:SEEDS]):
             break
         singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
-    pairs = grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share))
+    pairs = followed(search, grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share)))
     none = search.none()
     level = nats(search, mean_misfit(search, (), ()))
     known = [h for h in (*singles, *pairs) if tells_from_zero(h)]
@@ -134,16 +134,29 @@ def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Ca
     return GrossGap(concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks)
 
 
-def widened_at_ends(search: Search, h: Hypothesis) -> bool:
-    """Widens `search.ranges` of causes whose magnitudes are at an end; whether there was one.
+def widened_at_ends(search: Search, hypotheses: Sequence[Hypothesis]) -> set[str]:
+    """Widens `search.ranges` of causes whose magnitudes are at an end; their names.
 
     A gap this large may well go beyond what is usual, and a second cause would make up for what the first may not be.
     """
-    ends = {name for name, q in zip(h.names, h.magnitudes, strict=True) if at_end(float(q), search.ranges[name])}
+    ends = {name for h in hypotheses for name, q in zip(h.names, h.magnitudes, strict=True)
+            if at_end(float(q), search.ranges[name])}  # fmt: skip
     wider = {name: farther(name, search.ranges[name], search.vehicle) for name in ends - {RATE_LIMIT}}
     wider = {name: r for name, r in wider.items() if r != search.ranges[name]}
     search.ranges |= wider
-    return bool(wider)
+    return set(wider)
+
+
+def followed(search: Search, pairs: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Pairs fitted farther out while the best is at an end of a range, which is widened for all that have the cause."""
+    pairs = list(pairs)
+    for _ in range(EXTENSIONS if pairs else 0):
+        wider = widened_at_ends(search, [min(pairs, key=lambda h: h.nats)])
+        if not wider:
+            break
+        pairs = [hypothesis(search, h.names, fitted(search, h.names, h.magnitudes)) if wider & set(h.names) else h
+                 for h in pairs]  # fmt: skip
+    return pairs
 
 
 def grown_singles(

@@ -89,18 +89,30 @@ def test_only_ranges_with_a_cause_at_their_end_are_widened(narrow):
     names = ("mass_error", "steering_delay")
     before = dict(narrow.ranges)
     inside = gross_gap.hypothesis(narrow, names, np.array([0.1, 0.03]))
-    assert not gross_gap.widened_at_ends(narrow, inside)
+    assert not gross_gap.widened_at_ends(narrow, [inside])
     assert narrow.ranges == before
-    assert gross_gap.widened_at_ends(narrow, dataclasses.replace(inside, magnitudes=np.array([0.1, 0.05])))
+    assert gross_gap.widened_at_ends(narrow, [dataclasses.replace(inside, magnitudes=np.array([0.1, 0.05]))]) == {
+        "steering_delay"
+    }
     assert narrow.ranges["steering_delay"].high == pytest.approx(0.1)
     assert narrow.ranges["mass_error"] == before["mass_error"]
+
+
+def test_the_best_pair_is_followed_beyond_its_range(narrow):
+    names = ("mass_error", "steering_delay")
+    pairs = [gross_gap.hypothesis(narrow, names, gross_gap.fitted(narrow, names, np.array([0.05, 0.05])))]
+    assert pairs[0].magnitudes[1] == pytest.approx(0.05)
+    found = gross_gap.followed(narrow, pairs)
+    assert found[0].magnitudes[1] == pytest.approx(0.08, abs=0.02)
+    assert found[0].nats < pairs[0].nats
+    assert gross_gap.followed(narrow, []) == []
 
 
 def test_a_range_that_is_as_wide_as_can_be_is_not_widened(narrow):
     h = gross_gap.hypothesis(narrow, ("steering_delay",), np.array([0.05]))
     for _ in range(8):
         end = np.array([narrow.ranges["steering_delay"].high])
-        if not gross_gap.widened_at_ends(narrow, dataclasses.replace(h, magnitudes=end)):
+        if not gross_gap.widened_at_ends(narrow, [dataclasses.replace(h, magnitudes=end)]):
             break
     else:
         pytest.fail("widened for ever")

@@ -27,7 +27,7 @@ LONG_TO_MAKE = {
     "stiffness_case": (),
     "good_cases": (),
     "identified": (),
-    "other_car": ("diagnosed", "late_day", "plain_day", "strange_day"),
+    "other_car": ("diagnosed", "searched", "late_day", "plain_day", "strange_day"),
 }
 OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
 

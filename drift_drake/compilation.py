@@ -1,6 +1,7 @@
 """Compiled functions: numba, cached on disk, without numba's stale-cache trap."""
 
 import os
+import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,15 +19,42 @@ from drift_drake.vehicle.tyre import installed_tyres
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+PACKAGE = Path(__file__).parent
+IMPORTS = re.compile(r"^[ \t]*(?:from|import) +(drift_drake[\w.]*)(?: +import +(\([^)]*\)|.*))?", re.MULTILINE)
+
+
+@cache
+def _imported(source: Path) -> frozenset[Path]:
+    """The package's files that a file of it imports."""
+    named = [(module, *(f"{module}.{name}" for name in re.findall(r"\w+", names)))
+             for module, names in IMPORTS.findall(source.read_text(encoding="utf-8"))]  # fmt: skip
+    paths = {PACKAGE.parent.joinpath(*name.split(".")) for names in named for name in names}
+    return frozenset(file for path in paths for file in (path.with_suffix(".py"), path / "__init__.py")
+                     if file.is_file())  # fmt: skip
+
+
+def rests_on(source: Path) -> set[Path]:
+    """The file and all of the package's files that it imports, directly or not."""
+    found, new = {source}, {source}
+    while new:
+        new = set[Path]().union(*(_imported(file) for file in new)) - found
+        found |= new
+    return found
+
+
 @cache
 def _drop_stale_caches() -> None:
-    """Removes caches older than any source file: numba looks only at the file that holds the compiled function."""
-    package = Path(__file__).parent
-    newest = max(source.stat().st_mtime for source in package.rglob("*.py"))
-    for index in package.rglob("*.nbi"):
+    """Removes caches older than a file that they rest on: numba looks only at the file that holds the function."""
+    newest = max(source.stat().st_mtime for source in PACKAGE.rglob("*.py"))
+    for index in PACKAGE.rglob("*.nbi"):
         # Another process may be dropping the same caches at the same time.
         with suppress(FileNotFoundError):
-            if index.stat().st_mtime < newest:
+            written = index.stat().st_mtime
+            source = index.parents[1] / f"{index.name.partition('.')[0]}.py"
+            # What imports cost is asked only where some file is newer at all.
+            if written < newest and (
+                not source.is_file() or written < max(file.stat().st_mtime for file in rests_on(source))
+            ):
                 index.unlink()
 
 
@@ -37,7 +65,7 @@ def _cache_folder() -> str:
     if not installed:
         return str(numba.config.CACHE_DIR)
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    newest = max(source.stat().st_mtime for source in Path(__file__).parent.rglob("*.py"))
+    newest = max(source.stat().st_mtime for source in PACKAGE.rglob("*.py"))
     return str(home / "drift_drake" / f"{installed}-{newest:.0f}")
 
 

@@ -1,7 +1,9 @@
 """Short simulated cases for the tests of estimation and diagnosis, made once."""
 
 import dataclasses
+import re
 import signal
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,14 @@ from experiments.other_worlds.drivers import DAY_ONE
 
 TRUE_STIFFNESS = -0.25
 DURATION = 3.0
-LONG_TO_MAKE = ("stiffness_case", "good_cases", "identified", "other_car")  # fixtures; the last one decides
+# What takes long to make, and the fixtures that are made of it. The tests of a module that names one of these are one
+# worker's, all of them; the modules of the last group take longest, and come first.
+LONG_TO_MAKE = {
+    "stiffness_case": (),
+    "good_cases": (),
+    "identified": (),
+    "other_car": ("diagnosed", "searched", "late_day", "plain_day", "strange_day"),
+}
 OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=8.0)
 
 
@@ -28,12 +37,39 @@ def pytest_configure():
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the marks
+@cache
+def group(module: Path) -> str:
+    """What the module's tests share with other modules' tests, or the module itself."""
+    words, shared = set(re.findall(r"\w+", module.read_text(encoding="utf-8"))), str(module)
+    for name, made_of_it in LONG_TO_MAKE.items():
+        shared = name if words & {name, *made_of_it} else shared
+    return shared
+
+
 def pytest_collection_modifyitems(items):
-    """With --dist loadgroup one worker has all of a module, and of the modules that share what takes long to make."""
-    groups = {item.path: name for item in items for name in LONG_TO_MAKE if name in item.fixturenames}
+    """The longest groups first, so that no worker is left with one at the end."""
+    order = [*LONG_TO_MAKE][::-1]
     for item in items:
-        item.add_marker(pytest.mark.xdist_group(groups.get(item.path, str(item.path))))
+        if set(order) & set(item.fixturenames) and group(item.path) not in order:
+            raise pytest.UsageError(f"{item.path}: name in LONG_TO_MAKE the fixture that it has through another one")
+    items.sort(key=lambda item: order.index(group(item.path)) if group(item.path) in order else len(order))
+
+
+@pytest.hookimpl(optionalhook=True)  # without pytest-xdist nobody calls it
+def pytest_xdist_make_scheduler(config, log):
+    """One worker has all tests of a module, and of the modules that share what takes long to make.
+
+    Marks (`xdist_group`) are not enough: pytest 9.2 ignores the names that pytest-xdist 3.8 gives the tests for them.
+    """
+    if config.getvalue("dist") != "loadgroup":
+        return None
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByGroup(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group(config.rootpath / nodeid.partition("::")[0])
+
+    return ByGroup(config, log)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,14 +7,9 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pebble import ProcessPool
 
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.logs.table import write_run
-from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.workers import SPAWNING, worker_processes
 
 PARENT = """
@@ -87,6 +82,14 @@ def children(process: int) -> list[int]:
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="looks processes up in /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_diagnosis_of_a_folder_leaves_no_worker(tmp_path: Path, number: signal.Signals) -> None:
+    # Imported here: the worker processes of the other tests import this module, and need none of it.
+    import numpy as np
+
+    from drift_drake.benchmarks.compiled_cases import make_case
+    from drift_drake.benchmarks.truths import Truth
+    from drift_drake.logs.table import write_run
+    from drift_drake.vehicle.parameters import VehicleParameters
+
     runs = make_case(Truth({"rear_stiffness_error": -0.3}, {}, {}), VehicleParameters(), np.random.default_rng(2), 3.0)
     for run in runs:
         write_run(run, tmp_path / "cases" / "a" / f"{run.name}.csv")

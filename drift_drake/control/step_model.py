@@ -87,11 +87,12 @@ class NominalStepModel(StepModel):
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         count = x.shape[0]
         x_next, sensitivity = np.empty((count, 6)), np.empty((count, 6, 10))
+        # Copies: views that are read only, or strided, would each be compiled for anew.
         _rk4_sensitivity(
-            np.ascontiguousarray(x),
-            np.ascontiguousarray(u),
-            np.ascontiguousarray(u_next),
-            np.ascontiguousarray(curvature),
+            np.array(x, order="C"),
+            np.array(u, order="C"),
+            np.array(u_next, order="C"),
+            np.array(curvature, order="C"),
             self._constants,
             self.dt,
             self._substeps,

@@ -29,8 +29,8 @@ class Predictions:
 
 
 def start_rows(run: RunData) -> np.ndarray:
-    """Rows that predictions of a run start from."""
-    return np.flatnonzero(run.counted)[::EVERY]
+    """Rows that predictions of a run start from; in one piece, as strides would be compiled for anew."""
+    return np.ascontiguousarray(np.flatnonzero(run.counted)[::EVERY])
 
 
 @compiled

@@ -231,6 +231,6 @@ def regimes(run: WindowedRun) -> np.ndarray:
 
 
 def thinned(runs: Sequence[WindowedRun], most: int) -> list[WindowedRun]:
-    """The runs with at most so many windows, evenly chosen."""
+    """The runs with at most so many windows, evenly chosen; starts in one piece: strides would be compiled for anew."""
     every = max(int(np.ceil(sum(len(run.starts) for run in runs) / most)), 1)
-    return [dataclasses.replace(run, starts=run.starts[::every]) for run in runs]
+    return [dataclasses.replace(run, starts=np.ascontiguousarray(run.starts[::every])) for run in runs]

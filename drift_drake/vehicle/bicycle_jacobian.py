@@ -131,6 +131,6 @@ def linearize(x: Array, u: Array, curvature: Array, p: Constants) -> tuple[Array
 
 
 def _flat(values: Any, shape: tuple[int, ...]) -> Array:
-    """Contiguous floats of a shape, copied only where they are not that already."""
+    """Contiguous floats of a shape; a copy, as a view that is read only would be compiled for anew."""
     array = np.asarray(values, dtype=float)
-    return np.ascontiguousarray(array if array.shape == shape else np.broadcast_to(array, shape))
+    return np.array(array if array.shape == shape else np.broadcast_to(array, shape), order="C")

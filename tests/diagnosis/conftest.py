@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
+from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day, search_of
+from drift_drake.estimation.usable import usable
 
 CONSIDERED = (
     "friction_level",
@@ -28,6 +29,17 @@ def diagnosed(other_car):
 
 
 @pytest.fixture(scope="session")
+def searched(other_car):
+    """A function: runs of another day to the search for causes among these effects, of which no answer is made."""
+
+    def search(runs, catalogue):
+        car = other_car.found
+        return search_of(usable(runs, car.vehicle)[0], car.vehicle, other_car.normal, car.effects, catalogue, "day", 1)
+
+    return search
+
+
+@pytest.fixture(scope="session")
 def late_day(other_car, diagnosed):
     """A day whose steering is late by 0.08 s."""
     return diagnosed(other_car.day({"steering_delay": 0.08}, 1), "late")
@@ -41,6 +53,6 @@ def plain_day(other_car, diagnosed):
 
 @pytest.fixture(scope="session")
 def strange_day(other_car, diagnosed):
-    """A day whose yaw rate is logged in another unit, which no effect of the catalogue is."""
-    runs = [dataclasses.replace(run, r=1.6 * run.r) for run in other_car.day({}, 2)]
+    """Half a day whose yaw rate is logged in another unit, which no effect of the catalogue is."""
+    runs = [dataclasses.replace(run, r=1.6 * run.r) for run in other_car.day({}, 2)[:2]]
     return diagnosed(runs, "strange")

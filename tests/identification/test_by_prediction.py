@@ -4,12 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from browser import check_charts, needs_browser
 
 from drift_drake.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import compared, is_held, prior_of, row_by_row, split
 from drift_drake.identification.identify import identify
+from drift_drake.identification.report import write_report
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.cars import CARS
@@ -135,3 +137,9 @@ def test_prediction_without_sideslip_is_refused(other_car):
     runs = [run.without("beta") for run in other_car.runs]
     with pytest.raises(InvalidLogError, match=r"short: column beta is missing; .* --criterion likelihood"):
         identify(runs, other_car.guess, case="short", criterion="prediction")
+
+
+@needs_browser
+def test_the_reports_charts_are_drawn(other_car, tmp_path):
+    write_report(other_car.found, tmp_path / "report.html")
+    check_charts(tmp_path / "report.html")

@@ -93,7 +93,6 @@ def test_the_report_is_one_file(identified, tmp_path):
 
 
 @needs_browser
-def test_the_reports_charts_are_drawn(identified, other_car, tmp_path):
-    for name, found in (("likelihood", identified), ("prediction", other_car.found)):
-        write_report(found, tmp_path / f"{name}.html")
-        check_charts(tmp_path / f"{name}.html")
+def test_the_reports_charts_are_drawn(identified, tmp_path):
+    write_report(identified, tmp_path / "report.html")
+    check_charts(tmp_path / "report.html")

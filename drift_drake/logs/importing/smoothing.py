@@ -65,11 +65,12 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     passed = np.cumsum(steps)
     bend, slope, origin = np.polyfit(passed[seen][:START] - passed[start], readings[:START], 2)
     along = (passed - passed[start])[:, None]
-    scaled = (z - (origin + slope * along + bend * along**2)) / unit
+    # Columns one behind the other: what takes one column would be compiled anew for strides.
+    columns = np.ascontiguousarray(((z - (origin + slope * along + bend * along**2)) / unit).T)
 
     def cost(log_scale: float) -> float:
         ratio, total, log_det, count = np.exp(-6.0 * log_scale), 0.0, 0.0, 0
-        for column in scaled.T:
+        for column in columns:
             chi2, logs, used = _likelihood(steps, column, ratio, start)
             total, log_det, count = total + chi2, log_det + logs, count + used
         return float(log_det + count * np.log(max(total / count, 1e-30)))
@@ -81,9 +82,9 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     found = minimize_scalar(cost, bounds=(grid[max(best - 1, 0)], grid[min(best + 1, 12)]), method="bounded",
                             options={"xatol": 0.02})  # fmt: skip
     ratio = float(np.exp(-6.0 * found.x))
-    chi2, _, count = np.sum([_likelihood(steps, column, ratio, start) for column in scaled.T], axis=0)
+    chi2, _, count = np.sum([_likelihood(steps, column, ratio, start) for column in columns], axis=0)
     noise = unit * float(np.sqrt(chi2 / count))
-    states = [_smoothed(steps, column, ratio) for column in scaled.T]
+    states = [_smoothed(steps, column, ratio) for column in columns]
     mean = np.stack([state[0] for state in states], axis=1) * unit
     std = np.sqrt(np.maximum(states[0][1], 0.0)) * noise / period ** np.arange(3)
     return Smoothed(

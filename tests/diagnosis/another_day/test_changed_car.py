@@ -16,12 +16,12 @@ def change(name, magnitude, beside=None):
 
 
 @pytest.fixture(scope="module")
-def offset_by(other_car, diagnosed):
+def offset_by(other_car, searched):
     """A function: an offset [rad] put into a day's steering commands to the offset that is fitted."""
     day = other_car.day({}, 5)
 
     def fitted(q):
-        search = diagnosed([dataclasses.replace(run, delta_cmd=run.delta_cmd - q) for run in day], "o", SINGLE).search
+        search = searched([dataclasses.replace(run, delta_cmd=run.delta_cmd - q) for run in day], SINGLE)
         return judged(search, [change("steering_offset", 1.04 * q)])[0]
 
     return fitted
@@ -70,9 +70,9 @@ def test_the_search_at_the_changed_car_starts_from_it(late_day):
     assert there.ranges.keys() == search.ranges.keys()
 
 
-def test_a_hypothesis_that_the_logs_do_not_show_is_left_out(other_car, diagnosed):
+def test_a_hypothesis_that_the_logs_do_not_show_is_left_out(other_car, searched):
     # A limit of the steering's rate that no command comes near does nothing to any prediction.
-    search = diagnosed(other_car.runs[1:], "plain", ("steering_rate_limit",)).search
+    search = searched(other_car.runs[1:], ("steering_rate_limit",))
     search.ranges["steering_rate_limit"] = dataclasses.replace(search.ranges["steering_rate_limit"], high=1e3)
     assert judged(search, [change("steering_rate_limit", 900.0)]) == []
 

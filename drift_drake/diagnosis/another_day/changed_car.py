@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.diagnosis.another_day.posterior import tells_from_zero
 from drift_drake.diagnosis.shared.ranges import clipped
 from drift_drake.estimation.scores import make_day
 from drift_drake.estimation.unknowns import added
@@ -62,9 +63,14 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
 
 
 def stated(search: Search, h: Hypothesis) -> Hypothesis:
-    """A hypothesis with the magnitudes and their covariance that are stated of it; its evidence stays."""
+    """A hypothesis with the magnitudes and their covariance that are stated of it; its evidence stays.
+
+    Where contrasts are all that shows a magnitude, it is that of the evidence: an interval that held zero would deny
+    what they decide.
+    """
     at = _led(search, _with_beside(h), np.inf, APART) if h.names else None
-    return h if at is None else _moved(h, at)
+    moved = h if at is None else _moved(h, at)
+    return moved if tells_from_zero(moved) else h
 
 
 def _moved(h: Hypothesis, at: At) -> Hypothesis:

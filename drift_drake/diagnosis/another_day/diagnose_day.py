@@ -185,7 +185,7 @@ def ranked_hypotheses(
         found = ranked(kept, *counts)
         leading = stated(search, found.leading)
         shrinks = reduction(search, leading, leading)
-        if not leading.names or (shrinks.estimate > 0.0 and tells_from_zero(leading)):
+        if not leading.names or shrinks.estimate > 0.0:
             break
         kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:

@@ -83,3 +83,10 @@ def test_what_is_stated_trusts_contrasts_of_scores_less(late_day):
     assert said.covariance[0, 0] > at.covariance[0, 0]
     assert (said.nats, said.log_evidence) == (at.nats, at.log_evidence)
     assert abs(said.magnitudes[0] - 0.08) < 2.0 * np.sqrt(said.covariance[0, 0])
+
+
+def test_what_contrasts_alone_show_is_stated_with_them(late_day, monkeypatch):
+    """Were contrasts worth nothing, the interval would hold zero, and a worse cause would be named in its place."""
+    at = late_day.ranked.leading
+    monkeypatch.setattr("drift_drake.diagnosis.another_day.changed_car.APART", 1e6)
+    assert stated(late_day.search, at) is at

@@ -10,6 +10,7 @@ from drift_drake.logs.table import Run
 
 MOST_SECONDS = 300.0
 PIECE = 12.0  # [s], about, that longer runs are cut into
+ROUNDING = 1e-6  # [s]
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -19,6 +20,7 @@ def part_of(runs: Sequence[Run], most: float = MOST_SECONDS) -> tuple[list[Run],
     Which pieces are taken depends on their places alone, not on what happened in them.
     """
     total = sum(_seconds(run) for run in runs)
+    most += ROUNDING
     if total <= most:
         return list(runs), []
     pieces = [piece for run in runs for piece in _pieces(run)]
@@ -32,7 +34,7 @@ def part_of(runs: Sequence[Run], most: float = MOST_SECONDS) -> tuple[list[Run],
 
 
 def _seconds(run: Run) -> float:
-    return len(run) * run.period
+    return float(run.t[-1] - run.t[0])
 
 
 def _pieces(run: Run) -> list[Run]:

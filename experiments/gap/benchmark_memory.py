@@ -29,7 +29,10 @@ from experiments.made import write_benchmark
 
 EFFECT = {"rear_stiffness_error": -0.15}
 OFF = {"mass": 0.01, "torque": -0.02, "front_stiffness": 0.02}  # of the vehicle file
-MB = 1024.0 if sys.platform == "linux" else 1024.0**2  # of `ru_maxrss`
+CAR, ANSWER = "car.yaml", "answer.json"
+BYTES = 1024 if sys.platform == "linux" else 1  # in the unit of `ru_maxrss`
+
+Words = tuple[str | Path, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,21 +52,59 @@ class BenchmarkConfig:
     out: Path | None = None
 
 
-def measured(arguments: Sequence[str | Path]) -> dict[str, float]:
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """A command and the case that it is given."""
+
+    name: str  # the command and its first options
+    runs: int
+    hidden: bool  # whether the case has the effect
+    words: Words  # that follow
+
+    def logs(self, folder: Path) -> Path:
+        """Where the case is."""
+        return folder / f"{self.runs}_{'effect' if self.hidden else 'none'}"
+
+    def command(self, folder: Path) -> list[str]:
+        """The whole command."""
+        first, *others = self.name.split()
+        return [first, *map(str, (self.logs(folder), *others, *self.words))]
+
+
+def tasks(config: BenchmarkConfig, folder: Path) -> list[Task]:
+    """What is measured, in order."""
+    most, car, calibrated, calibration = (
+        max(config.runs),
+        *(folder / n for n in ("car.yaml", "found.yaml", "found.json")),
+    )
+    considered = ("--effects", *config.effects) if config.effects else ()
+    answer: Words = ("--json", folder / ANSWER, "--workers", str(config.workers), "--quiet", *considered)
+    return [
+        *(Task("diagnose", runs, True, ("--vehicle", car, *answer)) for runs in config.runs),
+        Task("diagnose", most, False, ("--vehicle", car, *answer)),
+        Task("check", most, False, ("--vehicle", car)),
+        Task("identify", most, False, ("--vehicle", car, "--quiet")),
+        Task("identify --criterion prediction", most, False,
+             ("--vehicle", car, "--force", "--out", calibrated, "--json", calibration, "--quiet")),
+        Task("diagnose --calibration", most, True, (calibration, "--vehicle", calibrated, *answer)),
+    ]  # fmt: skip
+
+
+def measured(words: Sequence[str]) -> dict[str, float]:
     """Peak of memory [MB] and CPU time [s] of a command of `drift-drake`.
 
     Raises:
         RuntimeError: the command fails; the message is what it said.
     """
-    words = [sys.executable, "-m", "drift_drake.cli", *map(str, arguments)]
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+    command = [sys.executable, "-m", "drift_drake.cli", *words]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         said = process.stderr.read()
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise RuntimeError(said)
-    return {"memory": usage.ru_maxrss / MB, "cpu": usage.ru_utime + usage.ru_stime}
+    return {"memory": usage.ru_maxrss * BYTES / 1e6, "cpu": usage.ru_utime + usage.ru_stime}
 
 
 def make_logs(folder: Path, truth: Truth, runs: int, config: BenchmarkConfig) -> float:
@@ -77,38 +118,27 @@ def make_logs(folder: Path, truth: Truth, runs: int, config: BenchmarkConfig) ->
     return sum(len(run) * run.period for run in made)
 
 
-def diagnosed(folder: Path, vehicle: Path, config: BenchmarkConfig) -> dict[str, Any]:
-    """What a diagnosis takes, and its answer in words."""
-    answer = folder.parent / f"{folder.name}.json"
-    options: list[str | Path] = ["--vehicle", vehicle, "--json", answer, "--workers", str(config.workers), "--quiet"]
-    considered = ["--effects", *config.effects] if config.effects else []
-    found: dict[str, Any] = measured(["diagnose", folder, *options, *considered])
-    said = json.loads(answer.read_text())
-    causes = [
-        f"{name} {m['estimate']:.4g} ({m['low']:.4g} to {m['high']:.4g})" for name, m in said["magnitudes"].items()
-    ]
-    return found | {"answer": " and ".join(causes) or said["verdict"]}
+def said_by(answer: Path) -> str:
+    """What an answer names, with intervals, or its verdict."""
+    found = json.loads(answer.read_text())
+    causes = [f"{n} {m['estimate']:.4g} ({m['low']:.4g} to {m['high']:.4g})" for n, m in found["magnitudes"].items()]
+    return " and ".join(causes) or str(found["verdict"])
 
 
 def run(config: BenchmarkConfig, folder: Path) -> list[dict[str, Any]]:
     """Of each command and case: its runs, their length [s], peak of memory [MB], CPU time [s], the answer."""
-    vehicle, most, rows = folder / "car.yaml", max(config.runs), []
-    write_vehicle(vehicle, VehicleParameters())
-    cases = [(runs, EFFECT) for runs in config.runs] + [(most, {})]
-    for number, (runs, effect) in enumerate(cases):
-        logs = folder / f"{runs}_{'effect' if effect else 'none'}"
-        seconds = make_logs(logs, Truth(effect, {}, OFF), runs, config)
-        if number == 0:
-            diagnosed(logs, vehicle, dataclasses.replace(config, effects=tuple(EFFECT)))  # compiles
-        case = {"runs": runs, "seconds": seconds}
-        rows.append({"command": "diagnose", "hidden": bool(effect)} | case | diagnosed(logs, vehicle, config))
-        if not effect:
-            commands: dict[str, list[str | Path]] = {
-                "check": ["check", logs, "--vehicle", vehicle],
-                "identify": ["identify", logs, "--vehicle", vehicle, "--quiet"],
-            }
-            for name, words in commands.items():
-                rows.append({"command": name, "hidden": False} | case | measured(words))
+    write_vehicle(folder / CAR, VehicleParameters())
+    seconds, rows = dict[Path, float](), list[dict[str, Any]]()
+    for task in tasks(config, folder):
+        logs = task.logs(folder)
+        if logs not in seconds:
+            seconds[logs] = make_logs(logs, Truth(EFFECT if task.hidden else {}, {}, OFF), task.runs, config)
+        if not rows:
+            measured(dataclasses.replace(task, words=(*task.words, "--effects", *EFFECT)).command(folder))  # compiles
+        row = dataclasses.asdict(task) | {"seconds": seconds[logs]} | measured(task.command(folder))
+        rows.append(row | {"answer": said_by(folder / ANSWER) if task.name.startswith("diagnose") else ""})
+        del rows[-1]["words"]
+        print(rows[-1], file=sys.stderr, flush=True)  # the last ones are long in coming
     return rows
 
 
@@ -122,8 +152,8 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
     ]
     for row in rows:
         lines.append(
-            f"| {row['command']} | {row['runs']} | {row['seconds']:,.0f} | {'yes' if row['hidden'] else 'no'} |"
-            f" {row['memory'] / 1000.0:.2f} | {row['cpu']:.0f} | {row.get('answer', '')} |"
+            f"| {row['name']} | {row['runs']} | {row['seconds']:,.0f} | {'yes' if row['hidden'] else 'no'} |"
+            f" {row['memory'] / 1000.0:.2f} | {row['cpu']:.0f} | {row['answer']} |"
         )
     return "\n".join(lines)
 

@@ -27,7 +27,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import write_vehicle
 from experiments.made import write_benchmark
 
-EFFECT = {"rear_stiffness_error": -0.15}
+EFFECT = {"aero_drag": 0.6}
 OFF = {"mass": 0.01, "torque": -0.02, "front_stiffness": 0.02}  # of the vehicle file
 CAR, ANSWER = "car.yaml", "answer.json"
 BYTES = 1024 if sys.platform == "linux" else 1  # in the unit of `ru_maxrss`

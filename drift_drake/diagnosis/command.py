@@ -94,6 +94,8 @@ def run_diagnose(command: Diagnose) -> int:
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
+    if not command.most_seconds >= PIECE:
+        raise InvalidOptionError(f"--most-seconds {command.most_seconds:g}: give {PIECE:g} or more")
     check_trust(command)
     folders = case_folders(command.case)
     options: dict[str, Any] = {
@@ -101,7 +103,7 @@ def run_diagnose(command: Diagnose) -> int:
         "catalogue": chosen_effects(command),
         "without": checked_columns(command.without),
         "every": checked_every(command.every),
-        "most_seconds": checked_seconds(command.most_seconds),
+        "most_seconds": command.most_seconds,
         **trust_options(command),
     }
     if folders != [command.case]:
@@ -172,13 +174,6 @@ def checked_every(every: int) -> int:
     if every < 1:
         raise InvalidLogError(f"--every {every}: give 1 or more")
     return every
-
-
-def checked_seconds(seconds: float) -> float:
-    """Seconds of logs to look at; InvalidOptionError below a piece's."""
-    if not seconds >= PIECE:
-        raise InvalidOptionError(f"--most-seconds {seconds:g}: give {PIECE:g} or more")
-    return seconds
 
 
 def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:

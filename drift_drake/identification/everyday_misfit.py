@@ -48,17 +48,17 @@ def everyday_misfit(found: Estimate) -> tuple[float, Everyday | None]:
     return plain, as_everyday(found, held(whole, precision), whole.channel_of, beside) if beside > plain else None
 
 
-def looked_at(found: Estimate, weights: Sequence[np.ndarray] | None = None) -> Looks:
-    """The sums of a fit's innovations, or of what functions of the state with these weights of each fold leave."""
+def looked_at(found: Estimate, weights: Sequence[np.ndarray] = ()) -> Looks:
+    """The sums of a fit's innovations, or of what functions of the state leave with these weights in each fold."""
     problem, count = found.problem, len(found.theta)
     by_fold, by_pulse = list[Equations](), list[Equations]()
     lengths, covariance = block_lengths(problem.runs), found.covariance
     squares = np.zeros((len(lengths), count))
     kinds = (responses(problem, found, kind) for kind in ("functions", "pulses"))
     for run, functions, pulses in zip(problem.runs, *kinds, strict=True):
-        e = functions.residual
-        if weights is not None:
-            e = e + np.einsum("ij,ij->i", functions.weights, np.array(weights)[measured_fold(run)])
+        e, of = functions.residual.copy(), measured_fold(run)
+        for fold, some in enumerate(weights):
+            e[of == fold] += functions.weights[of == fold] @ some
         by_fold = with_folds(by_fold, run, dataclasses.replace(functions, residual=e), count)
         of_run = equations([dataclasses.replace(pulses, residual=e)], count, shared=False)
         by_pulse = [joined([*by_pulse, of_run])]

@@ -5,7 +5,7 @@ filter (which treats actuators ahead of it and steps by 5 ms). `drake_cases` mak
 drivers and draws are shared.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -137,10 +137,11 @@ def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau
     return Run(name=name, t=t, delta_cmd=delta, tau_cmd=tau, **columns)
 
 
-def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:
-    """Four runs of one car; a run that spins within its first second is driven again with other draws."""
+def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0,
+              manoeuvres: Sequence[str] = MANOEUVRES) -> list[Run]:  # fmt: skip
+    """A run of each manoeuvre by one car; one that spins within its first second is driven again with other draws."""
     runs = []
-    for i, kind in enumerate(MANOEUVRES):
+    for i, kind in enumerate(manoeuvres):
         for _ in range(5):
             try:
                 runs.append(simulate(Driver(kind, rng, vehicle), truth, vehicle, rng, f"run_{i}", duration))

@@ -15,6 +15,7 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import all_answered
 from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
+from drift_drake.estimation.part import MOST_SECONDS, PIECE
 from drift_drake.executors import ExecutorConfig
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
@@ -70,6 +71,9 @@ class Diagnose:
     """Columns of the logs to leave out."""
     every: int = 1
     """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
+    most_seconds: float = MOST_SECONDS
+    """Seconds of logs that are looked at; of longer ones pieces spread evenly over them, and a warning says so. Memory
+    and time grow by 1 MB and half a second for each. A --calibration by prediction has a limit of its own."""
     workers: int = 2
     """Threads for one case; processes for a folder of cases."""
     scheduler: str | None = None
@@ -90,6 +94,8 @@ def run_diagnose(command: Diagnose) -> int:
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
+    if not command.most_seconds >= PIECE:
+        raise InvalidOptionError(f"--most-seconds {command.most_seconds:g}: give {PIECE:g} or more")
     check_trust(command)
     folders = case_folders(command.case)
     options: dict[str, Any] = {
@@ -97,6 +103,7 @@ def run_diagnose(command: Diagnose) -> int:
         "catalogue": chosen_effects(command),
         "without": checked_columns(command.without),
         "every": checked_every(command.every),
+        "most_seconds": command.most_seconds,
         **trust_options(command),
     }
     if folders != [command.case]:

@@ -8,6 +8,7 @@ functions are the ceiling of what a free-form model reaches.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -101,31 +102,34 @@ def pulses(rows: int, period: float) -> np.ndarray:
 
 
 def pushed(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
-    """Derivatives [rows, 9, channels, shapes] of innovations by the weights of shapes in time [rows, shapes]."""
-    out = np.empty((*base.shape, len(FORCE_CHANNELS), shapes.shape[1]))
-    units = force_units(problem)
-    for channel in range(len(FORCE_CHANNELS)):
-        for k in range(shapes.shape[1]):
-            push = np.zeros((len(base), 3))
-            torque = None
-            if channel < 3:
-                push[:, channel] = units[channel] * shapes[:, k]
-            else:
-                torque = units[channel] / problem.nominal.gear_ratio * shapes[:, k]
-            e = observe(problem, gains, fit.theta, fit.names, index, push=push, extra_torque=torque)
-            out[:, :, channel, k] = e - base
+    """Derivatives of one run's innovations that count by the weights of shapes in time [rows, shapes] in each channel.
+
+    The columns [count, channels * shapes] are those of the first channel, then of the next.
+    """
+    run, units = problem.runs[index], force_units(problem)
+    out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
+    for column, (channel, shape) in enumerate(itertools.product(range(len(FORCE_CHANNELS)), shapes.T)):
+        push = np.zeros((len(base), 3))
+        torque = None
+        if channel < 3:
+            push[:, channel] = units[channel] * shape
+        else:
+            torque = units[channel] / problem.nominal.gear_ratio * shape
+        e = observe(problem, gains, fit.theta, fit.names, index, push=push, extra_torque=torque)
+        out[:, column] = counted(problem, run, e - base).ravel()
     return out
 
 
 def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray) -> np.ndarray:
-    """Derivatives [rows, 9, channels in use] of innovations by constant offsets of the sensors, in noise levels."""
+    """The same [count, channels in use] by constant offsets of the sensors, in noise levels."""
     run = problem.runs[index]
     out = []
     for channel in np.flatnonzero(run.used):
         y = run.y.copy()
         y[:, channel] += problem.noise[channel]
         moved = problem.replace(runs=[*problem.runs[:index], dataclasses.replace(run, y=y), *problem.runs[index + 1 :]])
-        out.append(observe(moved, gains, fit.theta, fit.names, index) - base)
+        e = observe(moved, gains, fit.theta, fit.names, index)
+        out.append(counted(problem, run, e - base).ravel())
     return np.stack(out, axis=-1)
 
 
@@ -140,13 +144,12 @@ def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
         base = gains.innovations[i]
         states = filtered_states(problem, gains, fit, i)
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states, i)
-        d = counted(problem, run, pushed(problem, gains, fit, i, base, shapes))
-        d = d.reshape(-1, len(FORCE_CHANNELS) * shapes.shape[1])
+        d = pushed(problem, gains, fit, i, base, shapes)
         channel_of = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
         if kind == "functions":
-            offsets = counted(problem, run, offset_responses(problem, gains, fit, i, base))
-            d = np.hstack([d, offsets.reshape(len(d), -1)])
-            channel_of = np.concatenate([channel_of, np.full(offsets.shape[-1], SENSORS)])
+            offsets = offset_responses(problem, gains, fit, i, base)
+            d = np.hstack([d, offsets])
+            channel_of = np.concatenate([channel_of, np.full(offsets.shape[1], SENSORS)])
         own, columns = run_sensitivity(problem, gains, fit.theta, fit.names, i)
         yield Responses(d, channel_of, own, columns, counted(problem, run, base).ravel())
 

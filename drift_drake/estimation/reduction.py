@@ -9,6 +9,7 @@ from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, fit
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
+from drift_drake.estimation.regression import Equations, Responses, equations, summed
 from drift_drake.estimation.run_data import RunData
 
 FOLDS, HELD_OUT = 4, 1.5  # folds of cross-validation, and seconds of the blocks that take turns in being held out
@@ -36,10 +37,26 @@ def fold_of(run: RunData) -> np.ndarray:
     return np.asarray((np.arange(len(run.y)) * run.period / HELD_OUT).astype(int) % FOLDS)
 
 
+def measured_fold(run: RunData) -> np.ndarray:
+    """Fold [count] that each of the run's measurements that count is held out in."""
+    return np.repeat(fold_of(run)[run.counted], int(np.sum(run.used)))
+
+
 def folds(problem: Problem) -> list[np.ndarray]:
     """For each fold, which of the measurements that count are held out in it [count] bool."""
-    of = np.concatenate([np.repeat(fold_of(run)[run.counted], int(np.sum(run.used))) for run in problem.runs])
+    of = np.concatenate([measured_fold(run) for run in problem.runs])
     return [of == fold for fold in range(FOLDS)]
+
+
+def with_folds(sums: Sequence[Equations], run: RunData, measured: Responses, parameters: int) -> list[Equations]:
+    """Normal equations of each fold, with weights that the runs share, and one more run in them.
+
+    Args:
+        sums: of the runs before; empty ahead of the first.
+    """
+    of = measured_fold(run)
+    parts = [equations([measured.rows(of == fold)], parameters, shared=True) for fold in range(FOLDS)]
+    return [summed(pair) for pair in zip(sums, parts, strict=True)] if sums else parts
 
 
 def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:

@@ -6,6 +6,7 @@ eliminated run by run (a Schur complement), so that the work and what is kept gr
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -93,13 +94,17 @@ def _sum(a: Weights, b: Weights) -> Weights:
     return Weights(a.hessian + b.hessian, a.cross + b.cross, a.columns, a.gradient + b.gradient, a.channel_of)
 
 
-def summed(parts: Sequence[Equations]) -> Equations:
-    """Equations of shared weights over all parts of the measurements."""
-    weights = parts[0].weights[0]
-    for part in parts[1:]:
-        weights = _sum(weights, part.weights[0])
+def joined(parts: Sequence[Equations]) -> Equations:
+    """Equations of all parts of the measurements, each with weights of its own."""
     own, gradient = sum(part.own for part in parts), sum(part.gradient for part in parts)
-    return Equations(np.asarray(own), np.asarray(gradient), [weights], sum(part.squares for part in parts))
+    weights = [some for part in parts for some in part.weights]
+    return Equations(np.asarray(own), np.asarray(gradient), weights, sum(part.squares for part in parts))
+
+
+def summed(parts: Sequence[Equations]) -> Equations:
+    """Equations of all parts of the measurements, which share their weights."""
+    of = joined(parts)
+    return dataclasses.replace(of, weights=[reduce(_sum, of.weights)])
 
 
 def left_over(of: Equations, own: np.ndarray, weights: Sequence[np.ndarray]) -> float:

@@ -8,6 +8,9 @@ that the car was calibrated on.
 
 A power alone makes no difference between a misfit that is the same every day and a new one. So what functions of the
 state tell of the first is learnt, and the power is that of what they leave on blocks that they were not fitted to.
+
+The regressors' derivatives are some two hundred numbers for each measurement: they are made twice, run by run, and only
+their sums are kept.
 """
 
 import dataclasses
@@ -15,45 +18,58 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import prior_precision
 from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import Everyday
-from drift_drake.estimation.reduction import folds
-from drift_drake.estimation.regression import SENSORS, Equations, Responses, equations, regress
+from drift_drake.estimation.reduction import FOLDS, measured_fold, with_folds
+from drift_drake.estimation.regression import SENSORS, Equations, equations, joined, regress, summed
 from drift_drake.identification.estimate import Estimate
-from drift_drake.identification.widening import widening
+from drift_drake.identification.widening import block_lengths, squared_influence, widened
+
+
+@dataclasses.dataclass(frozen=True)
+class Looks:
+    """Sums over all runs of what a diagnosis looks for a gap with, and of what blocks of time move the fit by."""
+
+    by_fold: list[Equations]  # of functions of the state, each fold's
+    pulses: Equations
+    squared_influence: np.ndarray  # [block lengths, parameters]
 
 
 def everyday_misfit(found: Estimate) -> tuple[float, Everyday | None]:
     """The row weight of the calibrated car as it is, and the forces that it lacks; None if they bring nothing."""
-    problem, theta, prior = found.problem, found.theta, prior_precision(found.problem, len(found.theta))
-    by_function, by_pulse = list(responses(problem, found, "functions")), list(responses(problem, found, "pulses"))
-    plain = row_weight(found, by_function, by_pulse)
-    of = equations(by_function, len(theta), shared=True)
-    precision = 1.0 / regress(of, theta, prior).scales[of.channel_of] ** 2
-    edges = np.cumsum([len(run.residual) for run in by_function])[:-1]
-    left = [run.residual.copy() for run in by_function]
-    for rows in folds(problem):
-        parts = np.split(rows, edges)
-        kept = [run.rows(~part) for run, part in zip(by_function, parts, strict=True)]
-        weights = held(equations(kept, len(theta), shared=True), precision)
-        for run, part, into in zip(by_function, parts, left, strict=True):
-            into[part] += run.weights[part] @ weights
-    beside = row_weight(found, replaced(by_function, left), replaced(by_pulse, left))
-    return plain, as_everyday(found, held(of, precision), of.channel_of, beside) if beside > plain else None
+    theta, prior = found.theta, prior_precision(found.problem, len(found.theta))
+    looks = looked_at(found)
+    plain, whole = row_weight(found, looks), summed(looks.by_fold)
+    precision = 1.0 / regress(whole, theta, prior).scales[whole.channel_of] ** 2
+    others = [summed([part for i, part in enumerate(looks.by_fold) if i != fold]) for fold in range(FOLDS)]
+    beside = row_weight(found, looked_at(found, [held(of, precision) for of in others]))
+    return plain, as_everyday(found, held(whole, precision), whole.channel_of, beside) if beside > plain else None
+
+
+def looked_at(found: Estimate, weights: Sequence[np.ndarray] = ()) -> Looks:
+    """The sums of a fit's innovations, or of what functions of the state leave with these weights in each fold."""
+    problem, count = found.problem, len(found.theta)
+    by_fold, by_pulse = list[Equations](), list[Equations]()
+    lengths, covariance = block_lengths(problem.runs), found.covariance
+    squares = np.zeros((len(lengths), count))
+    kinds = (responses(problem, found, kind) for kind in ("functions", "pulses"))
+    for run, functions, pulses in zip(problem.runs, *kinds, strict=True):
+        e, of = functions.residual.copy(), measured_fold(run)
+        for fold, some in enumerate(weights):
+            e[of == fold] += functions.weights[of == fold] @ some
+        by_fold = with_folds(by_fold, run, dataclasses.replace(functions, residual=e), count)
+        of_run = equations([dataclasses.replace(pulses, residual=e)], count, shared=False)
+        by_pulse = [joined([*by_pulse, of_run])]
+        squares += squared_influence(run, functions.own, functions.columns, e, covariance, lengths)
+    return Looks(by_fold, by_pulse[0], squares)
 
 
 def held(of: Equations, precision: np.ndarray) -> np.ndarray:
     """Posterior mean of the weights, which the runs share, the car held as it was calibrated."""
     (weights,) = of.weights
     return -np.linalg.solve(weights.hessian + np.diag(precision), weights.gradient)
-
-
-def replaced(runs: Sequence[Responses], residuals: Sequence[np.ndarray]) -> list[Responses]:
-    """The responses with other innovations."""
-    return [dataclasses.replace(run, residual=e) for run, e in zip(runs, residuals, strict=True)]
 
 
 def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, row_weight: float) -> Everyday:
@@ -65,19 +81,11 @@ def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, ro
     return Everyday(forces, offsets, row_weight)
 
 
-def row_weight(found: Estimate, by_function: Sequence[Responses], by_pulse: Sequence[Responses]) -> float:
-    """The power, in (0, 1], at which nothing scatters more than it should.
-
-    Args:
-        by_function, by_pulse: responses to the regressors that a diagnosis looks for a gap with.
-    """
-    count = len(found.theta)
-    prior = prior_precision(found.problem, count)
-    jacobian = Derivatives([run.own for run in by_function], [run.columns for run in by_function], count)
-    e = np.concatenate([run.residual for run in by_function])
-    most = float(np.mean(widening(found.problem.runs, jacobian, e, found.covariance) ** 2))
-    looks = equations(by_function, count, shared=True), equations(by_pulse, count, shared=False)
-    free = [q for of in looks for q in scatter(of, found.theta, prior)]
+def row_weight(found: Estimate, looks: Looks) -> float:
+    """The power, in (0, 1], at which nothing scatters more than it should."""
+    prior, by_function = prior_precision(found.problem, len(found.theta)), summed(looks.by_fold)
+    most = float(np.mean(widened(found.covariance, by_function.own, looks.squared_influence) ** 2))
+    free = [q for of in (by_function, looks.pulses) for q in scatter(of, found.theta, prior)]
     return float(1.0 / max(1.0, most, *free))
 
 

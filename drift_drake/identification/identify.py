@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.estimation.part import part_of
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
 from drift_drake.estimation.usable import usable
@@ -78,18 +79,20 @@ def identify(
     if criterion == "auto" and lacks_beta:
         criterion, warnings = "likelihood", [*warnings, "column beta is missing: calibrated by likelihood"]
     found = None
+    part, left_out = part_of(runs)  # the filter's derivatives are kept for every row
     if criterion != "likelihood":
         further = tuple(dict.fromkeys([*(n for n in names if n not in OWN), *FURTHER]))
         predicted = by_prediction(runs, vehicle, effects, known, further, tolerances,
                                   lambda stage, share: tell(stage, 0.5 * share))  # fmt: skip
-        white = whiteness(runs, predicted.vehicle, predicted.effects, stated)
+        white = whiteness(part, predicted.vehicle, predicted.effects, stated)
         if criterion == "auto" and white.may_be_white:
-            found = white_or_none(runs, vehicle, effects, case, known, names, stated, tell)
+            found = white_or_none(part, vehicle, effects, case, known, names, stated, tell)
         if found is None:
             found = stated_in_full(predicted, white, case, vehicle, effects, sum(len(run) for run in runs))
     if found is None:
-        found = identify_by_likelihood(runs, vehicle, effects, case, known, names, stated, tell)
+        found = identify_by_likelihood(part, vehicle, effects, case, known, names, stated, tell)
     c = found.calibration
+    warnings += left_out if c.criterion == "likelihood" else []
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, warnings=[*warnings, *c.warnings])
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)

@@ -15,32 +15,50 @@ SHORT_BLOCK = 1.0  # [s]
 BLOCKS = 24  # that the longer ones leave of all runs
 
 
-def scores(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray) -> list[np.ndarray]:
-    """Derivative of half the squared innovations by the parameters [rows, columns], row by row of each run."""
-    parts = zip(runs, jacobian.blocks, jacobian.by_run(e), strict=True)
-    return [
-        (block * part[:, None]).reshape(np.sum(run.counted), np.sum(run.used), -1).sum(axis=1)
-        for run, block, part in parts
-    ]
+def block_lengths(runs: Sequence[RunData]) -> list[int]:
+    """Rows of a short and of a longer block."""
+    period = runs[0].period
+    duration = sum(int(np.sum(run.counted)) for run in runs) * period
+    return [max(round(block / period), 1) for block in (SHORT_BLOCK, max(duration / BLOCKS, SHORT_BLOCK))]
 
 
-def widening(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def squared_influence(
+    run: RunData, own: np.ndarray, columns: np.ndarray, e: np.ndarray, covariance: np.ndarray, lengths: Sequence[int]
+) -> np.ndarray:
+    """Squares, summed over the blocks of one run, of what each block moves the parameters by [lengths, n].
+
+    Args:
+        own: derivatives of the run's innovations that count by the parameters in `columns` [count, columns]; e: those
+            innovations [count]; covariance: of all parameters [n, n].
+    """
+    score = (own * e[:, None]).reshape(np.sum(run.counted), np.sum(run.used), -1).sum(axis=1)
+    influence = score @ covariance[columns]
+    if not len(influence):
+        return np.zeros((len(lengths), len(covariance)))
+    sums = [np.add.reduceat(influence, np.arange(0, len(influence), length)) for length in lengths]
+    return np.array([np.sum(part**2, axis=0) for part in sums])
+
+
+def widened(covariance: np.ndarray, information: np.ndarray, squares: np.ndarray) -> np.ndarray:
     """Factors of at least one [n] on the standard deviations of the parameters.
 
     What a prior alone holds is not widened: only what the logs tell is told less well.
 
     Args:
+        covariance: without this [n, n]; information: J'J of the logs [n, n]; squares: `squared_influence` of all runs.
+    """
+    variance = np.diag(covariance)
+    unseen = np.maximum(variance - np.diag(covariance @ information @ covariance), 0.0)
+    return np.asarray(np.maximum(np.sqrt((unseen + squares.max(axis=0)) / variance), 1.0))
+
+
+def widening(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """The same from derivatives of all runs.
+
+    Args:
         jacobian: of the whitened innovations that count; e: those [count]; covariance: without this [n, n].
     """
-    rows = scores(runs, jacobian, e)
-    influence = [part @ covariance[columns] for part, columns in zip(rows, jacobian.columns, strict=True)]
-    expected = np.diag(covariance @ jacobian.information @ covariance)
-    duration = sum(len(part) for part in rows) * runs[0].period
-    variance = np.diag(covariance)
-    widest = np.ones(len(covariance))
-    for block in (SHORT_BLOCK, max(duration / BLOCKS, SHORT_BLOCK)):
-        length = max(round(block / runs[0].period), 1)
-        sums = [np.add.reduceat(part, np.arange(0, len(part), length)) for part in influence if len(part)]
-        found = np.sum(np.concatenate(sums) ** 2, axis=0)
-        widest = np.maximum(widest, np.sqrt((np.maximum(variance - expected, 0.0) + found) / variance))
-    return widest
+    parts = zip(runs, jacobian.blocks, jacobian.columns, jacobian.by_run(e), strict=True)
+    lengths = block_lengths(runs)
+    squares = sum(squared_influence(*part, covariance, lengths) for part in parts)
+    return widened(covariance, jacobian.information, np.asarray(squares))

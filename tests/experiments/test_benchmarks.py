@@ -9,7 +9,7 @@ import pytest
 
 from drift_drake.gathering.plan import GatheringConfig
 from experiments.drifting import benchmark_simulation
-from experiments.gap import benchmark_rollouts
+from experiments.gap import benchmark_memory, benchmark_rollouts
 from experiments.gathering import benchmark_planning
 
 
@@ -51,6 +51,40 @@ def test_rollouts_are_counted_beside_drakes(tmp_path: Path) -> None:
     assert found["filter over a run"]["seconds"] == found["the car alone in Drake"]["seconds"]
     report = (tmp_path / "out" / "report.md").read_text()
     assert "| prediction from a window | 0.5 |" in report
+
+
+def test_a_command_s_memory_and_time_are_its_own() -> None:
+    found = benchmark_memory.measured(["--version"])
+    assert 5.0 < found["memory"] < 2000.0
+    assert found["cpu"] > 0.0
+    with pytest.raises(RuntimeError, match="nonsense"):
+        benchmark_memory.measured(["nonsense"])
+
+
+def test_logs_of_each_size_are_made_once_and_given_to_the_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[list[str]] = []
+
+    def fake(words: list[str]) -> dict[str, float]:
+        given.append(words)
+        if "--json" in words:
+            magnitudes = {"aero_drag": {"estimate": 1.2, "low": 1.1, "high": 1.3}}
+            answer = {"verdict": "none", "magnitudes": magnitudes if words[1].endswith("effect") else {}}
+            Path(words[words.index("--json") + 1]).write_text(json.dumps(answer))
+        return {"memory": 512.0, "cpu": 7.0}
+
+    monkeypatch.setattr(benchmark_memory, "measured", fake)
+    out = tmp_path / "out"
+    benchmark_memory.main(benchmark_memory.BenchmarkConfig(runs=(1, 2), duration=1.5, out=out))
+    assert len(list((out / "2_none").iterdir())) == 2
+    assert all(Path(words[1]).is_dir() for words in given)
+    rows = [row for row in (out / "report.md").read_text().splitlines() if "512" not in row and "0.51" in row]
+    assert rows[0] == "| diagnose | 1 | 2 | yes | 0.51 | 7 | aero_drag 1.2 (1.1 to 1.3) |"
+    assert rows[2] == "| diagnose | 2 | 3 | no | 0.51 | 7 | none |"
+    assert [row.split(" | ")[0] for row in rows[3:]] == [
+        "| check", "| identify", "| identify --criterion prediction", "| diagnose --calibration",
+    ]  # fmt: skip
 
 
 def test_training_is_timed_on_each_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

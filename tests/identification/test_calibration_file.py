@@ -46,6 +46,7 @@ def test_bad_calibrations_get_one_sentence(tmp_path, text, says):
         (["--row-weight", "0"], "above 0, up to 1"),
         (["--row-weight", "1.5"], "above 0, up to 1"),
         (["--noise-scale", "-1"], "factors above 0"),
+        (["--most-seconds", "5"], "give 12 or more"),
         (["--calibration", "nothing.json"], "nothing.json: cannot be read"),
         (["--calibration", "nothing.json", "--row-weight", "0.5"], "not both"),
     ],

@@ -12,6 +12,7 @@ from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.part import part_of
 from drift_drake.estimation.problem import make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.logs.table import Run
@@ -41,12 +42,14 @@ def limits_by_filter(
     runs: Sequence[Run], vehicle: VehicleParameters, own: Effects, stated: Mapping[str, float],
     trust: Mapping[str, Any],
 ) -> tuple[Limits, list[str]]:  # fmt: skip
-    """Beside the vehicle file as it is, from the filter's innovations (`Isolability.limits`).
+    """Beside the vehicle file as it is, from the filter's innovations (`Isolability.limits`); of long logs a part.
 
     Args:
         stated: noise by column that an import stated; trust: options of `diagnose` from a calibration by likelihood.
     """
+    runs, left_out = part_of(runs)
     names, warnings = seen_effects(runs, tuple(CATALOGUE))
+    warnings += left_out
     options = {key: value for key, value in trust.items() if key != "everyday"}
     problem = make_problem(runs, vehicle, stated=stated, own=own, **options)
     if trust.get("everyday") is not None:

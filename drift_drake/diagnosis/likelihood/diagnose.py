@@ -21,6 +21,7 @@ from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, start_rows
+from drift_drake.estimation.part import MOST_SECONDS, part_of
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
 from drift_drake.estimation.regression import Regression
@@ -64,16 +65,17 @@ def diagnose(
     own: Effects = Effects(),  # noqa: B008 (immutable)
     row_weight: float = 1.0,
     everyday: Everyday | None = None,
+    most_seconds: float = MOST_SECONDS,
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
 
     Args:
         runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
-        catalogue: names of the effects to consider; process_scale, noise_scale, stated,
-        row_weight: see `make_problem`;
+        catalogue: names of the effects to consider; process_scale, noise_scale, stated, row_weight: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them;
-        everyday: misfit that is no gap, with a row weight of its own (`everyday.applied`).
+        everyday: misfit that is no gap, with a row weight of its own (`everyday.applied`);
+        most_seconds: of logs that are looked at; of longer ones pieces spread evenly over them (`part_of`).
 
     Raises:
         InvalidLogError: no run can be used.
@@ -82,6 +84,7 @@ def diagnose(
     tell = progress or (lambda _stage, _share: None)
     doubts = suspicions(runs, vehicle)
     runs, unusable = usable(runs, vehicle)
+    runs, left_out = part_of(runs, most_seconds)
     names, unseen = seen_effects(runs, catalogue)
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
     problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
@@ -96,7 +99,8 @@ def diagnose(
         "learned": dataclasses.asdict(learned(problem, before, floor)),
         "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
     }
-    warnings = [*(doubt.sentence for doubt in doubts), *unusable, *unseen, *misfits, *judged.warnings(problem)]
+    warnings = [*(doubt.sentence for doubt in doubts), *unusable, *left_out, *unseen, *misfits]
+    warnings += judged.warnings(problem)
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
     return Diagnosis(answer, problem, found, judged.posterior, judged.posterior.fit, judged.reduction, judged.left[0],

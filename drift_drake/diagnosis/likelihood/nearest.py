@@ -13,8 +13,8 @@ from drift_drake.estimation.fit import Fit, prior_precision
 from drift_drake.estimation.freeform import responses
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import Problem, filter_case, flat
-from drift_drake.estimation.reduction import FOLDS, fold_of, folds, held_out_fit
-from drift_drake.estimation.regression import Equations, equations, left_over, regress, solve, summed
+from drift_drake.estimation.reduction import folds, held_out_fit, with_folds
+from drift_drake.estimation.regression import Equations, left_over, regress, solve, summed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,12 +58,9 @@ def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: n
 
 def free_squares(problem: Problem, fit: Fit) -> float:
     """Squared innovations that functions of the state leave beside a fit, each fold's under weights from the others."""
-    prior, parts = prior_precision(problem, len(fit.theta)), list[list[Equations]]()
+    prior, by_fold = prior_precision(problem, len(fit.theta)), list[Equations]()
     for run, measured in zip(problem.runs, responses(problem, fit, "functions"), strict=True):
-        of = np.repeat(fold_of(run)[run.counted], int(np.sum(run.used)))
-        held = (measured.rows(of == fold) for fold in range(FOLDS))
-        parts.append([equations([rows], len(fit.theta), shared=True) for rows in held])
-    by_fold = [summed(fold) for fold in zip(*parts, strict=True)]
+        by_fold = with_folds(by_fold, run, measured, len(fit.theta))
     whole = summed(by_fold)
     precision = 1.0 / regress(whole, fit.theta, prior).scales[whole.channel_of] ** 2
     left = 0.0

@@ -67,6 +67,13 @@ def test_the_answer_follows_the_contract(diagnosis, tmp_path):
     assert read_answer(path).causes == diagnosis.answer.causes
 
 
+def test_a_case_that_is_cut_says_so(stiffness_case):
+    cut = diagnose(stiffness_case[1], VehicleParameters(), catalogue=FEW[:1], most_seconds=6.5)
+    assert cut.answer.causes == [FEW[0]]
+    assert set(cut.answer.where["runs"]) == {"run_0", "run_2"}
+    assert "of 12 s of logs 6 s are used, 2 pieces spread evenly over them" in cut.answer.warnings
+
+
 def test_the_corrected_vehicle_has_the_effect_and_the_tolerances(diagnosis):
     vehicle, effects = corrected_vehicle(VehicleParameters(), diagnosis.answer)
     assert effects.rear_stiffness_error == diagnosis.answer.magnitudes["rear_stiffness_error"].estimate

@@ -19,6 +19,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
 MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
+MOST_LEARNT = 6000  # the same of what is normal: twenty minutes of a full-size car's logs
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
@@ -116,7 +117,7 @@ def fit_by_prediction(
     car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    day = make_day(runs, car.constants(), rest, seen, steps)
+    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
     learnt = learn_normal(day, seen, steps, prior, everyday(seen, vehicle) / steps)
     normal = learnt.normal
     at = [seen.index(u.name) for u in kept]

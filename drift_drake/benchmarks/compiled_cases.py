@@ -73,15 +73,15 @@ def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, eff
     return k1[n], k1[n + 1]
 
 
-def simulate(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, name: str,
+def simulate_run(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, name: str,
              duration: float = 12.0) -> Run:  # fmt: skip
     """One run of the car that `truth` describes, as its sensors log it."""
     constants, effects = true_car(truth, vehicle)
-    motion = driven(driver, constants, lambda _row: effects, make_strange(truth.strange), duration)
+    motion = drive_rows(driver, constants, lambda _row: effects, make_strange(truth.strange), duration)
     return sensed(*motion, effects, rng, name)
 
 
-def driven(
+def drive_rows(
     driver: Driver, constants: Constants, effects: Callable[[int], Effects], strange: Strange, duration: float,
     settles_at: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
@@ -144,7 +144,7 @@ def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator
     for i, kind in enumerate(manoeuvres):
         for _ in range(5):
             try:
-                runs.append(simulate(Driver(kind, rng, vehicle), truth, vehicle, rng, f"run_{i}", duration))
+                runs.append(simulate_run(Driver(kind, rng, vehicle), truth, vehicle, rng, f"run_{i}", duration))
                 break
             except ValueError:
                 continue

@@ -95,12 +95,12 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
             str(sorted(label["strange"] or label["effects"])): share([said(a) == "unknown"])
             for label, a in of(*UNKNOWNS)
         },
-        "mistakes": mistakes(pairs),
+        "mistakes": wrong_answers(pairs),
     }
     return result
 
 
-def mistakes(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
+def wrong_answers(pairs: Sequence[Pair]) -> list[dict[str, Any]]:
     """The cases that were not answered right, what was true, and what was said."""
     return [
         {"case": label["case"], "tier": label["tier"], "truth": label["effects"] | label["strange"], "said": said(a)}

@@ -182,11 +182,11 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
     with ended_at_once():
         from drift_drake.diagnosis.folders import answer_folder
         from drift_drake.estimation.filter import filter_run
-        from drift_drake.estimation.windows import predict
+        from drift_drake.estimation.windows import predict_windows
     if options["normal"] is None:
         say_if_it_compiles(filter_run, "the filter")
     else:
-        say_if_it_compiles(predict, "the predictions")
+        say_if_it_compiles(predict_windows, "the predictions")
     with progress_bar(command.quiet) as show:
         diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
     _say(diagnosis.answer, to=said_to(command.json))

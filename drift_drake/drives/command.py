@@ -73,10 +73,10 @@ def run_simulate(command: Simulate) -> None:
         raise InvalidLogError(f"{command.drive}: no such file or manoeuvre; give a log or one of {', '.join(NAMES)}")
     try_outputs({"--out": command.out, "--json": command.json}, [command.vehicle, *source])
     with ended_at_once():
-        from drift_drake.drives.simulate import simulate
+        from drift_drake.drives.simulate import simulate_drive
 
     logging.getLogger("drake").setLevel(logging.WARNING)
-    run, ending = simulate(command, parameters, effects)
+    run, ending = simulate_drive(command, parameters, effects)
     write_run(run, command.out)
     end = "as planned" if ending == "time" else f"early: {ending}"
     beta = np.zeros(1) if run.beta is None else run.beta

@@ -17,7 +17,7 @@ from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameter
 from drift_drake.vehicle.plausible import check_effects, check_plausible
 
 
-def simulate(command: Simulate, parameters: VehicleParameters, effects: Effects) -> tuple[Run, str]:
+def simulate_drive(command: Simulate, parameters: VehicleParameters, effects: Effects) -> tuple[Run, str]:
     """The log of a drive at 100 Hz and how it ended: "time" is as planned, else what limit it met.
 
     Raises:

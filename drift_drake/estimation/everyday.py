@@ -30,7 +30,7 @@ def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
     calibration never saw.
     """
     taken_out = traced(problem.replace(everyday=everyday, row_weight=everyday.row_weight))
-    before, after = (mean_square(p) for p in (problem, taken_out))
+    before, after = (nominal_mean_square(p) for p in (problem, taken_out))
     if after < before:
         return taken_out, []
     return problem, [
@@ -39,7 +39,7 @@ def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
     ]
 
 
-def mean_square(problem: Problem) -> float:
+def nominal_mean_square(problem: Problem) -> float:
     """Mean square innovation of the car as it is."""
     e = flat(problem, filter_case(problem, np.zeros(problem.nuisances), ()).innovations)
     return float(np.mean(e**2)) / problem.row_weight

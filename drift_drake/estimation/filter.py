@@ -18,7 +18,7 @@ from drift_drake.estimation.filter_state import (
     MEASURED,
     MIN_FILTER_SPEED,
     SIZE,
-    advance,
+    advance_row,
     first_state,
     linearise,
     predict_measurement,
@@ -163,7 +163,7 @@ def filter_run(
     for row in range(first + 1, rows):
         transition(jacobian, period, f, t, scratch)
         propagate(f, process, period, p, t)
-        advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
         rates_of(z, delta[at], torque[at], constants, effects, push, k)
@@ -230,7 +230,7 @@ def observe_run(
     for row in range(first + 1, rows):
         if pushed:
             push[:] = pushes[row - 1]
-        advance(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         if pushed:
             push[:] = pushes[row]

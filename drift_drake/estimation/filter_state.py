@@ -111,7 +111,7 @@ def runge_kutta(
 
 
 @compiled
-def advance(
+def advance_row(
     z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
     """One row of Runge-Kutta steps, in place, under a further force and moment; k [SIZE + 2], w [2, SIZE] are scratch.

@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, without_actuators
-from drift_drake.estimation.filter_state import MEASURED, SIZE, advance, predict_measurement, rates_of
+from drift_drake.estimation.filter_state import MEASURED, SIZE, advance_row, predict_measurement, rates_of
 from drift_drake.estimation.problem import Gains, Problem, car, filter_case, observe, run_commands
 from drift_drake.estimation.run_data import RunData
 
@@ -55,7 +55,7 @@ def roll_out(
                 out[s, h] = np.nan
                 continue
             for row in range(starts[s] + done, end):
-                advance(z, delta, torque, row, step, constants, effects, push, k, w)
+                advance_row(z, delta, torque, row, step, constants, effects, push, k, w)
             done = steps[h]
             at = STAGES * end
             rates_of(z, delta[at], torque[at], constants, effects, push, k)

@@ -9,7 +9,7 @@ from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, fit
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
-from drift_drake.estimation.regression import Equations, Responses, equations, summed
+from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations
 from drift_drake.estimation.run_data import RunData
 
 FOLDS, HELD_OUT = 4, 1.5  # folds of cross-validation, and seconds of the blocks that take turns in being held out
@@ -56,7 +56,7 @@ def with_folds(sums: Sequence[Equations], run: RunData, measured: Responses, par
     """
     of = measured_fold(run)
     parts = [equations([measured.rows(of == fold)], parameters, shared=True) for fold in range(FOLDS)]
-    return [summed(pair) for pair in zip(sums, parts, strict=True)] if sums else parts
+    return [summed_equations(pair) for pair in zip(sums, parts, strict=True)] if sums else parts
 
 
 def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:

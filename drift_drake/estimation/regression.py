@@ -101,7 +101,7 @@ def joined(parts: Sequence[Equations]) -> Equations:
     return Equations(np.asarray(own), np.asarray(gradient), weights, sum(part.squares for part in parts))
 
 
-def summed(parts: Sequence[Equations]) -> Equations:
+def summed_equations(parts: Sequence[Equations]) -> Equations:
     """Equations of all parts of the measurements, which share their weights."""
     of = joined(parts)
     return dataclasses.replace(of, weights=[reduce(_sum, of.weights)])
@@ -126,7 +126,7 @@ class Solution:
     log_evidence: float  # up to the constant that all sets of regressors share
 
 
-def solve(of: Equations, gradient: np.ndarray, prior: np.ndarray, precision: np.ndarray) -> Solution:
+def solve_equations(of: Equations, gradient: np.ndarray, prior: np.ndarray, precision: np.ndarray) -> Solution:
     """The mode of all parameters.
 
     Args:
@@ -170,7 +170,7 @@ def regress(of: Equations, theta: np.ndarray, prior: np.ndarray) -> Regression:
     scales = np.full(groups, 1.0)
     best = Regression(-np.inf, np.zeros(0), channel_of, scales, 0.0)
     for _ in range(EM_STEPS):
-        found = solve(of, gradient, prior, 1.0 / scales[channel_of] ** 2)
+        found = solve_equations(of, gradient, prior, 1.0 / scales[channel_of] ** 2)
         gain, weights = found.log_evidence - without, np.concatenate(found.weights)
         if gain > best.gain:
             left = left_over(of, found.own, found.weights)

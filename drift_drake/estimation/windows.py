@@ -152,7 +152,7 @@ def _measured_state(y: Any, effects: Any, z: Any) -> Any:
 
 
 @compiled
-def predict(
+def predict_windows(
     start_y: Any, y: Any, starts: Any, stride: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
     fed: Any, out: Any,
 ) -> Any:  # fmt: skip
@@ -204,7 +204,7 @@ def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizon
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
-    predict(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
+    predict_windows(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
             without_actuators(effects), run.fed, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out

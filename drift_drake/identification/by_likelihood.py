@@ -11,7 +11,7 @@ from drift_drake.identification.calibrated import calibrated_vehicle, places, sc
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
-from drift_drake.identification.held_out import compare, held_out_error, squares_of, without_fold
+from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, shown_effects, widened
 from drift_drake.identification.widening import widening
@@ -56,7 +56,7 @@ def identify_by_likelihood(
     best = least_deaf_fit(problem, chosen, first, tell)
     tell("all rows", 0.8)
     found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
-    held = compare(
+    held = held_out_rows(
         problem, squares_of(problem, *guess_as_stated(problem, first, chosen, effects), held=True),
         squares_of(problem, best.theta, best.names, held=True),
     )  # fmt: skip

@@ -106,7 +106,7 @@ def fit_by_prediction(
     full = fitted_to(fitted, [*base, *more], start)
     asked_for = furthest(full) < furthest(alone)
     chosen, best = ([*base, *more], full) if asked_for else (base, alone)
-    held_out = compared(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
+    held_out = held_out_windows(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
     progress("all windows", 0.5)
     fit = fitted_to(thinned(runs, MOST_WINDOWS), chosen, best.theta)
     kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * u.unit]
@@ -143,7 +143,9 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
     return float(everyday([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
 
 
-def compared(judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects) -> HeldOut:
+def held_out_windows(
+    judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects
+) -> HeldOut:
     """Median absolute errors on held-out windows of the first guess and of the calibrated car, in the states' units.
 
     The ratio is the states' geometric mean at the longest horizon, its interval from resampled blocks of 2 s.

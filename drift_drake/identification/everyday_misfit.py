@@ -23,7 +23,7 @@ from drift_drake.estimation.fit import prior_precision
 from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.reduction import FOLDS, measured_fold, with_folds
-from drift_drake.estimation.regression import SENSORS, Equations, equations, joined, regress, summed
+from drift_drake.estimation.regression import SENSORS, Equations, equations, joined, regress, summed_equations
 from drift_drake.identification.estimate import Estimate
 from drift_drake.identification.widening import block_lengths, squared_influence, widened
 
@@ -41,9 +41,9 @@ def everyday_misfit(found: Estimate) -> tuple[float, Everyday | None]:
     """The row weight of the calibrated car as it is, and the forces that it lacks; None if they bring nothing."""
     theta, prior = found.theta, prior_precision(found.problem, len(found.theta))
     looks = looked_at(found)
-    plain, whole = row_weight(found, looks), summed(looks.by_fold)
+    plain, whole = row_weight(found, looks), summed_equations(looks.by_fold)
     precision = 1.0 / regress(whole, theta, prior).scales[whole.channel_of] ** 2
-    others = [summed([part for i, part in enumerate(looks.by_fold) if i != fold]) for fold in range(FOLDS)]
+    others = [summed_equations([part for i, part in enumerate(looks.by_fold) if i != fold]) for fold in range(FOLDS)]
     beside = row_weight(found, looked_at(found, [held(of, precision) for of in others]))
     return plain, as_everyday(found, held(whole, precision), whole.channel_of, beside) if beside > plain else None
 
@@ -83,7 +83,7 @@ def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, ro
 
 def row_weight(found: Estimate, looks: Looks) -> float:
     """The power, in (0, 1], at which nothing scatters more than it should."""
-    prior, by_function = prior_precision(found.problem, len(found.theta)), summed(looks.by_fold)
+    prior, by_function = prior_precision(found.problem, len(found.theta)), summed_equations(looks.by_fold)
     most = float(np.mean(widened(found.covariance, by_function.own, looks.squared_influence) ** 2))
     free = [q for of in (by_function, looks.pulses) for q in scatter(of, found.theta, prior)]
     return float(1.0 / max(1.0, most, *free))

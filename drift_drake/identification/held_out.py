@@ -71,7 +71,9 @@ def held_out_error(squares: Sequence[np.ndarray]) -> float:
     return float(np.nanmean(np.concatenate(squares)[:, JUDGED]))
 
 
-def compare(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray], seed: int = 0) -> HeldOut:
+def held_out_rows(
+    problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray], seed: int = 0
+) -> HeldOut:
     """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
     used = judged_states(problem)
     sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])

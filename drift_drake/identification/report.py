@@ -23,7 +23,7 @@ def report_html(found: Identification, source: Source | None = None) -> str:
         not_identified=[direction.sentence() for direction in c.not_identified],
         rows=found.rows,
         intervals=figures.intervals(c.parameters),
-        errors=figures.errors(c.held_out),
+        errors=figures.error_chart(c.held_out),
         correlations=figures.correlations(list(c.parameters), c.correlation),
     )
 

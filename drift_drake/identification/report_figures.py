@@ -32,7 +32,7 @@ def intervals(parameters: dict[str, Parameter]) -> Markup:
     return finished(figure, 60 + 22 * len(parameters), legend=False, ticks=len(parameters))
 
 
-def errors(held: HeldOut) -> Markup:
+def error_chart(held: HeldOut) -> Markup:
     """Held-out root mean square errors against the horizon, first guess and calibrated."""
     horizons = np.array(held.horizons)
     panels = []

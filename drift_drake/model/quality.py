@@ -138,7 +138,7 @@ def choose_sample_weight(model: BayesianModel, samples: Samples) -> float:
     return SAMPLE_WEIGHTS[int(np.argmin(losses))]
 
 
-def judge(model: BayesianModel, vehicles: list[Split], points: tuple[int, ...],
+def quality_by_points(model: BayesianModel, vehicles: list[Split], points: tuple[int, ...],
           horizons: tuple[int, ...] = (5, 20)) -> dict[str, Any]:  # fmt: skip
     """Quality against the number of adaptation points, pooled over vehicles.
 

@@ -25,7 +25,7 @@ from drift_drake.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     SIZE,
-    advance,
+    advance_row,
     first_state,
     linearise,
     predict_measurement,
@@ -154,7 +154,7 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     for j in range(len(state.z)):
         effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
-        advance(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
+        advance_row(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.pushes[j], k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:
@@ -165,12 +165,12 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
 
 
-def start(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> None:
+def start_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> None:
     """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
     _start(y, used, command, bank, state)
 
 
-def row(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:
+def advance_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:
     """Carries the state one row on, in place, to a measurement and the command in force there.
 
     Returns:

@@ -95,12 +95,12 @@ def run_watch(command: Watch) -> None:
             write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
             sys.stdout.flush()
     if not reported:
-        print(f"{command.log}: {nothing(monitor, judged)}", file=said_to(command.json))
+        print(f"{command.log}: {no_change_sentence(monitor, judged)}", file=said_to(command.json))
     if command.json is not None and not (command.follow and reported):
         write_text(command.json, _lines(reported))
 
 
-def nothing(monitor: "Monitor", judged: float) -> str:
+def no_change_sentence(monitor: "Monitor", judged: float) -> str:
     """What is said where no change is reported: that none was seen, or that none could be; judged: [s]."""
     from drift_drake.monitoring.monitor import SPIN
 

@@ -91,7 +91,7 @@ def whitened(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.nd
     return both[:, :, 0], both[:, :, 1:]
 
 
-def judge(problem: EvidenceProblem, history: History, block: float) -> Verdict:
+def verdict_of(problem: EvidenceProblem, history: History, block: float) -> Verdict:
     """The posterior at the end of a history of blocks of `block` seconds."""
     ages, recent = since(history)
     if not len(ages):

@@ -70,7 +70,7 @@ class _Choice(NamedTuple):
     days: np.ndarray  # [days] bool
 
 
-def compared(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFindings:
+def fleet_findings(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFindings:
     """What a fleet's days show.
 
     Raises:

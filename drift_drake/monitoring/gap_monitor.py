@@ -6,7 +6,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring.bank import BankState
 from drift_drake.monitoring.history import Sums
-from drift_drake.monitoring.monitor import Monitor, State, advance
+from drift_drake.monitoring.monitor import Monitor, State, after_row
 from drift_drake.monitoring.renewal import TRUSTED
 from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE
 
@@ -66,7 +66,7 @@ class GapMonitor(LeafSystem):
             for name, at in _FURTHER.items():
                 y[CHANNELS.index(name)] = row[at]
         before = self.state(context)
-        after = advance(self.monitor, before, y, np.array(self._command.Eval(context)), context.get_time())
+        after = after_row(self.monitor, before, y, np.array(self._command.Eval(context)), context.get_time())
         for group, new, old in zip(self._groups, _arrays(after), _arrays(before), strict=True):
             if new is not old:
                 discrete.set_value(group, new.ravel())

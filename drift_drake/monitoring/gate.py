@@ -31,11 +31,11 @@ def gated_row(
         (the state, the whitened innovations [m, 9] or None where the row was left out, rows that may be left out).
     """
     after = _copy(state)
-    innovations = filters.row(y, used, command, bank, after)
+    innovations = filters.advance_bank(y, used, command, bank, after)
     if left < 1.0 or float(np.sum(innovations[0][used] ** 2)) <= FAR**2:
         return after, innovations, min(left + REGAINED, allowance(bank))
     after = _copy(state)
-    filters.row(y, np.zeros_like(used), command, bank, after)
+    filters.advance_bank(y, np.zeros_like(used), command, bank, after)
     return after, None, left - 1.0
 
 

@@ -44,7 +44,7 @@ def no_history(n: int) -> History:
     return History(np.zeros(SLOTS), no_sums(n, SLOTS), no_sums(n))
 
 
-def added(history: History, block: Sums, forgetting: float, edge: float) -> History:
+def with_block(history: History, block: Sums, forgetting: float, edge: float) -> History:
     """The history after one more block.
 
     Args:

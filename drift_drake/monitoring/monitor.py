@@ -12,9 +12,9 @@ from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.bank import Bank, BankState, make_bank
-from drift_drake.monitoring.evidence import EvidenceProblem, evidence_problem, judge, labels
+from drift_drake.monitoring.evidence import EvidenceProblem, evidence_problem, labels, verdict_of
 from drift_drake.monitoring.gate import allowance, gated_row
-from drift_drake.monitoring.history import Sums, added, no_history, no_sums, packed, unpacked
+from drift_drake.monitoring.history import Sums, no_history, no_sums, packed, unpacked, with_block
 from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.monitoring.renewal import TRUSTED, renewed
 from drift_drake.simulation.sensors import NoiseLevels
@@ -104,7 +104,7 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
     return out
 
 
-def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
+def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
     """The state after one more row.
 
     Args:
@@ -118,7 +118,7 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, 
         if not used[:2].all() or not commanded:
             return state
         bank = filters.make_state(monitor.bank)
-        filters.start(y, used, command, monitor.bank, bank)
+        filters.start_bank(y, used, command, monitor.bank, bank)
         return state._replace(clock=np.array([1.0, filled, edge, allowance(monitor.bank)]), bank=bank)
     if not commanded:
         command = state.bank.commands[-1].copy()
@@ -126,8 +126,8 @@ def advance(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, 
     if lost(bank):
         return state._replace(clock=np.array([0.0, filled, edge, left]))
     block = state.block
-    if innovations is not None and judged(monitor, rows, bank):
-        block = summed(block, innovations, used)
+    if innovations is not None and row_counts(monitor, rows, bank):
+        block = with_row(block, innovations, used)
     state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
     return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
 
@@ -137,12 +137,12 @@ def lost(bank: BankState) -> bool:
     return not np.isfinite(bank.z).all()
 
 
-def judged(monitor: Monitor, rows: float, bank: BankState) -> bool:
+def row_counts(monitor: Monitor, rows: float, bank: BankState) -> bool:
     """Whether a row counts, so many after the bank's first one: the filter is settled, the equations hold."""
     return bool(rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN)
 
 
-def summed(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
+def with_row(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
     """The block with one more row of innovations [1 + n, 9]."""
     nu = innovations[0][used]
     signatures = nu - innovations[1:][:, used]
@@ -160,8 +160,8 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
     if state.block.rows == 0.0:
         return state._replace(clock=np.array([rows, 0.0, edge, left]))
     n = len(monitor.problem.nodes)
-    history = added(unpacked(state.history, n), state.block, FORGETTING, edge)
-    verdict = judge(monitor.problem, history, BLOCK)
+    history = with_block(unpacked(state.history, n), state.block, FORGETTING, edge)
+    verdict = verdict_of(monitor.problem, history, BLOCK)
     if verdict.probabilities[0] < TRUSTED:
         history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0

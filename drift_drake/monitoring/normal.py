@@ -15,7 +15,7 @@ from drift_drake.logs.table import Run
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_sums
-from drift_drake.monitoring.monitor import Monitor, judged, lost, summed
+from drift_drake.monitoring.monitor import Monitor, lost, row_counts, with_row
 from drift_drake.monitoring.watch import rows_of
 
 BLOCK = 2.0  # [s]
@@ -32,15 +32,15 @@ def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
         used = monitor.used & (np.abs(row.y) < ABSURD)
         y = np.where(used, row.y, 0.0)
         if begun == 0:
-            filters.start(y, used, row.command, monitor.bank, state)
+            filters.start_bank(y, used, row.command, monitor.bank, state)
             begun = 1
             continue
         state, e, left = gated_row(monitor.bank, state, left, y, used, row.command)
         if lost(state):
             state, begun, left = filters.make_state(monitor.bank), 0, allowance(monitor.bank)
             continue
-        if e is not None and judged(monitor, begun, state):
-            block = summed(block, e, used)
+        if e is not None and row_counts(monitor, begun, state):
+            block = with_row(block, e, used)
         begun += 1
         if block.rows * monitor.bank.period >= BLOCK:
             out, block = [*out, block], no_sums(n)

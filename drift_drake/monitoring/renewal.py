@@ -7,7 +7,7 @@ have one, those alone count from then on.
 
 import numpy as np
 
-from drift_drake.monitoring.evidence import EvidenceProblem, Verdict, judge, whitened
+from drift_drake.monitoring.evidence import EvidenceProblem, Verdict, verdict_of, whitened
 from drift_drake.monitoring.history import History, newest, since, until
 from drift_drake.monitoring.nodes import RATE_LIMIT
 
@@ -23,7 +23,7 @@ def renewed(problem: EvidenceProblem, history: History, verdict: Verdict, block:
     recent = newest(history, RECENT / block, verdict.edge)
     if not recent.lengths.any() or verdict.edge * block <= RECENT:
         return history, verdict
-    now = judge(problem, recent, block)
+    now = verdict_of(problem, recent, block)
     unknown = verdict.probabilities[-1] >= verdict.probabilities[1:-1].max()
     if now.probabilities[0] >= TRUSTED and (unknown or _nats(problem, recent, verdict) < REFUTED):
         return recent, now

@@ -11,7 +11,7 @@ from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.history import unpacked
-from drift_drake.monitoring.monitor import Monitor, State, advance, make_monitor
+from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
 from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -64,7 +64,7 @@ def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.n
     state, reported = monitor.start(), Events()
     for row in rows:
         before = state.verdict
-        state = advance(monitor, state, row.y, row.command, row.t)
+        state = after_row(monitor, state, row.y, row.command, row.t)
         if state.verdict is not before:
             reported, events = reported.after(monitor, state.verdict, row.t)
             yield row.t, state.verdict, [with_group(monitor, state, event) for event in events]

@@ -106,7 +106,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
                       policy="watch" if config.monitor == "off" else config.monitor)  # fmt: skip
 
 
-def simulate(config: ClosedLoopConfig) -> ClosedLoopRun:
+def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:
     """One run; the same config gives the same run to the bit (wall times aside)."""
     # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
     error = np.array([0.0, 0.0, config.sideslip_error, 0.0, config.lateral_error, 0.0])
@@ -129,7 +129,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         print(*pictures, sep="\n", file=to)
         return {"out": folder, "pictures": pictures}
     say_if_it_compiles(attempt, "the controller")
-    run = simulate(config)
+    run = run_closed_loop(config)
     m = run.metrics()
     events = []
     if run.monitor is not None:

@@ -34,7 +34,7 @@ class ReadingKind(enum.IntEnum):
     DISAGREEING = 5  # far from what the model makes of the last good one
 
 
-def judge(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
+def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
     """What a measured state [7] is.
 
     Args:
@@ -127,7 +127,7 @@ class Screen(LeafSystem):
         last = JudgedReading.of(before[1:-2])
         if t - before[0] < 0.5 * self._period:  # the same tick, after its update
             return last
-        kind = judge(x, good[1:], t - good[0], int(self._repeats(context)))
+        kind = reading_kind(x, good[1:], t - good[0], int(self._repeats(context)))
         if self._innovation is None:
             return JudgedReading(kind, x if kind == ReadingKind.GOOD else last.estimate)
         u, u_next = before[-2:], self._in_force(context)

@@ -30,7 +30,7 @@ from drift_drake.control.tracking import tracking_gains
 from drift_drake.diagnosis.answers.answer import UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer, solve
+from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer, solved_plans
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
@@ -97,7 +97,7 @@ def plain_plan(
     nothing = Belief((), 1.0, np.zeros(12), np.eye(12))
     sensing = Sensing(np.ones(9), np.ones(9, dtype=np.bool_), np.ones(9))
     lateral = size * np.sin(2.0 * np.pi * np.arange(config.steps + 1) * DT / period)
-    return next(solve(vehicle, sensing, (nothing, nothing), config, lateral))
+    return next(solved_plans(vehicle, sensing, (nothing, nothing), config, lateral))
 
 
 def one_case(index: int, config: WhatToDriveConfig) -> dict[str, Any]:

@@ -30,8 +30,8 @@ from drift_drake.model.quality import (
     GAUSSIAN_COVERAGE,
     Split,
     adapted,
-    judge,
     judge_stepper,
+    quality_by_points,
     rollout_errors,
     rollout_summary,
     split_vehicle,
@@ -78,9 +78,9 @@ def run(config: QualityConfig) -> dict[str, Any]:
         splits = [split_vehicle(samples.of_vehicle(vehicle), max(POINTS)) for vehicle in np.unique(samples.vehicle)]
         found: dict[str, Any] = {"vehicles": len(splits), "judged": sum(len(d.x) for s in splits for d in s.judged)}
         for name, model in models.items():
-            found[name] = judge(model, splits, POINTS, HORIZONS)
+            found[name] = quality_by_points(model, splits, POINTS, HORIZONS)
         if config.fixed is not None:
-            found["fixed network"] = judge(load_model(config.fixed), splits, (0,), HORIZONS)["0"]
+            found["fixed network"] = quality_by_points(load_model(config.fixed), splits, (0,), HORIZONS)["0"]
         car = models["Bayesian"].vehicle
         found["nominal car"] = judge_stepper(NominalStepModel(car), splits, HORIZONS)
         found["path_step"] = _path_steps(models["Bayesian"], splits)

@@ -15,7 +15,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.history import unpacked
-from drift_drake.monitoring.monitor import advance
+from drift_drake.monitoring.monitor import after_row
 from drift_drake.monitoring.watch import rows_of
 from drift_drake.vehicle.effects import Effects, make_effects
 from experiments.monitoring.cars import Simulator, double_track_simulator
@@ -53,7 +53,7 @@ def leading(job: Job) -> tuple[str, str, tuple[str, ...]]:
     state = monitor.start()
     for row in rows_of(run):
         if row.t <= onset + SECONDS:
-            state = advance(monitor, state, row.y, row.command, row.t)
+            state = after_row(monitor, state, row.y, row.command, row.t)
     name = monitor.labels[1 + int(np.argmax(state.verdict[1:-4]))]
     history = unpacked(state.history, len(monitor.problem.nodes))
     return change[0], name, mistakable(monitor.problem, history, float(state.clock[2]), name)

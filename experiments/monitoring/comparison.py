@@ -28,7 +28,7 @@ from drift_drake.model.out_of_distribution import squared_distance, statistics
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.history import Sums, no_sums
 from drift_drake.monitoring.limits import limits
-from drift_drake.monitoring.monitor import SETTLING, Monitor, summed
+from drift_drake.monitoring.monitor import SETTLING, Monitor, with_row
 from drift_drake.monitoring.nodes import RATE_LIMIT
 from drift_drake.monitoring.renewal import ALARM
 from drift_drake.monitoring.watch import rows_of, watched
@@ -79,8 +79,8 @@ def traced(monitor: Monitor, run: Run) -> Trace:
     """Innovations of all cars of the bank over a drive."""
     state, rows = filters.make_state(monitor.bank), list(rows_of(run))
     y = np.where(monitor.used, np.array([row.y for row in rows]), 0.0)
-    filters.start(y[0], monitor.used, rows[0].command, monitor.bank, state)
-    e = [filters.row(y[k], monitor.used, rows[k].command, monitor.bank, state) for k in range(1, len(y))]
+    filters.start_bank(y[0], monitor.used, rows[0].command, monitor.bank, state)
+    e = [filters.advance_bank(y[k], monitor.used, rows[k].command, monitor.bank, state) for k in range(1, len(y))]
     return Trace(run.t[1:], monitor.used, np.array(e))
 
 
@@ -88,7 +88,7 @@ def sums_between(trace: Trace, start: float, end: float) -> Sums:
     """The sums of the rows in a part [s] of a drive."""
     block = no_sums(trace.innovations.shape[1] - 1)
     for e in trace.innovations[(trace.t > start) & (trace.t <= end)]:
-        block = summed(block, e, trace.used)
+        block = with_row(block, e, trace.used)
     return block
 
 

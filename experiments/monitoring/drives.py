@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.benchmarks.compiled_cases import NOISE, driven, sensed
+from drift_drake.benchmarks.compiled_cases import NOISE, drive_rows, sensed
 from drift_drake.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
 from drift_drake.benchmarks.strange_effects import make_strange
 from drift_drake.benchmarks.truths import true_constants
@@ -33,7 +33,7 @@ def changed_drive(
     constants, offset = true_constants(vehicle, deviations or {})
     nominal, change = Effects(steering_offset=offset), round(onset / PERIOD)
     changed = combined(nominal, effects)
-    motion = driven(driver, constants, lambda row: changed if change <= row < until / PERIOD else nominal,
+    motion = drive_rows(driver, constants, lambda row: changed if change <= row < until / PERIOD else nominal,
                     make_strange({}), duration, settles_at=change)  # fmt: skip
     return sensed_across(*motion, changed, onset, seed)
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.regression import Responses, equations, left_over, regress, solve, summed
+from drift_drake.estimation.regression import (
+    Responses,
+    equations,
+    left_over,
+    regress,
+    solve_equations,
+    summed_equations,
+)
 
 PARAMETERS, SHARED = 9, 3  # own parameters, of which the first are every run's
 CHANNELS = np.array([0, 0, 1, 1, 2, 4])
@@ -47,7 +54,7 @@ def test_the_mode_is_that_of_the_dense_equations(shared):
     prior, precision = rng.uniform(0.1, 2.0, PARAMETERS), rng.uniform(0.1, 2.0, channel_of.size)
     theta = rng.normal(size=PARAMETERS)
     gradient = of.gradient + prior * theta
-    found = solve(of, gradient, prior, precision)
+    found = solve_equations(of, gradient, prior, precision)
     matrix = jacobian.T @ jacobian + np.diag(np.append(prior, precision))
     right = jacobian.T @ e + np.append(prior * theta, np.zeros(channel_of.size))
     expected = -np.linalg.solve(matrix, right)
@@ -73,7 +80,10 @@ def test_what_the_weights_remove_is_found(shared):
 
 def test_equations_of_shared_weights_add_up():
     parts = runs(shared=True)
-    whole, added = equations(parts, PARAMETERS, True), summed([equations([p], PARAMETERS, True) for p in parts])
+    whole, added = (
+        equations(parts, PARAMETERS, True),
+        summed_equations([equations([p], PARAMETERS, True) for p in parts]),
+    )
     np.testing.assert_allclose(added.own, whole.own)
     np.testing.assert_allclose(added.weights[0].cross, whole.weights[0].cross)
     np.testing.assert_allclose(added.weights[0].gradient, whole.weights[0].gradient)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drift_drake.benchmarks.compiled_cases import simulate
+from drift_drake.benchmarks.compiled_cases import simulate_run
 from drift_drake.benchmarks.drivers import PERIOD, Driver
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation import windows
@@ -36,7 +36,7 @@ def exact(run):
 
 def slalom(effects):
     """Two seconds of a car with effects, without noise."""
-    return simulate(Driver("slalom", np.random.default_rng(2), CAR), Truth(effects), CAR, Silent(), "run_0", 2.0)
+    return simulate_run(Driver("slalom", np.random.default_rng(2), CAR), Truth(effects), CAR, Silent(), "run_0", 2.0)
 
 
 @functools.cache

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.benchmarks.compiled_cases import simulate
+from drift_drake.benchmarks.compiled_cases import simulate_run
 from drift_drake.benchmarks.drake_cases import drive
 from drift_drake.benchmarks.drivers import Driver
 from drift_drake.benchmarks.intervals import binomial
@@ -24,7 +24,7 @@ VEHICLE = VehicleParameters()
 def test_drakes_plant_and_the_compiled_one_drive_alike(truth):
     kind = "transients"
     one = drive(Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, 3, "a", 1.5)
-    other = simulate(
+    other = simulate_run(
         Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, np.random.default_rng(0), "a", 1.5
     )
     assert len(one) == len(other)

@@ -17,7 +17,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.importing.look import look
 from drift_drake.monitoring.follow import as_rows, growing_rows, head_of, on_the_clock
-from drift_drake.monitoring.monitor import Monitor, advance, make_monitor
+from drift_drake.monitoring.monitor import Monitor, after_row, make_monitor
 from drift_drake.monitoring.watch import monitor_of
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
@@ -59,7 +59,7 @@ def followed(content: bytes) -> None:
     monitor = monitor_of(head, CAR, Effects())
     state = monitor.start()
     for row in as_rows(iter([*first, *on_the_clock(path, rows, head)])):
-        state = advance(monitor, state, row.y, row.command, row.t)
+        state = after_row(monitor, state, row.y, row.command, row.t)
     assert state.verdict[:-4].sum() == pytest.approx(1.0)
 
 
@@ -88,7 +88,7 @@ def test_readings_of_the_monitor(monitor: Monitor, spoils: list[tuple[int, int, 
     def watch() -> None:
         state = monitor.start()
         for k in range(60):
-            state = advance(monitor, state, rows[k, :-2], rows[k, -2:], t[k])
+            state = after_row(monitor, state, rows[k, :-2], rows[k, -2:], t[k])
             assert state.verdict[:-4].sum() == pytest.approx(1.0)
 
     tried("readings", watch)

@@ -9,7 +9,7 @@ from browser import check_charts, needs_browser
 from drift_drake.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
-from drift_drake.identification.by_prediction import compared, is_held, prior_of, row_by_row, split
+from drift_drake.identification.by_prediction import held_out_windows, is_held, prior_of, row_by_row, split
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import write_report
 from drift_drake.logs.table import InvalidLogError
@@ -74,16 +74,16 @@ def test_the_calibrated_car_is_near_the_true_one_where_it_has_such_parameters(ot
 
 def test_a_comparison_with_itself_is_one(other_car, runs):
     _, judged = split(runs)
-    same = compared(judged, other_car.guess, Effects(), Effects())
+    same = held_out_windows(judged, other_car.guess, Effects(), Effects())
     assert same.ratio == same.low == same.high == 1.0
     assert same.before == same.after
     assert same.worse == ()
-    moved = compared(judged, other_car.guess, Effects(), Effects(gyro_bias=0.2))
+    moved = held_out_windows(judged, other_car.guess, Effects(), Effects(gyro_bias=0.2))
     assert moved.worse[0] == "r"  # and what follows from it
     assert all(low <= then[-1] / first[-1] <= high for (low, high), then, first
                in zip(moved.by_state, np.transpose(moved.after), np.transpose(moved.before), strict=True))  # fmt: skip
     fed = [dataclasses.replace(run, fed=True, used=np.array([True, False, True, False, True])) for run in judged]
-    assert compared(fed, other_car.guess, Effects(), Effects()).states == ("r", "beta")
+    assert held_out_windows(fed, other_car.guess, Effects(), Effects()).states == ("r", "beta")
 
 
 def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_car):

@@ -12,7 +12,7 @@ from drift_drake.estimation.everyday import traced
 from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import filter_case, flat, make_problem
 from drift_drake.estimation.reduction import FOLDS, measured_fold
-from drift_drake.estimation.regression import Responses, equations, summed
+from drift_drake.estimation.regression import Responses, equations, summed_equations
 from drift_drake.identification.estimate import estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit, looked_at, scatter
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -60,7 +60,7 @@ def test_sums_run_by_run_are_those_of_all_rows(strange):
             rows = measured_fold(run) == fold
             into[rows] += functions.weights[rows] @ weights[fold]
     looks = looked_at(strange, weights)
-    for kind, found in (("functions", summed(looks.by_fold)), ("pulses", looks.pulses)):
+    for kind, found in (("functions", summed_equations(looks.by_fold)), ("pulses", looks.pulses)):
         replaced = [dataclasses.replace(run, residual=e) for run, e in zip(by_kind[kind], left, strict=True)]
         wanted = equations(replaced, count, shared=kind == "functions")
         np.testing.assert_allclose(found.own, wanted.own, rtol=1e-10, atol=1e-10)

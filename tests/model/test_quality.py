@@ -14,10 +14,10 @@ from drift_drake.model.quality import (
     adapted,
     choose_sample_weight,
     coverage,
-    judge,
     judge_stepper,
     learn,
     mean_nll,
+    quality_by_points,
     rollout_errors,
     split_vehicle,
     standardized_errors,
@@ -81,7 +81,7 @@ def test_a_right_model_is_calibrated_and_adaptation_takes_its_error_to_the_noise
     random_model = full_weight
     split = split_vehicle(believed, 100)
     judged = concatenate(split.judged)
-    result = judge(random_model, [split], (0, 100), horizons=(1,))
+    result = quality_by_points(random_model, [split], (0, 100), horizons=(1,))
     np.testing.assert_allclose(result["100"]["rms"], random_model.sigma, rtol=0.35)
     assert (np.array(result["0"]["rms"]) > 1.5 * np.array(result["100"]["rms"])).all()
     assert result["100"]["nll"] < result["0"]["nll"]

@@ -5,7 +5,7 @@ import numpy as np
 from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.evidence import evidence_problem
-from drift_drake.monitoring.history import Sums, added, no_history
+from drift_drake.monitoring.history import Sums, no_history, with_block
 from drift_drake.monitoring.nodes import Node
 
 NODES = [
@@ -22,7 +22,7 @@ def history_of(opposed: float):
     g[:, 4] = opposed * g[:, 3] + 0.1 * g[:, 4]
     score = g.T @ (g[:, 0] + rng.normal(size=300))
     block = Sums(np.array(300.0), np.array(300.0), np.array(300.0), score, g.T @ g)
-    return added(no_history(len(NODES)), block, 0.8, 0.0)
+    return with_block(no_history(len(NODES)), block, 0.8, 0.0)
 
 
 def test_what_looks_alike_is_one_group():

@@ -16,8 +16,8 @@ VEHICLE = VehicleParameters()
 
 def innovations_of(bank: filters.Bank, y: np.ndarray, used: np.ndarray, commands: np.ndarray) -> np.ndarray:
     state = filters.make_state(bank)
-    filters.start(y[0], used, commands[0], bank, state)
-    return np.array([filters.row(y[k], used, commands[k], bank, state) for k in range(1, len(y))])
+    filters.start_bank(y[0], used, commands[0], bank, state)
+    return np.array([filters.advance_bank(y[k], used, commands[k], bank, state) for k in range(1, len(y))])
 
 
 def test_the_first_car_is_the_estimators_filter(changed_run, commands):
@@ -40,10 +40,10 @@ def test_commands_pass_actuators_row_by_row_as_all_at_once(changed_run, commands
     bank = filters.make_bank([], VEHICLE, own, run.period, problem.noise**2, PROCESS_NOISE**2)
     first = 20 if name == "sensor_latency" else 0  # the estimator waits for late sensors
     state = filters.make_state(bank)
-    filters.start(run.y[first], run.used, commands[first], bank, state)
+    filters.start_bank(run.y[first], run.used, commands[first], bank, state)
     state.commands[:] = commands[np.maximum(np.arange(first + 1 - len(state.commands), first + 1), 0)]
     found = np.array(
-        [filters.row(run.y[k], run.used, commands[k], bank, state)[0] for k in range(first + 1, len(run.y))]
+        [filters.advance_bank(run.y[k], run.used, commands[k], bank, state)[0] for k in range(first + 1, len(run.y))]
     )
     expected = filter_case(problem, theta, (name,)).innovations[0][first + 1 :]
     np.testing.assert_allclose(found[100:], expected[100:], atol=0.02)
@@ -66,8 +66,8 @@ def test_a_missing_reading_corrects_nothing(changed_run, commands):
     run = problem.runs[0]
     bank = filters.make_bank([], VEHICLE, Effects(), run.period, problem.noise**2, PROCESS_NOISE**2)
     state = filters.make_state(bank)
-    filters.start(run.y[0], run.used, commands[0], bank, state)
-    e = filters.row(run.y[1], np.zeros(len(CHANNELS), dtype=bool), commands[1], bank, state)
+    filters.start_bank(run.y[0], run.used, commands[0], bank, state)
+    e = filters.advance_bank(run.y[1], np.zeros(len(CHANNELS), dtype=bool), commands[1], bank, state)
     assert np.all(e == 0.0)
     assert np.isfinite(state.z).all()
 

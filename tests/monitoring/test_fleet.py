@@ -9,7 +9,7 @@ from drift_drake.cli import main
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.evidence import evidence_problem
-from drift_drake.monitoring.fleet import FleetDay, compared
+from drift_drake.monitoring.fleet import FleetDay, fleet_findings
 from drift_drake.monitoring.fleet_command import day_folders, lines
 from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
 from drift_drake.monitoring.fleet_picture import draw_fleet
@@ -38,7 +38,7 @@ def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dic
     rng = np.random.default_rng(3)
     days = [day(rng, f"car_{c}", f"day_{d}", shared | own.get(f"car_{c}", {}) | daily.get(f"car_{c}/day_{d}", {}))
             for c in range(6) for d in range(2)]  # fmt: skip
-    return compared(PROBLEM, days)
+    return fleet_findings(PROBLEM, days)
 
 
 def test_shared_own_and_daily_effects_are_told_apart():
@@ -85,7 +85,7 @@ def test_days_are_compared_by_what_all_runs_have_each_at_its_own_rate(tmp_path):
     used = shared_columns(folders)
     assert used == ("r", "v", "omega_r", "ax", "ay")
     vehicle, own = VehicleParameters(), Effects()
-    found = compared(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
+    found = fleet_findings(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
     assert not found.terms
     assert not found.outliers
 

@@ -6,7 +6,7 @@ import pytest
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.table import Run
 from drift_drake.monitoring.gate import allowance
-from drift_drake.monitoring.monitor import Monitor, State, advance, make_monitor
+from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
 from drift_drake.monitoring.normal import block_sums
 from drift_drake.monitoring.watch import WATCHED, Row, rows_of
 from drift_drake.vehicle.effects import Effects
@@ -37,7 +37,7 @@ def spoilt(rows: list[Row], channel: str, size: float, count: int) -> list[Row]:
 def states(monitor: Monitor, rows: list[Row]) -> list[State]:
     out = [monitor.start()]
     for row in rows:
-        out.append(advance(monitor, out[-1], row.y, row.command, row.t))
+        out.append(after_row(monitor, out[-1], row.y, row.command, row.t))
     return out
 
 

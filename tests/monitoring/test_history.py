@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.monitoring.history import SLOTS, Sums, added, no_history, packed, since, unpacked, until
+from drift_drake.monitoring.history import SLOTS, Sums, no_history, packed, since, unpacked, until, with_block
 
 N = 3
 
@@ -16,7 +16,7 @@ def block(i: int) -> Sums:
 def filled(count: int):
     history = no_history(N)
     for i in range(count):
-        history = added(history, block(i), 1.0, 0.0)
+        history = with_block(history, block(i), 1.0, 0.0)
     return history
 
 
@@ -45,7 +45,7 @@ def test_memory_is_bounded_and_old_blocks_are_long():
 def test_no_block_reaches_across_an_edge(edge_at):
     history = filled(edge_at)
     for age in range(1, 600):
-        history = added(history, block(age), 1.0, float(age - 1))
+        history = with_block(history, block(age), 1.0, float(age - 1))
         if age > 1:  # the first block since is not known to be
             assert float(age) in np.cumsum(history.lengths)
 

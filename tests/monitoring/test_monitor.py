@@ -8,7 +8,7 @@ from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.history import Sums, no_sums, since, unpacked
 from drift_drake.monitoring.limits import limits
-from drift_drake.monitoring.monitor import SETTLING, advance, summed
+from drift_drake.monitoring.monitor import SETTLING, after_row, with_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -20,7 +20,7 @@ ONSET = 2.5  # [s] in `changed_run`
 def states(monitor, run, stop=None):
     state, out = monitor.start(), []
     for row in list(rows_of(run))[:stop]:
-        state = advance(monitor, state, row.y, row.command, row.t)
+        state = after_row(monitor, state, row.y, row.command, row.t)
         out.append(state)
     return out
 
@@ -29,8 +29,8 @@ def test_recursive_scores_are_those_of_the_whole_log(monitor, changed_run, comma
     rows, stop = list(rows_of(changed_run)), 191
     state = filters.make_state(monitor.bank)
     y = np.array([np.where(monitor.used, row.y, 0.0) for row in rows])
-    filters.start(y[0], monitor.used, commands[0], monitor.bank, state)
-    e = np.array([filters.row(y[k], monitor.used, commands[k], monitor.bank, state) for k in range(1, stop)])
+    filters.start_bank(y[0], monitor.used, commands[0], monitor.bank, state)
+    e = np.array([filters.advance_bank(y[k], monitor.used, commands[k], monitor.bank, state) for k in range(1, stop)])
     first = round(SETTLING / changed_run.period) - 1
     nu = e[first:, 0][:, monitor.used]
     g = nu[:, None] - e[first:, 1:][:, :, monitor.used]
@@ -46,10 +46,12 @@ def test_a_bank_that_is_lost_begins_anew_and_what_was_found_stays(monitor, chang
     state = states(monitor, changed_run, 100)[-1]
     z = state.bank.z.copy()
     z[3] = np.nan
-    after = advance(monitor, state._replace(bank=state.bank._replace(z=z)), rows[100].y, rows[100].command, rows[100].t)
+    after = after_row(
+        monitor, state._replace(bank=state.bank._replace(z=z)), rows[100].y, rows[100].command, rows[100].t
+    )
     assert after.clock[0] == 0.0
     for row in rows[101:200]:
-        after = advance(monitor, after, row.y, row.command, row.t)
+        after = after_row(monitor, after, row.y, row.command, row.t)
     assert np.isfinite(after.bank.z).all()
     _, sums = since(unpacked(after.history, len(monitor.problem.nodes)))
     assert sums.rows[-1] > 100  # of those before, too
@@ -58,7 +60,7 @@ def test_a_bank_that_is_lost_begins_anew_and_what_was_found_stays(monitor, chang
 def test_a_row_far_off_is_clipped():
     zero = Sums(*(np.zeros(()) for _ in range(3)), np.zeros(1), np.zeros((1, 1)))
     used = np.ones(len(CHANNELS), dtype=bool)
-    rows = [summed(zero, np.stack([np.full(9, size), np.zeros(9)]), used) for size in (1.0, 1e3, 1e6)]
+    rows = [with_row(zero, np.stack([np.full(9, size), np.zeros(9)]), used) for size in (1.0, 1e3, 1e6)]
     assert rows[0].energy == 9.0
     assert rows[1].energy == pytest.approx(float(rows[2].energy))
 
@@ -85,7 +87,7 @@ def test_missing_readings_are_waited_through(monitor, changed_run):
     state = monitor.start()
     for i, row in enumerate(list(rows_of(changed_run))[:150]):
         y = np.full_like(row.y, np.nan) if 60 <= i < 70 else row.y
-        state = advance(monitor, state, y, row.command, row.t)
+        state = after_row(monitor, state, y, row.command, row.t)
     assert np.isfinite(state.verdict[:-4]).all()
     assert state.verdict[0] > 0.5
 

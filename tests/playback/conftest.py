@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from drift_drake.drives.command import Simulate
-from drift_drake.drives.simulate import simulate
+from drift_drake.drives.simulate import simulate_drive
 from drift_drake.logs.table import Run, write_run
 from drift_drake.playback.side_by_side import CarModel
 from drift_drake.vehicle.effects import make_effects
@@ -24,7 +24,7 @@ def cars() -> dict[str, CarModel]:
 @pytest.fixture(scope="session")
 def slalom() -> Run:
     command = Simulate("slalom", Path("car.yaml"), Path("run_0.csv"), duration=4.0, steering=0.4)
-    return simulate(command, *TRUE)[0]
+    return simulate_drive(command, *TRUE)[0]
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation import drive_command, log_file
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
-from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, simulate
+from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, run_closed_loop
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects
@@ -44,7 +44,7 @@ def loop(short: Reference) -> ClosedLoop:
 
 @pytest.fixture(scope="module")
 def figure_8_run() -> ClosedLoopRun:
-    return simulate(ClosedLoopConfig())
+    return run_closed_loop(ClosedLoopConfig())
 
 
 def test_drifts_the_whole_figure_8(figure_8_run: ClosedLoopRun) -> None:
@@ -168,7 +168,7 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize("seed", [3, 5, 6, 7, 13, 19])
 def test_the_nominal_car_stays_on_its_lane_while_the_belief_moves(seed: int) -> None:
     """Seeds that were lost while the line search's merit function was not exact."""
-    run = simulate(ClosedLoopConfig(seed=seed, model="online"))
+    run = run_closed_loop(ClosedLoopConfig(seed=seed, model="online"))
     assert run.outcome == "completed"
     assert run.table["e"][run.table["t"] > 2.0].abs().max() < 0.5
     assert run.metrics().unsolved_qps == 0

@@ -10,7 +10,7 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.simulation.change import Change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
 from drift_drake.simulation.faults import Fault, parse_fault, patch_friction
-from drift_drake.simulation.screening import FROZEN, ReadingKind, Screen, judge
+from drift_drake.simulation.screening import FROZEN, ReadingKind, Screen, reading_kind
 from drift_drake.simulation.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -167,15 +167,15 @@ def test_what_a_reading_is(change: dict[int, float], kind: ReadingKind) -> None:
     x = GOOD.copy()
     for channel, value in change.items():
         x[channel] = value
-    assert judge(x, GOOD, PERIOD, 0) == kind
+    assert reading_kind(x, GOOD, PERIOD, 0) == kind
 
 
 def test_a_reading_is_no_jump_after_a_while_unless_it_is_no_car_s() -> None:
     x = GOOD + np.array([0.0, 0.0, 0.0, 0.0, 50.0, 0.0, 0.0])
-    assert judge(x, GOOD, 0.1, 0) == ReadingKind.JUMPED
-    assert judge(x, GOOD, 1.0, 0) == ReadingKind.GOOD
-    assert judge(1e6 * x, GOOD, 1.0, 0) == ReadingKind.JUMPED
-    assert judge(x, np.full(7, np.nan), 0.0, 0) == ReadingKind.GOOD
+    assert reading_kind(x, GOOD, 0.1, 0) == ReadingKind.JUMPED
+    assert reading_kind(x, GOOD, 1.0, 0) == ReadingKind.GOOD
+    assert reading_kind(1e6 * x, GOOD, 1.0, 0) == ReadingKind.JUMPED
+    assert reading_kind(x, np.full(7, np.nan), 0.0, 0) == ReadingKind.GOOD
 
 
 def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:

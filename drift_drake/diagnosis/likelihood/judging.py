@@ -114,7 +114,7 @@ class Judged:
         )
 
 
-def judge(
+def judge_hypotheses(
     problem: Problem, hypotheses: list[tuple[Fit, float]], count: int, calibration: PosteriorConstants,
     tell: Callable[[str, float], None],
 ) -> Judged:  # fmt: skip

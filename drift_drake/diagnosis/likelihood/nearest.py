@@ -14,7 +14,7 @@ from drift_drake.estimation.freeform import responses
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import Problem, filter_case, flat
 from drift_drake.estimation.reduction import folds, held_out_fit, with_folds
-from drift_drake.estimation.regression import Equations, left_over, regress, solve, summed
+from drift_drake.estimation.regression import Equations, left_over, regress, solve_equations, summed_equations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,11 +61,11 @@ def free_squares(problem: Problem, fit: Fit) -> float:
     prior, by_fold = prior_precision(problem, len(fit.theta)), list[Equations]()
     for run, measured in zip(problem.runs, responses(problem, fit, "functions"), strict=True):
         by_fold = with_folds(by_fold, run, measured, len(fit.theta))
-    whole = summed(by_fold)
+    whole = summed_equations(by_fold)
     precision = 1.0 / regress(whole, fit.theta, prior).scales[whole.channel_of] ** 2
     left = 0.0
     for fold, held_out in enumerate(by_fold):
-        others = summed([part for i, part in enumerate(by_fold) if i != fold])
-        found = solve(others, others.gradient + prior * fit.theta, prior, precision)
+        others = summed_equations([part for i, part in enumerate(by_fold) if i != fold])
+        found = solve_equations(others, others.gradient + prior * fit.theta, prior, precision)
         left += left_over(held_out, found.own, found.weights)
     return left

@@ -89,7 +89,9 @@ def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
     return Base(names, theta, gains, sensitivity(problem, gains, theta, names))
 
 
-def predict(problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]) -> list[Candidate]:
+def predicted_candidates(
+    problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]
+) -> list[Candidate]:
     """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
     names, theta = (*base.names, name), np.append(base.theta, start)
     e = observe_case(problem, base.gains, theta, names)
@@ -149,7 +151,7 @@ def additions(
 ) -> list[list[Candidate]]:
     """The most promising additions of one effect to a base after a few steps, for each exactness, best first."""
     jobs = [
-        pool.submit(predict, problem, base, name, start, exactnesses)
+        pool.submit(predicted_candidates, problem, base, name, start, exactnesses)
         for name in names
         if name not in base.names
         for start in starts(name, problem.vehicle)

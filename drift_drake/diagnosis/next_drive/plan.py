@@ -197,14 +197,16 @@ def trajectories(
     plain: list[tuple[str, np.ndarray | None]] = [("straight", None)]
     plain += [("slalom", size * np.sin(2.0 * np.pi * t / period)) for size, period in SLALOMS]
     for kind, lateral in plain:
-        for x, u in solve(vehicle, sensing, beliefs[:2], dataclasses.replace(config, alpha=0.0, starts=1), lateral):
+        for x, u in solved_plans(
+            vehicle, sensing, beliefs[:2], dataclasses.replace(config, alpha=0.0, starts=1), lateral
+        ):
             yield kind, x, u
     for rival in beliefs[1 : 1 + RIVALS]:
-        for x, u in solve(vehicle, sensing, (beliefs[0], rival), config):
+        for x, u in solved_plans(vehicle, sensing, (beliefs[0], rival), config):
             yield "discrimination", x, u
 
 
-def solve(
+def solved_plans(
     vehicle: VehicleParameters,
     sensing: Sensing,
     pair: Sequence[Belief],

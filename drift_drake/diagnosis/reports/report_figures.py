@@ -25,7 +25,7 @@ ASTRAY = 1.5  # times the measured range beyond which a prediction is left out o
 Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
 
 
-def nothing(problem: Problem) -> Fit:
+def nominal_fit(problem: Problem) -> Fit:
     """The nominal car as a fit."""
     count = problem.nuisances
     return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
@@ -33,7 +33,7 @@ def nothing(problem: Problem) -> Fit:
 
 def cars_of(d: Diagnosis) -> Cars:
     """The nominal car, and the corrected one where a cause is named."""
-    nominal = {"nominal": nothing(d.problem)}
+    nominal = {"nominal": nominal_fit(d.problem)}
     return nominal | {"corrected": d.fit} if d.answer.verdict == "effect" else nominal
 
 

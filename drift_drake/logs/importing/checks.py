@@ -71,7 +71,7 @@ def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float 
     grip = np.abs(beta) < GRIP  # a sliding car's wheels spin
     if "omega_r" in smoothed and np.count_nonzero(grip) >= FEWEST:
         rolling = (speed * np.cos(beta))[grip]
-        found += compare("omega_r", "speed", smoothed["omega_r"][grip], rolling, "vehicle's speed")
+        found += disagreement("omega_r", "speed", smoothed["omega_r"][grip], rolling, "vehicle's speed")
     if "delta_cmd" in columns:
         found += _steering(
             columns["delta_cmd"][half : len(columns["r"]) - half], speed, yaw_rate, beta, period, wheelbase
@@ -79,7 +79,7 @@ def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float 
     return found
 
 
-def compare(name: str, kind: str, measured: Array, expected: Array, reference: str) -> list[str]:
+def disagreement(name: str, kind: str, measured: Array, expected: Array, reference: str) -> list[str]:
     """One sentence if a column is not what it is expected to be, by its sign or its scale; none if it is, or if the two
     are too little alike to say.
 
@@ -155,10 +155,10 @@ def _yaw_rate(
             sentence = "the positions turn against heading and yaw rate: x or y has the opposite sign?"
             return r, {"y": [sentence]} if mirrored else {}
         if course is not None and _agree(r, course):
-            return r, _named("psi", compare("psi", "angle", turning, r, "yaw rate"))
-        return turning, _named("r", compare("r", "angular rate", r, turning, "heading"))
+            return r, _named("psi", disagreement("psi", "angle", turning, r, "yaw rate"))
+        return turning, _named("r", disagreement("r", "angular rate", r, turning, "heading"))
     if course is not None:
-        wrong = compare("r", "angular rate", r, course, "course")
+        wrong = disagreement("r", "angular rate", r, course, "course")
         return (course if wrong else r), _named("r", wrong)
     if "delta_cmd" in columns and "ay" in columns and wheelbase is not None:
         turning, steered = (
@@ -166,7 +166,7 @@ def _yaw_rate(
             columns["delta_cmd"] * columns["v"] / wheelbase,
         )
         if _steers(turning, steered) and not _steers(r, steered):
-            return turning, _named("r", compare("r", "angular rate", r, turning, "lateral acceleration"))
+            return turning, _named("r", disagreement("r", "angular rate", r, turning, "lateral acceleration"))
     return r, {}
 
 
@@ -192,7 +192,7 @@ def _speed(columns: Mapping[str, Array], yaw_rate: Array, period: float, found: 
     v = columns["v"]
     if "x" in columns and "y" in columns:
         moved = np.hypot(np.gradient(columns["x"], period), np.gradient(columns["y"], period))
-        sentences = compare("v", "speed", v, moved, "change of position")
+        sentences = disagreement("v", "speed", v, moved, "change of position")
         found += sentences
         return moved if sentences else v
     if "ax" in columns and "ay" in columns:
@@ -202,7 +202,7 @@ def _speed(columns: Mapping[str, Array], yaw_rate: Array, period: float, found: 
             number for number in UNITS["speed"] if all(abs(math.log(abs(g) / number)) < CLOSE for g in (along, across))
         ]
         if units and min(likeness, alike) > AGREEMENT:
-            found += compare("v", "speed", yaw_rate * v, columns["ay"], "accelerometer")
+            found += disagreement("v", "speed", yaw_rate * v, columns["ay"], "accelerometer")
             return v / units[0]
     return v
 
@@ -214,13 +214,13 @@ def _sideslip(columns: Mapping[str, Array], found: list[str]) -> Array:
     beta = columns["beta"]
     if "vx" in columns and "vy" in columns:
         moving = np.arctan2(columns["vy"], np.maximum(columns["vx"], 1e-3))
-        sentences = compare("beta", "angle", beta, moving, "v_y")
+        sentences = disagreement("beta", "angle", beta, moving, "v_y")
         found += [text.replace("of what the v_y says", "of v_y") for text in sentences]
         beta = moving if sentences else beta
     elif {"x", "y", "psi"} <= set(columns):
         course = np.arctan2(np.gradient(columns["y"]), np.gradient(columns["x"]))
         apart = np.unwrap(np.mod(course - columns["psi"] + np.pi, 2.0 * np.pi) - np.pi)
-        sentences = compare("beta", "angle", beta, apart, "course")
+        sentences = disagreement("beta", "angle", beta, apart, "course")
         found += sentences
         beta = apart if sentences else beta
         rest = float(np.median(np.angle(np.exp(1j * (apart - beta)))))
@@ -247,7 +247,7 @@ def _accelerations(
     }
     sentences = []
     for name in expected.keys() & columns.keys():
-        wrong = compare(name, "acceleration", columns[name], expected[name], "change of velocity")
+        wrong = disagreement(name, "acceleration", columns[name], expected[name], "change of velocity")
         rest = float(np.mean(columns[name] - expected[name]))
         if not wrong and abs(rest) > TILT:
             wrong = [

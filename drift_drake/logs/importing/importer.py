@@ -15,7 +15,7 @@ from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
-from drift_drake.logs.importing.reversing import forward_parts, reversing, reversing_sentence
+from drift_drake.logs.importing.reversing import forward_parts, reversing_parts, reversing_sentence
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
     MEASURED,
@@ -101,7 +101,7 @@ def import_recordings(
         parts = []
         for stretch, t in kept:
             columns = _columns(recording, stretch, t, offsets, mapping)
-            spans = reversing(columns, PERIOD)
+            spans = reversing_parts(columns, PERIOD)
             remarks += [f"{label}: {sentence}" for sentence in reversing_sentence(t, spans)]
             forwards = [part for part in forward_parts(len(t), spans) if part.stop - part.start >= SHORTEST_RUN]
             parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.checks import compare
+from drift_drake.logs.importing.checks import disagreement
 from drift_drake.logs.importing.clock import estimate_offset
 from drift_drake.logs.importing.mapping import Align, Clock, RecorderMapping
 from drift_drake.logs.importing.recording import Readings, Recording
@@ -114,7 +114,9 @@ def _aligned(
     kind = dimension(signal.unit)
     if kind != QUANTITIES[align.against]:
         return report, []
-    return report, compare(align.signal, kind, z, np.interp(t + found.offset, t_ref, ref), f"motion's {align.against}")
+    return report, disagreement(
+        align.signal, kind, z, np.interp(t + found.offset, t_ref, ref), f"motion's {align.against}"
+    )
 
 
 def _drift(name: str, t: Array, arrived: Array, period: float) -> list[str]:

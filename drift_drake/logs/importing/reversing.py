@@ -12,7 +12,7 @@ STANDING = 2.0  # [m/s] at the change of direction: a car that reverses has stop
 SHORTEST = 0.1  # [s]
 
 
-def reversing(columns: Mapping[str, Array], period: float) -> list[slice]:
+def reversing_parts(columns: Mapping[str, Array], period: float) -> list[slice]:
     """Rows in which the car reverses; none of a car that never drives forwards, whose sign or heading is wrong.
 
     Args:

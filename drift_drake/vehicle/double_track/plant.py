@@ -104,7 +104,7 @@ class DoubleTrackCarPlant(PathPlant):
         self: Any, parameters: DoubleTrackParameters, effects: Effects, path: CurvedPath | None, T: Any
     ) -> None:
         """Declares parameters, state and ports on numbers of the type T."""
-        check_effects(effects)
+        check_supported(effects)
         self.parameters, self.effects = parameters, effects
         self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
         self.declare_numbers(T, (flattened(parameters.constants()), effects), path)
@@ -138,7 +138,7 @@ class DoubleTrackCarPlant(PathPlant):
         return _acceleration(x, u, wrench, p, q)
 
 
-def check_effects(effects: Effects) -> None:
+def check_supported(effects: Effects) -> None:
     """Refuses effects that this car cannot have.
 
     Raises:

@@ -25,7 +25,7 @@ class Equilibrium:
     gain: np.ndarray  # [2, 4]
 
 
-def drift_equilibrium(p: Constants, v: float, beta: float) -> Equilibrium:
+def regulated_drift(p: Constants, v: float, beta: float) -> Equilibrium:
     """Steady drift at speed v [m/s] and sideslip beta [rad], and a linear-quadratic regulator around it."""
     sign = -np.sign(beta)
 
@@ -83,7 +83,7 @@ class Driver:
         self.pulse = u(170.0, 230.0)
         self.wander, self.wander_period = u(0.01, 0.04), u(2.5, 5.0)
         self.beta = -self.side * u(0.42, 0.6)
-        self.equilibrium = drift_equilibrium(vehicle.constants(), u(12.0, 15.0), self.beta) if kind == "drift" else None
+        self.equilibrium = regulated_drift(vehicle.constants(), u(12.0, 15.0), self.beta) if kind == "drift" else None
 
     def start(self) -> np.ndarray:
         """First state (r, v, beta, omega_r)."""

@@ -94,7 +94,7 @@ def _sum(a: Weights, b: Weights) -> Weights:
     return Weights(a.hessian + b.hessian, a.cross + b.cross, a.columns, a.gradient + b.gradient, a.channel_of)
 
 
-def joined(parts: Sequence[Equations]) -> Equations:
+def joined_equations(parts: Sequence[Equations]) -> Equations:
     """Equations of all parts of the measurements, each with weights of its own."""
     own, gradient = sum(part.own for part in parts), sum(part.gradient for part in parts)
     weights = [some for part in parts for some in part.weights]
@@ -103,7 +103,7 @@ def joined(parts: Sequence[Equations]) -> Equations:
 
 def summed_equations(parts: Sequence[Equations]) -> Equations:
     """Equations of all parts of the measurements, which share their weights."""
-    of = joined(parts)
+    of = joined_equations(parts)
     return dataclasses.replace(of, weights=[reduce(_sum, of.weights)])
 
 

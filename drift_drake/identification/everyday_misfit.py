@@ -23,9 +23,9 @@ from drift_drake.estimation.fit import prior_precision
 from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.reduction import FOLDS, measured_fold, with_folds
-from drift_drake.estimation.regression import SENSORS, Equations, equations, joined, regress, summed_equations
+from drift_drake.estimation.regression import SENSORS, Equations, equations, joined_equations, regress, summed_equations
 from drift_drake.identification.estimate import Estimate
-from drift_drake.identification.widening import block_lengths, squared_influence, widened
+from drift_drake.identification.widening import block_lengths, deviation_factors, squared_influence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +61,7 @@ def looked_at(found: Estimate, weights: Sequence[np.ndarray] = ()) -> Looks:
             e[of == fold] += functions.weights[of == fold] @ some
         by_fold = with_folds(by_fold, run, dataclasses.replace(functions, residual=e), count)
         of_run = equations([dataclasses.replace(pulses, residual=e)], count, shared=False)
-        by_pulse = [joined([*by_pulse, of_run])]
+        by_pulse = [joined_equations([*by_pulse, of_run])]
         squares += squared_influence(run, functions.own, functions.columns, e, covariance, lengths)
     return Looks(by_fold, by_pulse[0], squares)
 
@@ -84,7 +84,7 @@ def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, ro
 def row_weight(found: Estimate, looks: Looks) -> float:
     """The power, in (0, 1], at which nothing scatters more than it should."""
     prior, by_function = prior_precision(found.problem, len(found.theta)), summed_equations(looks.by_fold)
-    most = float(np.mean(widened(found.covariance, by_function.own, looks.squared_influence) ** 2))
+    most = float(np.mean(deviation_factors(found.covariance, by_function.own, looks.squared_influence) ** 2))
     free = [q for of in (by_function, looks.pulses) for q in scatter(of, found.theta, prior)]
     return float(1.0 / max(1.0, most, *free))
 

@@ -39,7 +39,7 @@ def squared_influence(
     return np.array([np.sum(part**2, axis=0) for part in sums])
 
 
-def widened(covariance: np.ndarray, information: np.ndarray, squares: np.ndarray) -> np.ndarray:
+def deviation_factors(covariance: np.ndarray, information: np.ndarray, squares: np.ndarray) -> np.ndarray:
     """Factors of at least one [n] on the standard deviations of the parameters.
 
     What a prior alone holds is not widened: only what the logs tell is told less well.
@@ -61,4 +61,4 @@ def widening(runs: Sequence[RunData], jacobian: Derivatives, e: np.ndarray, cova
     parts = zip(runs, jacobian.blocks, jacobian.columns, jacobian.by_run(e), strict=True)
     lengths = block_lengths(runs)
     squares = sum(squared_influence(*part, covariance, lengths) for part in parts)
-    return widened(covariance, jacobian.information, np.asarray(squares))
+    return deviation_factors(covariance, jacobian.information, np.asarray(squares))

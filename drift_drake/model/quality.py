@@ -80,7 +80,7 @@ def step_errors(model: Stepper, samples: Samples) -> Array:
     return samples.x_next[:, :6] - x_next[:, :6]
 
 
-def coverage(errors: Array, deviations: Array) -> Array:
+def deviation_coverage(errors: Array, deviations: Array) -> Array:
     """Share of errors within 1, 2 and 3 standard deviations, [3, 4] by state."""
     ratio = np.abs(errors) / deviations
     return np.stack([np.mean(ratio <= k, axis=0) for k in (1.0, 2.0, 3.0)])
@@ -161,7 +161,7 @@ def quality_by_points(model: BayesianModel, vehicles: list[Split], points: tuple
         result[str(count)] = {
             "rms": np.sqrt(np.mean(error**2, axis=0)).tolist(),
             "nll": mean_nll(error, deviation),
-            "coverage": coverage(error, deviation).tolist(),
+            "coverage": deviation_coverage(error, deviation).tolist(),
             **{f"rollout_{steps}": rollout_summary(rollouts[steps]) for steps in horizons},
         }
     return result

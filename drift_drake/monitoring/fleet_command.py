@@ -59,7 +59,7 @@ def run_fleet(command: Fleet) -> None:
     try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.monitoring.fleet import fleet_findings
-        from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
+        from drift_drake.monitoring.fleet_days import days_of, evidence_problem_of, shared_columns
         from drift_drake.monitoring.watch import WATCHED
 
     used = shared_columns(folders)
@@ -71,7 +71,7 @@ def run_fleet(command: Fleet) -> None:
         here = command.scheduler is None
         with make_executor(ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)) as pool:
             days = days_of(folders, vehicle, own, used, pool)
-    found = fleet_findings(problem_of(vehicle, own, used), usable_days(command.folder, days))
+    found = fleet_findings(evidence_problem_of(vehicle, own, used), usable_days(command.folder, days))
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)
     if command.picture is not None:

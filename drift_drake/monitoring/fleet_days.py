@@ -36,7 +36,7 @@ def shared_columns(folders: Folders) -> tuple[str, ...]:
 
 def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> Sums:
     """Sums over all runs of a day, each at its own rate and with its own noise."""
-    total = no_sums(len(problem_of(vehicle, own, used).nodes))
+    total = no_sums(len(evidence_problem_of(vehicle, own, used).nodes))
     for run in read_case(folder):
         for block in block_sums(monitor_of(run, vehicle, own, used), run):
             total = Sums(*(a + b for a, b in zip(total, block, strict=True)))
@@ -52,6 +52,6 @@ def days_of(
     return [FleetDay(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
 
 
-def problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> EvidenceProblem:
+def evidence_problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> EvidenceProblem:
     """What is judged of days with these measured columns."""
     return make_monitor(vehicle, own, used).problem

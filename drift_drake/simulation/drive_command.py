@@ -27,7 +27,7 @@ from drift_drake.safe_files import write_text
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
-from drift_drake.simulation.results import write_results
+from drift_drake.simulation.results import write_run_results
 from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects
@@ -141,7 +141,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
     for event in events:
         print(sentence(event), file=to)
-    write_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
+    write_run_results(folder, config, m, run.table, run.reference, config.parameters(), config.control.period)
     print(
         f"{m.outcome} after {m.duration:.1f} s ({m.completion:.0%} of the {config.reference}): "
         f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"

@@ -16,7 +16,7 @@ from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
-def write_results(
+def write_run_results(
     folder: Path,
     config: Any,
     metrics: RunMetrics,

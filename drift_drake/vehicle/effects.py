@@ -20,7 +20,7 @@ from drift_drake.vehicle.bicycle import (
     wheel_acceleration,
 )
 from drift_drake.vehicle.installed import installed_effects
-from drift_drake.vehicle.joined import joined
+from drift_drake.vehicle.joined import joined_physics
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
 from drift_drake.vehicle.tyre import tyre_force
@@ -102,7 +102,7 @@ COUNT = len(Effects._fields)
 MEMORIES = len(Memory._fields)
 NO_MEMORY = Memory()
 
-installed_actuation, installed_force, installed_reading, installed_rates, installed_starts = joined(
+installed_actuation, installed_force, installed_reading, installed_rates, installed_starts = joined_physics(
     Effects._fields, Memory._fields
 )
 HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)

@@ -10,7 +10,9 @@ from drift_drake.vehicle.scalar import jitable
 Function = Callable[..., Any]
 
 
-def joined(effects: Sequence[str], memory: Sequence[str]) -> tuple[Function, Function, Function, Function, Function]:
+def joined_physics(
+    effects: Sequence[str], memory: Sequence[str]
+) -> tuple[Function, Function, Function, Function, Function]:
     """Actuation, force and reading of all installed effects, the rates of their states, and where these start.
 
     Args:

@@ -20,7 +20,7 @@ from drift_drake.executors import ExecutorConfig, make_executor
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.fleet import FleetFindings, fleet_findings
 from drift_drake.monitoring.fleet_command import day_folders, lines
-from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
+from drift_drake.monitoring.fleet_days import days_of, evidence_problem_of, shared_columns
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -56,7 +56,7 @@ def main(config: Config) -> None:
     folders, vehicle, own = day_folders(config.out), VehicleParameters(), Effects()
     used = shared_columns(folders)
     with make_executor(config.executor) as pool:
-        found = fleet_findings(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, pool))
+        found = fleet_findings(evidence_problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, pool))
     write_json(config.out / "found.json", found)
     print("\n".join([*lines(found), verdict(found, truth)]))
 

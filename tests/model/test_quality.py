@@ -13,7 +13,7 @@ from drift_drake.model.posterior import state_blocks, update
 from drift_drake.model.quality import (
     adapted,
     choose_sample_weight,
-    coverage,
+    deviation_coverage,
     judge_stepper,
     learn,
     mean_nll,
@@ -96,7 +96,7 @@ def test_a_right_model_is_calibrated_and_adaptation_takes_its_error_to_the_noise
 
 def test_coverage_counts() -> None:
     errors = np.array([[0.5], [1.5], [-2.5], [3.5]])
-    np.testing.assert_array_equal(coverage(errors, np.ones((4, 1))), [[0.25], [0.5], [0.75]])
+    np.testing.assert_array_equal(deviation_coverage(errors, np.ones((4, 1))), [[0.25], [0.5], [0.75]])
 
 
 def test_rollouts_feed_on_themselves() -> None:

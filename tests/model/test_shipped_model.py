@@ -11,7 +11,7 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import covariance_norms
-from drift_drake.model.quality import adapted, coverage, rollout_errors, standardized_errors, step_model
+from drift_drake.model.quality import adapted, deviation_coverage, rollout_errors, standardized_errors, step_model
 from drift_drake.model.samples import MIRROR_STATE, Samples, concatenate, mirrored
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive
@@ -79,7 +79,7 @@ def test_it_knows_what_it_does_not_know(model: BayesianModel, drives: list[tuple
             ),
             strict=True,
         )
-        found = coverage(np.concatenate(errors), np.concatenate(deviations))
+        found = deviation_coverage(np.concatenate(errors), np.concatenate(deviations))
         assert (found[2] > 0.95).all()
         # Before adaptation a vehicle's errors are all alike, and three of them say little about one sigma.
         assert count == 0 or (found[0] > 0.5).all()

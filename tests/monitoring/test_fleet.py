@@ -11,7 +11,7 @@ from drift_drake.logs.table import write_run
 from drift_drake.monitoring.evidence import evidence_problem
 from drift_drake.monitoring.fleet import FleetDay, fleet_findings
 from drift_drake.monitoring.fleet_command import day_folders, lines
-from drift_drake.monitoring.fleet_days import days_of, problem_of, shared_columns
+from drift_drake.monitoring.fleet_days import days_of, evidence_problem_of, shared_columns
 from drift_drake.monitoring.fleet_picture import draw_fleet
 from drift_drake.monitoring.history import Sums
 from drift_drake.monitoring.nodes import make_nodes
@@ -85,7 +85,7 @@ def test_days_are_compared_by_what_all_runs_have_each_at_its_own_rate(tmp_path):
     used = shared_columns(folders)
     assert used == ("r", "v", "omega_r", "ax", "ay")
     vehicle, own = VehicleParameters(), Effects()
-    found = fleet_findings(problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
+    found = fleet_findings(evidence_problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
     assert not found.terms
     assert not found.outliers
 

@@ -29,7 +29,7 @@ def said(answer: dict[str, Any]) -> str:
     return "+".join(sorted(answer["causes"])) if answer["verdict"] == "effect" else str(answer["verdict"])
 
 
-def proportion(flags: Sequence[bool]) -> dict[str, Any]:
+def share(flags: Sequence[bool]) -> dict[str, Any]:
     """Share of true flags, its interval and their number."""
     p, low, high = binomial(int(sum(flags)), len(flags), "wilson")
     return {"share": p, "low": low, "high": high, "count": len(flags)}
@@ -57,7 +57,7 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
         return {tier: figure(by_tier[tier]) for tier in TIERS if tier in by_tier} | {"all": figure(list(pairs))}
 
     def right(some: Sequence[Pair]) -> dict[str, Any]:
-        return proportion([said(a) == true_name(label) for label, a in some])
+        return share([said(a) == true_name(label) for label, a in some])
 
     def isolation(some: Sequence[Pair]) -> dict[str, Any]:
         return mean_of([a["posterior"].get(true_name(label), 0.0) for label, a in some])
@@ -65,27 +65,23 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
     result: dict[str, Any] = {
         "cases": len(pairs),
         "top-1": by(right),
-        "truth in the ambiguity set": by(
-            lambda some: proportion([true_name(label) in a["ambiguity"] for label, a in some])
-        ),
+        "truth in the ambiguity set": by(lambda some: share([true_name(label) in a["ambiguity"] for label, a in some])),
         "ambiguity set's size": by(lambda some: mean_of([len(a["ambiguity"]) for _, a in some])),
-        "detection": proportion([a["verdict"] != "none" for _, a in of(*GAP_TIERS)]),
-        "detection by tier": {tier: proportion([a["verdict"] != "none" for _, a in of(tier)]) for tier in GAP_TIERS},
-        "false alarms": proportion([a["verdict"] != "none" for _, a in of("none")]),
+        "detection": share([a["verdict"] != "none" for _, a in of(*GAP_TIERS)]),
+        "detection by tier": {tier: share([a["verdict"] != "none" for _, a in of(tier)]) for tier in GAP_TIERS},
+        "false alarms": share([a["verdict"] != "none" for _, a in of("none")]),
         "isolation": isolation(of(*SINGLES)),
         "isolation by tier": by(isolation),
-        "pairs, both named": proportion([set(a["causes"]) == set(label["effects"]) for label, a in of("pair")]),
-        "unknown, recalled": proportion([a["verdict"] == "unknown" for _, a in of(*UNKNOWNS)]),
-        "unknown, precision": proportion(
-            [label["tier"] in UNKNOWNS for label, a in pairs if a["verdict"] == "unknown"]
-        ),
-        "singles called unknown": proportion([a["verdict"] == "unknown" for _, a in of(*SINGLES)]),
+        "pairs, both named": share([set(a["causes"]) == set(label["effects"]) for label, a in of("pair")]),
+        "unknown, recalled": share([a["verdict"] == "unknown" for _, a in of(*UNKNOWNS)]),
+        "unknown, precision": share([label["tier"] in UNKNOWNS for label, a in pairs if a["verdict"] == "unknown"]),
+        "singles called unknown": share([a["verdict"] == "unknown" for _, a in of(*SINGLES)]),
         "magnitude coverage": interval_coverage(pairs),
         "magnitude coverage, nominal off": interval_coverage(of("tolerance", "pair")),
-        "reduction within 0.05 of full": proportion(
+        "reduction within 0.05 of full": share(
             [abs(a["reduction"]["estimate"] - 1.0) <= 0.05 for label, a in of(*SINGLES) if said(a) == true_name(label)]
         ),
-        "reduction's interval holds all of the gap": proportion(
+        "reduction's interval holds all of the gap": share(
             [a["reduction"]["high"] >= 1.0 for label, a in of(*SINGLES, "pair") if said(a) == true_name(label)]
         ),
         "Brier score": mean_of([brier(pair) for pair in pairs]),
@@ -96,7 +92,7 @@ def scores(pairs: Sequence[Pair]) -> dict[str, Any]:
         "seconds, most": float(np.max([a["seconds"] for _, a in pairs])),
         "by effect": by_effect(of(*SINGLES)),
         "by unknown": {
-            str(sorted(label["strange"] or label["effects"])): proportion([said(a) == "unknown"])
+            str(sorted(label["strange"] or label["effects"])): share([said(a) == "unknown"])
             for label, a in of(*UNKNOWNS)
         },
         "mistakes": wrong_answers(pairs),
@@ -121,7 +117,7 @@ def interval_coverage(pairs: Sequence[Pair]) -> dict[str, Any]:
             for name, interval in a["magnitudes"].items():
                 if name in label["effects"]:
                     flags.append(interval["low"] <= label["effects"][name] <= interval["high"])
-    return proportion(flags)
+    return share(flags)
 
 
 def brier(pair: Pair) -> float:
@@ -140,7 +136,7 @@ def reliability(pairs: Sequence[Pair]) -> list[dict[str, float]]:
     for low, high in itertools.pairwise(edges):
         some = [(p, ok) for p, ok in lead if low < p <= high]
         if some:
-            out.append({"stated": float(np.mean([p for p, _ in some])), **proportion([ok for _, ok in some])})
+            out.append({"stated": float(np.mean([p for p, _ in some])), **share([ok for _, ok in some])})
     return out
 
 
@@ -148,8 +144,7 @@ def by_effect(pairs: Sequence[Pair]) -> dict[str, Any]:
     """Top-1 of single effects, by effect."""
     names = sorted({name for label, _ in pairs for name in label["effects"]})
     return {
-        name: proportion([said(a) == true_name(label) for label, a in pairs if name in label["effects"]])
-        for name in names
+        name: share([said(a) == true_name(label) for label, a in pairs if name in label["effects"]]) for name in names
     }
 
 

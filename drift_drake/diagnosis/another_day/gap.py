@@ -40,17 +40,19 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) ->
     for i, part in enumerate((before, after, floor)):
         np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
     draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
-    values = np.array([share(*sums[d].sum(axis=0)) for d in draws])
+    values = np.array([removed_share(*sums[d].sum(axis=0)) for d in draws])
     low, high = np.quantile(values, [0.025, 0.975])
-    estimate = share(*sums.sum(axis=0))
+    estimate = removed_share(*sums.sum(axis=0))
     whole = (before, after, floor)
-    by_state = {s: share(*(float(part[:, -1, i].sum()) for part in whole)) for i, s in enumerate(STATES)}
-    by_horizon = {ahead: share(*(float(part[:, k].sum()) for part in whole)) for k, ahead in enumerate(day.ahead)}
+    by_state = {s: removed_share(*(float(part[:, -1, i].sum()) for part in whole)) for i, s in enumerate(STATES)}
+    by_horizon = {
+        ahead: removed_share(*(float(part[:, k].sum()) for part in whole)) for k, ahead in enumerate(day.ahead)
+    }
     means = [[float(q) for q in part.mean(axis=(0, 2))] for part in whole]
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
 
 
-def share(before: float, after: float, floor: float) -> float:
+def removed_share(before: float, after: float, floor: float) -> float:
     """The share of the gap that is removed; zero where there is none."""
     return float(np.clip(1.0 - (after - floor) / (before - floor), -1.0, 1.0)) if before > floor else 0.0
 

@@ -73,7 +73,7 @@ def pictures(d: DayDiagnosis) -> dict[str, Markup]:
     worst, onset = worst_run(d), d.answer.where["onset"]
     return {
         "overlay": figures.overlay(day, normal, worst, cars, onset),
-        "by_horizon": figures.by_horizon(normal, cars, d.search.day.runs[0].horizons),
+        "by_horizon": figures.by_horizon(day, normal, cars),
         "time_line": figures.time_line(day, normal, cars, onset),
     }
 

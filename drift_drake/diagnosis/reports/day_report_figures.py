@@ -1,6 +1,6 @@
 """Charts of another day's report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from markupsafe import Markup
@@ -21,12 +21,17 @@ def ends(run: WindowedRun) -> np.ndarray:
     return np.asarray(run.starts + HORIZONS * run.stride)
 
 
+def judged_states(day: Day) -> list[tuple[int, str]]:
+    """Indices and names of the states that every run measures and the car itself predicts."""
+    return [(i, state) for i, state in enumerate(STATES) if all(run.used[i] for run in day.runs)]
+
+
 def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float]) -> Markup:
     """One run as measured and as predicted at the longest horizon, and below each state what is left over."""
     run = day.runs[index]
     t, at = np.arange(len(run.y)) * run.period, ends(run)
     panels = []
-    for i, state in enumerate(STATES):
+    for i, state in judged_states(day):
         left = {name: errors[day.run == index][:, -1, i] for name, errors in cars.items()}
         predicted = [Line(name, at * run.period, run.y[at, i] - e, dots=True) for name, e in left.items()]
         measured = Line("measured", t, run.y[:, i])
@@ -38,10 +43,10 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
     return stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {})
 
 
-def by_horizon(normal: Normal, cars: Cars, horizons: Sequence[float]) -> Markup:
+def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
     """Median absolute errors of each state against the horizon, beside those of the day of calibration."""
-    at, panels = np.array(horizons), []
-    for i, state in enumerate(STATES):
+    at, panels = np.array(day.runs[0].horizons), []
+    for i, state in judged_states(day):
         usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)
         lines = [Line(name, at, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
         panels.append(Panel(f"{state} [{UNITS[state]}]", [usual, *lines], 140))

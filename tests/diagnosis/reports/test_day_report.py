@@ -9,6 +9,7 @@ import pytest
 from browser import check_charts, needs_browser
 
 from drift_drake.diagnosis.reports.day_report import coverage_rows, report_html, write_day_report
+from drift_drake.diagnosis.reports.day_report_figures import by_horizon, overlay
 from drift_drake.diagnosis.reports.limit_rows import limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import SHOWN_BY, shown_by
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
@@ -130,3 +131,15 @@ def test_every_effect_has_one_manoeuvre():
     ((words, names),) = shown_by(["road_grade"])
     assert names == ["road_grade"]
     assert "coasting" in words
+
+
+def test_a_state_that_is_not_measured_has_no_chart(late_day):
+    """Its errors are zeros that nobody measured."""
+    day = late_day.search.day
+    cars = {"calibrated": day.errors}
+    runs = [dataclasses.replace(run, used=np.array([True, True, True, False, True])) for run in day.runs]
+    lacking = dataclasses.replace(day, runs=runs)
+    assert "omega_r [m/s]" in by_horizon(day, late_day.search.normal, cars)
+    assert "omega_r [m/s]" not in by_horizon(lacking, late_day.search.normal, cars)
+    assert "omega_r [m/s]" not in overlay(lacking, late_day.search.normal, 0, cars, {})
+    assert "beta [rad]" in overlay(lacking, late_day.search.normal, 0, cars, {})

@@ -19,7 +19,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population
 from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.plan import GatheringConfig, as_in_paper
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled

@@ -12,9 +12,10 @@ from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering import replan
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather, learn_drive, taught
 from drift_drake.gathering.lane import problem_data
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive, round_alpha
+from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive, round_alpha
 from drift_drake.gathering.replan import plan_rest, rest_of_drive, rest_of_plan
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior

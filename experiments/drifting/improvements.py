@@ -41,6 +41,8 @@ class ImprovementsConfig:
     first: int = 0  # index of the first vehicle of the population
     population: Population = "held_out"
     vehicle_seed: int = 0  # of the draw of the vehicles
+    models: tuple[Model, ...] = (*PREDICTING, "online", "twice_online")
+    """Of each rung, as far as it changes them."""
     between: Path | None = None
     """Checkpoint of a recipe between the paper's and the shipped one: a further rung, with the shipped gathering."""
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
@@ -87,6 +89,12 @@ def ladder(between: bool = False) -> list[Rung]:
         Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "online", "twice_online"), "shipped",
              shipped, "trapezoid"),
     ]  # fmt: skip
+
+
+def of_models(rungs: Sequence[Rung], models: Sequence[Model]) -> list[Rung]:
+    """The rungs that change one of the models, with these alone."""
+    kept = [rung._replace(models=tuple(model for model in rung.models if model in models)) for rung in rungs]
+    return [rung for rung in kept if rung.models]
 
 
 def checkpoints(config: ImprovementsConfig, folder: Path) -> dict[str, Path | None]:
@@ -164,6 +172,7 @@ def markdown(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
 @styled
 def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_info") -> Any:
     """RMS e of each vehicle by rung; crosses: not completed, with the error up to the end."""
+    rungs = [rung for rung in rungs if model in rung.models]
     figure = new_figure(7.5, 0.7 + 0.45 * len(rungs))
     axes = figure.subplots()
     for row, rung in enumerate(rungs):
@@ -186,17 +195,18 @@ def main(config: ImprovementsConfig) -> None:
     """Runs what is missing, then writes numbers, the report and the picture."""
     folder = make_run_folder("improvements", config.out)
     between = None if config.between is None else load_model(config.between).content_hash()
-    free = ("vehicles", "first", "between", "between_hash", "run_on", "out")
+    free = ("vehicles", "first", "models", "between", "between_hash", "run_on", "out")
     keep_settings(folder, dataclasses.asdict(config) | {"between_hash": between}, free)
     write_versions(folder)
-    rungs = ladder(config.between is not None)
+    rungs = of_models(ladder(config.between is not None), config.models)
     runs = drive_ladder(config, rungs, folder)
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_ladder(runs)
     write_json(folder / "numbers.json", summary)
     report = markdown(rungs, summary)
     write_report(folder, report, config)
-    write_figure(picture(rungs, runs), folder / "improvements.png")
+    pictured = "twice_info" if "twice_info" in config.models else config.models[0]
+    write_figure(picture(rungs, runs, pictured), folder / "improvements.png")
     print(report)
     print(f"results in {folder}")
 

@@ -23,6 +23,7 @@ from experiments.drifting.improvements import (
     ladder,
     markdown,
     medians_table,
+    of_models,
     picture,
     summarise_ladder,
 )
@@ -85,10 +86,17 @@ def test_the_table_counts_failures_and_leaves_out_what_cannot_change() -> None:
     assert "### as in the paper" in markdown(rungs, summarise_ladder(made_up(rungs)))
 
 
+def test_some_models_need_some_rungs_alone() -> None:
+    assert [rung.name for rung in of_models(ladder(), ["prior", "online"])] == ["paper", "control", "model", "shipped"]
+    assert of_models(ladder(), ["online"])[0].models == ("online",)
+
+
 def test_the_picture_has_a_row_a_rung() -> None:
     rungs = ladder()
     axes = picture(rungs, made_up(rungs)).axes[0]
     assert [label.get_text() for label in axes.get_yticklabels()] == [rung.what for rung in rungs]
+    axes = picture(rungs, made_up(rungs), "prior").axes[0]
+    assert len(axes.get_yticklabels()) == 3
 
 
 def test_a_rung_is_driven_and_gone_on_with(

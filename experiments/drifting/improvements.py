@@ -171,16 +171,17 @@ def markdown(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
 
 @styled
 def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_info") -> Any:
-    """RMS e of each vehicle by rung; crosses: not completed, with the error up to the end."""
+    """RMS e of each vehicle by rung; crosses at the right: not completed, behind all others."""
     rungs = [rung for rung in rungs if model in rung.models]
     figure = new_figure(7.5, 0.7 + 0.45 * len(rungs))
     axes = figure.subplots()
+    behind = 1.5 * float(runs["rms_e"].where(runs["completed"]).max())
     for row, rung in enumerate(rungs):
         group = runs[(runs["rung"] == rung.name) & (runs["model"] == model)].sort_values("vehicle")
         shift = np.linspace(-0.25, 0.25, len(group)) if len(group) > 1 else np.zeros(1)
         done, y = group["completed"].to_numpy(dtype=bool), row + shift
         axes.plot(group["rms_e"][done], y[done], "o", color=RUNS[0], markersize=4)
-        axes.plot(group["rms_e"][~done], y[~done], "x", color=BOUND, markersize=5)
+        axes.plot(np.full(np.sum(~done), behind), y[~done], "x", color=BOUND, markersize=5)
         ranked = np.sort(group["rms_e"].where(group["completed"], np.inf).to_numpy(dtype=float))
         median = float(np.quantile(ranked, 0.5, method="linear" if np.isfinite(ranked).all() else "higher"))
         if np.isfinite(median):

@@ -21,9 +21,9 @@ from .diagnosis.likelihood.diagnose import diagnose as diagnose
 from .diagnosis.next_drive.plan import plan_from_answer as plan_from_answer
 from .drives.dataset import samples_from_log as samples_from_log
 from .errors import DriftDrakeError as DriftDrakeError
+from .gathering.config import GatheringConfig as GatheringConfig
 from .gathering.gather import gather as gather
 from .gathering.gather import learn_drive as learn_drive
-from .gathering.plan import GatheringConfig as GatheringConfig
 from .gathering.plan import info_ocp as info_ocp
 from .gathering.plan import plan_drive as plan_drive
 from .identification.identify import identify as identify

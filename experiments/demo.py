@@ -22,8 +22,9 @@ from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import Gathered, taught
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.logs.table import read_case
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms

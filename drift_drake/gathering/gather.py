@@ -1,22 +1,21 @@
 """Information gathering on one vehicle: a plan driven by the tracking controller, logged, decimated, learnt."""
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from drift_drake.control.plan import DT
 from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, information_expected, information_gained
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.course import curvature_along, lane
+from drift_drake.gathering.plan import Trajectory, information_expected, information_gained
 from drift_drake.gathering.replan import Replanner
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
-from drift_drake.reference.trajectory import Reference, circle
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -32,7 +31,7 @@ def execution(
 ) -> Drive:
     """The diagram that drives a trajectory on a vehicle; see `Drive`."""
     states = trajectory.x[:, :6]
-    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.full(config.steps, config.curvature))
+    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, curvature_along(config, states))
     controller = TrackingController(states, trajectory.u, gains, DT)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
     return Drive(parameters, controller, 1, DT, None, start, effects, lane(config), plant=plant)
@@ -47,30 +46,20 @@ def gather(
     plant: PathPlant | None = None,
     learning: tuple[BayesianModel, Posterior] | None = None,
 ) -> tuple[pd.DataFrame, str]:
-    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned).
+    """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned, "enough" by `config.stop_below`).
 
     Args:
         learning: the model and what is believed before the drive, where the rest of the drive is to be planned again
-            each `config.replan` [s].
+            each `config.replan` [s]; without, a drive is as long as the trajectory, on a track too.
     """
     drive = execution(trajectory, effects, parameters, config, plant)
     replanning: dict[str, Any] = {}
-    if learning is not None and config.replan > 0.0 and trajectory.alpha > 0.0:
+    duration = config.drive_time if learning is not None else config.steps * DT
+    if learning is not None and config.replan > 0.0 and (trajectory.alpha > 0.0 or config.lane == "track"):
         assert isinstance(drive.driver, TrackingController)
         replanner = Replanner(*learning, trajectory, config, drive.driver)
         replanning = {"pauses": replanner.times(), "at_pause": replanner}
-    return drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, seed, **replanning)
-
-
-def lane(config: GatheringConfig) -> Reference:
-    """The lane, and the speed along it."""
-    return circle(config.v_start, config.v_end, config.steps * DT, config.curvature, config.half_width)
-
-
-def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
-    """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
-    farthest = max(lane(config).distance, *(float(table["s"].max()) for table in tables))
-    return circle(config.v_end, config.v_end, farthest / config.v_end, config.curvature, config.half_width)
+    return drive.run(trajectory.x[0, :6], 0.0, duration, seed, **replanning)
 
 
 def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
@@ -86,7 +75,7 @@ def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, co
 class Gathered(NamedTuple):
     """One drive to learn from, and what is believed after it."""
 
-    expected: float  # [nat] of information in the planned samples together
+    expected: float  # [nat] of information in the samples together that it set out to take: on a track the first plan's
     obtained: float  # [nat] in the samples that the drive gave
     table: pd.DataFrame  # log at 100 Hz
     ending: str

@@ -1,20 +1,20 @@
 """Info-OCP: a drive along a lane that is planned for what it tells a belief."""
 
 import dataclasses
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
-from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
-from drift_drake.errors import DriftDrakeError, InvalidOptionError
+from drift_drake.errors import DriftDrakeError
+from drift_drake.gathering.config import GatheringConfig, Objective
 from drift_drake.gathering.control_information import ControlInformationCost, figure_8_task
+from drift_drake.gathering.course import lane_data, positions
 from drift_drake.gathering.information import InformationCost
-from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_end, bound_slip, problem_data
+from drift_drake.gathering.lane import FEASIBLE, bound_end, bound_slip
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
-from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.posterior import Posterior, weighed
 from drift_drake.model.quality import step_model
@@ -22,64 +22,7 @@ from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
-# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
-# of what the control along the figure-8 will need.
-Objective = Literal["eq8", "updated", "drifts", "reference"]
-
-HARDEST = 8.0  # [m/s^2] of lateral acceleration that a circle may ask for: tyres on dry asphalt give hardly more
-NARROWEST = 0.5  # half width of a circle's lane, of its radius
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
-
-
-@dataclasses.dataclass(frozen=True)
-class GatheringConfig(LaneDrive):
-    """A lane drive that is worth learning from."""
-
-    curvature: float = 0.0
-    """[1/m] of the lane, which is a circle then; positive to the left."""
-
-    # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
-    max_sideslip: float = 0.35  # [rad] in plans
-    alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
-    starts: int = 5  # first guesses of Info-OCP: the straight line, and random ones
-    objective: Objective = "eq8"  # of the first round
-    # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
-    # drifting. With updates they seek what is new, whether a drift asks for it or not.
-    objective_later: Objective = "drifts"
-    ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
-    replan: float = 0.0  # [s], in whole steps, after which the rest of a drive is planned again with what it has taught
-    bounded: bool = True  # speed, wheel spin and sideslip of plans
-    fixed_alpha: bool = False  # the same weight of the information in later rounds
-    path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
-    max_iterations: int = 80
-    tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
-    # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
-    # to drifting, and the true car stays nearer to the plan.
-    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        lateral, half_width = abs(self.curvature) * self.v_end**2, self.half_width
-        if not lateral <= HARDEST:
-            raise InvalidOptionError(
-                f"a curvature of {self.curvature:g} 1/m at a v_end of {self.v_end:g} m/s asks for {lateral:.1f} m/s^2; "
-                f"give less of either, for {HARDEST:g} at most"
-            )
-        if not abs(self.curvature) * half_width <= NARROWEST:
-            raise InvalidOptionError(
-                f"a lane of {half_width:g} m to either side cannot have a curvature of {self.curvature:g} 1/m; give "
-                f"{NARROWEST / half_width:g} at most"
-            )
-        if self.replan != 0.0 and not self.replan >= DT:
-            raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
-
-
-def as_in_paper(config: GatheringConfig) -> GatheringConfig:
-    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded."""
-    return dataclasses.replace(
-        config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
-        path_step="euler",
-    )  # fmt: skip
 
 
 class InfeasiblePlanError(DriftDrakeError, RuntimeError):
@@ -120,6 +63,8 @@ def plan_drive(
     straight = problem.GetInitialGuess(problem.decision_variables())
     guesses = _first_guesses(problem, straight, config.starts if alpha > 0.0 else 1, np.random.default_rng(seed))
     best = _best(solver, guesses)
+    if config.lane == "track":
+        best = _where_it_drives(config, problem, solver, best)
     x, u, _ = problem.unstack(best.z)
     return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status, alpha)
 
@@ -159,19 +104,34 @@ def _best(solver: LineSearchSqp, guesses: list[Array]) -> SqpResult:
     )
 
 
+def _where_it_drives(
+    config: GatheringConfig, problem: OptimalControlProblem, solver: LineSearchSqp, found: SqpResult
+) -> SqpResult:
+    """A plan on a track, solved again with the bends where it meets them: it need not drive as fast as the reference.
+
+    The plan as it was where that leads to none.
+    """
+    x, u, _ = problem.unstack(found.z)
+    data = lane_data(config, s=positions(config, x))
+    problem.set(data._replace(x_init=x[0], u_init=u[0]))
+    again = solver.solve(found.z, found.y)
+    return found if again.failed or again.primal_residual >= FEASIBLE else again
+
+
 def info_ocp(
     model: BayesianModel,
     belief: Posterior,
-    config: GatheringConfig = GatheringConfig(),
+    config: GatheringConfig = GatheringConfig(),  # noqa: B008 (immutable)
     alpha: float | None = None,
     lateral: Array | None = None,
+    along: Array | None = None,
 ) -> OptimalControlProblem:
     """Info-OCP along the lane as a MathematicalProgram, each cost and constraint described, with a first guess set.
 
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: see `problem_data`.
+        lateral: see `problem_data`; along: path positions [N+1] [m] on a track, see `lane_data`.
     """
     alpha = config.alpha if alpha is None else alpha
     informative = alpha > 0.0
@@ -182,9 +142,9 @@ def info_ocp(
     )
     if config.bounded:
         bound_slip(problem, config)
+    data = lane_data(config, lateral, along)
     if informative and config.ends_straight:
-        bound_end(problem, config.curvature)
-    data = problem_data(config, lateral, config.curvature)
+        bound_end(problem, float(data.curvature[-1]))
     data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)
     problem.SetInitialGuessForAllVariables(problem.first_guess(data))

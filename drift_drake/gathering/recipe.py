@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 from typing import Self
 
-from drift_drake.gathering.plan import GatheringConfig, as_in_paper
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 
 

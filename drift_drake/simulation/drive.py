@@ -110,16 +110,17 @@ class Drive:
         seed: int,
         limits: DriveLimits | None = None,
         pauses: Iterable[float] = (),
-        at_pause: Callable[[Context, pd.DataFrame], None] | None = None,
+        at_pause: Callable[[Context, pd.DataFrame], str | None] | None = None,
     ) -> tuple[pd.DataFrame, str]:
         """Drives from a state [6] at s [m] for `duration` [s] or until the limits.
 
         Args:
             pauses: times [s] of rows at which the simulation stands still for `at_pause`, which is given the diagram's
-                Context, to change perhaps, and the rows up to then.
+                Context, to change perhaps, and the rows up to then; where it returns a word, the drive ends by it.
 
         Returns:
-            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time" or what limit).
+            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time", what limit, or a word of
+            `at_pause`).
         """
         limits = limits or DriveLimits()
         context = self.diagram.CreateDefaultContext()
@@ -143,6 +144,8 @@ class Drive:
             if ending:
                 break
             assert at_pause is not None
-            at_pause(context, self._logs.table(context))
+            ending = at_pause(context, self._logs.table(context)) or ""
+            if ending:
+                break
         ending = ending or simulator.AdvanceTo(duration).message() or "time"
         return self._logs.table(context), ending

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.gather import drive_samples, gather, lane
-from drift_drake.gathering.plan import GatheringConfig, InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.course import lane
+from drift_drake.gathering.gather import drive_samples, gather
+from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior

@@ -21,8 +21,9 @@ from diagrams.command import run_command
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering import replan
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive
+from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.gathering.replan import plan_rest
 from drift_drake.model.checkpoint import load_model
 from drift_drake.run_folder import machine, make_run_folder

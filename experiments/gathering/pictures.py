@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.gather import lane, lane_for_pictures
-from drift_drake.gathering.plan import GatheringConfig
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.course import lane, lane_for_pictures
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead
@@ -93,20 +93,21 @@ def draw_rounds(results: list[dict[str, Any]], file: Path) -> None:
 def draw_models(results: list[dict[str, Any]], file: Path) -> None:
     """Norm and errors of all models, one line a vehicle."""
     figure, axes = plt.subplots(1, 3, figsize=(12, 3.8), constrained_layout=True)
+    names = [name for name in MODELS if any(entry(result, name) is not None for result in results)]
     for axis, key, title in (
         (axes[0], "total", "total covariance norm"),
         (axes[1], "one_step_scaled", "one-step error in held-out drifts"),
         (axes[2], "rollout_scaled", "2 s rollout error in held-out drifts"),
     ):
         for result in results:
-            found = [entry(result, name) for name in MODELS]
+            found = [entry(result, name) for name in names]
             axis.plot([np.nan if one is None else one[key] for one in found], "o", color="0.75", ms=3)
         medians = []
-        for name in MODELS:
+        for name in names:
             values = [one[key] for one in (entry(result, name) for result in results) if one is not None]
             medians.append(np.median(values))
         axis.plot(medians, "_", color="tab:blue", ms=18, mew=2)
-        axis.set_xticks(range(len(MODELS)), MODELS, rotation=30, fontsize=8)
+        axis.set_xticks(range(len(names)), names, rotation=30, fontsize=8)
         axis.set_yscale("log")
         axis.set_title(title)
         axis.grid(alpha=0.3, axis="y")

@@ -11,7 +11,8 @@ MODEL_KEYS = (
     "total", "full_weight_total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta", "predicted", "obtained",
 )  # fmt: skip
 ROUND_KEYS = (
-    "predicted", "obtained", "total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta", "plan_seconds",
+    "driven_s", "predicted", "obtained", "total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta",
+    "plan_seconds",
 )  # fmt: skip
 PAPER = {  # Table I: ||Lambda_i^{-1}||_2 by state, and their sum
     "prior": (3.05, 27.47, 1.89, 1.57, 33.98),
@@ -26,7 +27,7 @@ def entry(result: dict[str, Any], name: str) -> dict[str, Any] | None:
     if name in ("Once-Info", "Twice-Info"):
         k = ("Once-Info", "Twice-Info").index(name)
         return result["rounds"][k] if k < len(result["rounds"]) else None
-    found: dict[str, Any] = result[name]
+    found: dict[str, Any] | None = result.get(name)
     return found
 
 
@@ -73,7 +74,7 @@ def _of_round(rounds: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _endings(drives: list[dict[str, Any]]) -> dict[str, int]:
     return {
-        "not driven to the end": sum(drive["ending"] != "time" for drive in drives),
+        "not driven to the end": sum(drive["ending"] not in ("time", "enough") for drive in drives),
         "left the lane": sum(drive["left_lane"] for drive in drives),
     }
 
@@ -96,7 +97,7 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
     driven = [[result["rounds"][k] for result in results if len(result["rounds"]) > k] for k in range(most)]
     return {
         "vehicles": len(results),
-        "models": {name: _of_model(entries) for name, entries in by_model.items()},
+        "models": {name: _of_model(entries) for name, entries in by_model.items() if entries},
         "rounds": [_of_round(rounds) for rounds in driven],
         "counts": _counts(results),
         "prior total over Twice-Info's": _spread([r["prior"]["total"] / r["rounds"][1]["total"] for r in twice]),
@@ -167,12 +168,12 @@ def _errors(summary: dict[str, Any]) -> list[str]:
 
 def _rounds(summary: dict[str, Any]) -> list[str]:
     lines = [
-        "| round | predicted [nat] | obtained [nat] | total norm | one step | abs(e) | abs(beta) | left the lane | "
-        "broken off | CPU time of the vehicle's own plan [s] |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| round | driven [s] | predicted [nat] | obtained [nat] | total norm | one step | after 2 s | abs(e) "
+        "| abs(beta) | left the lane | broken off | CPU time of the vehicle's own plan [s] |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for k, found in enumerate(summary["rounds"]):
-        keys = ("predicted", "obtained", "total", "one_step_scaled", "max_e", "max_beta")
+        keys = ("driven_s", "predicted", "obtained", "total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta")
         cells = [_cell(found[key]) for key in keys]
         cells += [str(found[key]) for key in ("left the lane", "not driven to the end")]
         cells += [_cell(found["plan_seconds"]) if k > 0 else ""]  # the first plan is all vehicles'

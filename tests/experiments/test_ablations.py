@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.plan import GatheringConfig
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters

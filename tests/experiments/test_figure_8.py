@@ -9,7 +9,7 @@ import pytest
 
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
-from drift_drake.gathering.plan import GatheringConfig, as_in_paper
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation import true_plant

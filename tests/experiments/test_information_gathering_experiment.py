@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.gathering.plan import GatheringConfig, Trajectory
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.plan import Trajectory
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import LAGGED, lagged_commands
@@ -31,8 +32,10 @@ def judged(total: float, error: float) -> dict[str, Any]:
 
 
 def driven(total: float, error: float, gain: float, ending: str = "time") -> dict[str, Any]:
-    return judged(total, error) | {"predicted": gain, "obtained": gain, "ending": ending, "max_e": 1.0, "max_beta": 0.2,
-                                   "left_lane": ending == "spin", "plan_seconds": 4.0}  # fmt: skip
+    return judged(total, error) | {
+        "driven_s": 4.5, "predicted": gain, "obtained": gain, "ending": ending, "max_e": 1.0, "max_beta": 0.2,
+        "left_lane": ending == "spin", "plan_seconds": 4.0,
+    }  # fmt: skip
 
 
 def vehicle(twice: float, error: float, ending: str = "time") -> dict[str, Any]:
@@ -52,6 +55,15 @@ def test_counts_and_spreads() -> None:
     assert twice["left the lane"] == 1
     assert summary["models"]["Once-Info"]["left the lane"] == 0
     assert "33.98" in markdown(summary | {"plan_seconds": {"OCP": 0.3}})
+
+
+def test_a_track_has_no_baselines_and_its_drives_may_stop() -> None:
+    found = vehicle(4.0, 1.0, "enough")
+    del found["slalom"], found["random steering"]
+    summary = summarise([found], 0.1)
+    assert list(summary["models"]) == ["prior", "Once-OCP", "Once-Info", "Twice-Info"]
+    assert summary["models"]["Twice-Info"]["not driven to the end"] == 0
+    assert "| 2 | 4.5 (4.5 to 4.5) |" in markdown(summary | {"plan_seconds": {"OCP": 0.3}})
 
 
 def test_the_rounds_stop_when_little_is_promised() -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.gathering.plan import GatheringConfig, Trajectory
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.plan import Trajectory
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import adapted

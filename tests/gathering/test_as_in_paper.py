@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, as_in_paper, plan_drive, round_alpha
+from drift_drake.gathering.plan import Trajectory, plan_drive, round_alpha
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.quality import step_model
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -12,9 +12,10 @@ from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering import replan
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather, learn_drive, taught
 from drift_drake.gathering.lane import problem_data
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_again, plan_drive, round_alpha
+from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive, round_alpha
 from drift_drake.gathering.replan import plan_rest, rest_of_drive, rest_of_plan
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
@@ -94,7 +95,7 @@ def test_each_replan_begins_where_the_car_is_with_what_it_has_learnt(
     assert [arguments[3].steps for arguments in given] == [10, 6]  # at 0.4 and 0.8 s; at 1.2 s too little is left
     samples = samples_from_log(table, None, 0, 0)
     before = [info, *found]
-    for step, (_, belief, left, config, alpha, x, u), plan in zip((4, 8), given, before, strict=False):
+    for step, (_, belief, left, config, alpha, x, u, _), plan in zip((4, 8), given, before, strict=False):
         row = table.iloc[10 * step]
         np.testing.assert_array_equal(x[:6], row[list(STATES)])
         np.testing.assert_array_equal(u, row[["delta_cmd", "tau_cmd"]])
@@ -104,7 +105,7 @@ def test_each_replan_begins_where_the_car_is_with_what_it_has_learnt(
         np.testing.assert_array_equal(left.u, plan.u[4:])
         assert config.objective == "drifts"
         assert alpha == pytest.approx(round_alpha(model, model.prior(), info, CONFIG))
-    for plan, (*_, x, u) in zip(found, given, strict=True):
+    for plan, (*_, x, u, _) in zip(found, given, strict=True):
         np.testing.assert_allclose(plan.x[0], x, atol=1e-6)
         np.testing.assert_allclose(plan.u[0], u, atol=1e-4)
 

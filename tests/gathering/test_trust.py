@@ -10,8 +10,9 @@ from scipy.stats import t as student
 
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather
-from drift_drake.gathering.plan import GatheringConfig, Trajectory, plan_drive
+from drift_drake.gathering.plan import Trajectory, plan_drive
 from drift_drake.gathering.trust import Familiar, familiar_from, familiar_to, keep_familiar, squared_distances
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint

@@ -1,0 +1,100 @@
+"""What a drive that is planned for information is: along which lane, by which objective, within which limits."""
+
+import dataclasses
+from typing import Literal
+
+from drift_drake.control.ocp import OcpWeights
+from drift_drake.control.plan import DT
+from drift_drake.errors import InvalidOptionError
+from drift_drake.gathering.lane import LaneDrive
+from drift_drake.model.bayesian_step import PathStep
+from drift_drake.reference.stadium import HARDEST, Stadium
+
+# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
+# of what the control along the figure-8 will need.
+Objective = Literal["eq8", "updated", "drifts", "reference"]
+
+NARROWEST = 0.5  # half width of a lane that bends, of its radius
+LONGEST_DRIVE = 600.0  # [s] on a track
+
+
+@dataclasses.dataclass(frozen=True)
+class GatheringConfig(LaneDrive):
+    """A lane drive that is worth learning from."""
+
+    curvature: float = 0.0
+    """[1/m] of the lane, which is a circle then; positive to the left."""
+    lane: Literal["open", "track"] = "open"
+    """A track is closed, and driven for longer than a plan: it is planned again each `replan` [s], as far ahead as at
+    the start. Its speed is the track's, up to `v_end`."""
+    track: Stadium = dataclasses.field(default_factory=Stadium)
+    duration: float = 9.0  # [s] of a drive on the track
+
+    # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
+    max_sideslip: float = 0.35  # [rad] in plans
+    alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
+    starts: int = 5  # first guesses of Info-OCP: the straight line, and random ones
+    objective: Objective = "eq8"  # of the first round
+    # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
+    # drifting. With updates they seek what is new, whether a drift asks for it or not.
+    objective_later: Objective = "drifts"
+    ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
+    replan: float = 0.0  # [s], in whole steps, after which the rest of a drive is planned again with what it has taught
+    stop_below: float = 0.0
+    """A replanned drive ends where what is still promised falls below this share of what it has taught; 0 for never."""
+    bounded: bool = True  # speed, wheel spin and sideslip of plans
+    fixed_alpha: bool = False  # the same weight of the information in later rounds
+    path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
+    max_iterations: int = 80
+    tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
+    # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
+    # to drifting, and the true car stays nearer to the plan.
+    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.lane == "track":
+            self._check_track()
+        lateral, half_width = abs(self.curvature) * self.v_end**2, self.half_width
+        if not lateral <= HARDEST:
+            raise InvalidOptionError(
+                f"a curvature of {self.curvature:g} 1/m at a v_end of {self.v_end:g} m/s asks for {lateral:.1f} m/s^2; "
+                f"give less of either, for {HARDEST:g} at most"
+            )
+        if not abs(self.curvature) * half_width <= NARROWEST:
+            raise InvalidOptionError(
+                f"a lane of {half_width:g} m to either side cannot have a curvature of {self.curvature:g} 1/m; give "
+                f"{NARROWEST / half_width:g} at most"
+            )
+        if self.replan != 0.0 and not self.replan >= DT:
+            raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
+        if not 0.0 <= self.stop_below <= 1.0:
+            raise InvalidOptionError(f"stop_below is {self.stop_below:g}; give 0 to 1")
+
+    def _check_track(self) -> None:
+        if self.curvature != 0.0:
+            raise InvalidOptionError(f"a track has bends of its own; leave out the curvature of {self.curvature:g} 1/m")
+        if not self.half_width <= NARROWEST * self.track.radius:
+            raise InvalidOptionError(
+                f"a lane of {self.half_width:g} m to either side cannot have a radius of {self.track.radius:g} m; give "
+                f"{self.half_width / NARROWEST:g} or more"
+            )
+        if not DT <= self.duration <= LONGEST_DRIVE:
+            raise InvalidOptionError(f"duration is {self.duration:g} s; give {DT:g} to {LONGEST_DRIVE:g}")
+        if not 0.0 < self.replan <= self.steps * DT:
+            raise InvalidOptionError(
+                f"a track is driven for longer than a plan; give replan up to {self.steps * DT:g} s, such as 0.5"
+            )
+
+    @property
+    def drive_time(self) -> float:
+        """How long a drive takes [s]: a plan, but on the track."""
+        return self.duration if self.lane == "track" else self.steps * DT
+
+
+def as_in_paper(config: GatheringConfig) -> GatheringConfig:
+    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded."""
+    return dataclasses.replace(
+        config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
+        path_step="euler",
+    )  # fmt: skip

@@ -1,0 +1,216 @@
+"""From the paper's recipe to the shipped model, one improvement added at a time, on the figure-8.
+
+    python -m experiments.drifting.improvements --vehicle-seed 890417 --vehicles 8
+
+The same vehicles for all rungs of the ladder, one attempt each; what is switched is what needs no training. Written:
+config.json, a folder of runs a rung, runs.csv, numbers.json, report.md, improvements.png. The vehicles are driven one
+after the other, all rungs of each, so that what is done is balanced; broken off, it goes on where it was (give --out).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
+import tyro
+
+from diagrams.command import run_command
+from drift_drake.drives.vehicles import Population
+from drift_drake.executors import ExecutorConfig
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.model.bayesian_step import PathStep
+from drift_drake.model.checkpoint import load_model, paper_checkpoint
+from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table
+from experiments.drifting.report import LABELS, completion_table, summarise
+from experiments.drifting.runs import BELIEFS, Model, ModelsConfig, open_folder, run_models
+from experiments.made import write_report
+from experiments.settings import keep_settings
+
+PREDICTING: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info")
+
+
+@dataclasses.dataclass(frozen=True)
+class ImprovementsConfig:
+    """Which vehicles."""
+
+    vehicles: int = 6
+    first: int = 0  # index of the first vehicle of the population
+    population: Population = "held_out"
+    vehicle_seed: int = 0  # of the draw of the vehicles
+    models: tuple[Model, ...] = (*PREDICTING, "online", "twice_online")
+    """Of each rung, as far as it changes them."""
+    between: Path | None = None
+    """Checkpoint of a recipe between the paper's and the shipped one: a further rung, with the shipped gathering."""
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    out: Path | None = None
+    """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
+
+
+class Rung(NamedTuple):
+    """A step of the ladder: what is added to the one before, and the models whose runs that may change."""
+
+    name: str  # of its folder
+    what: str
+    models: tuple[Model, ...]
+    learnt: Literal["paper", "between", "shipped"]
+    gathering: GatheringConfig
+    path_step: PathStep
+
+
+def ladder(between: bool = False) -> list[Rung]:
+    """All rungs, from the paper's recipe on; only the one that leaves the paper's model goes back to its gathering.
+
+    Args:
+        between: whether there is a model between the two.
+    """
+    change = dataclasses.replace
+    paper, shipped = as_in_paper(GatheringConfig()), GatheringConfig()
+    bounded = change(paper, bounded=True, ends_straight=True)
+    weighed = change(bounded, fixed_alpha=False)
+    for_drifts = change(weighed, objective_later="drifts")
+    rungs = [
+        Rung("paper", "as in the paper", PREDICTING, "paper", paper, "euler"),
+        Rung("bounds", "+ plans bounded, ending straight", PREDICTING[2:], "paper", bounded, "euler"),
+        Rung("weights", "+ a later round's information weighed anew", PREDICTING[3:], "paper", weighed, "euler"),
+        Rung("drifts", "+ later rounds planned for drifts", PREDICTING[3:], "paper", for_drifts, "euler"),
+        Rung("plans", "+ the learnt car's path in plans: the shipped gathering", PREDICTING[1:], "paper", shipped,
+             "euler"),
+        Rung("control", "+ the learnt car's path in the controller", PREDICTING, "paper", shipped, "trapezoid"),
+    ]  # fmt: skip
+    if between:
+        rungs.append(Rung("between", "the model between the two", PREDICTING, "between", shipped, "trapezoid"))
+    return [
+        *rungs,
+        Rung("model", "the shipped model, the paper's gathering", PREDICTING, "shipped", paper, "trapezoid"),
+        Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "online", "twice_online"), "shipped",
+             shipped, "trapezoid"),
+    ]  # fmt: skip
+
+
+def of_models(rungs: Sequence[Rung], models: Sequence[Model]) -> list[Rung]:
+    """The rungs that change one of the models, with these alone."""
+    kept = [rung._replace(models=tuple(model for model in rung.models if model in models)) for rung in rungs]
+    return [rung for rung in kept if rung.models]
+
+
+def checkpoints(config: ImprovementsConfig, folder: Path) -> dict[str, Path | None]:
+    """Each rung's model as a file.
+
+    The paper's names no drifts to plan for, and a model between the two perhaps none; they are given the shipped one's,
+    which are samples of drives, not numbers of a network.
+    """
+    found: dict[str, Path | None] = {"shipped": None}
+    for name, path in (("paper", paper_checkpoint()), ("between", config.between)):
+        if path is None:
+            continue
+        model = load_model(path)
+        found[name] = folder / f"{name}.npz"
+        dataclasses.replace(model, drifts=load_model().drifts).save(folder / f"{name}.npz")
+    return found
+
+
+def rung_config(config: ImprovementsConfig, rung: Rung, checkpoint: Path | None, folder: Path) -> ModelsConfig:
+    """What `figure_8` would be asked for, with its runs in a folder of the rung's own."""
+    return ModelsConfig(
+        checkpoint=checkpoint, gathering=rung.gathering, path_step=rung.path_step, models=rung.models,
+        vehicles=config.vehicles, first=config.first, population=config.population, noise_seeds=1,
+        vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
+    )  # fmt: skip
+
+
+def drive_ladder(config: ImprovementsConfig, rungs: Sequence[Rung], folder: Path) -> pd.DataFrame:
+    """All rungs on all vehicles, one row a run, with a column `rung`."""
+    files = checkpoints(config, folder)
+    settings = {rung.name: rung_config(config, rung, files[rung.learnt], folder) for rung in rungs}
+    for name, rung in settings.items():
+        (folder / name).mkdir(exist_ok=True)
+        open_folder(folder / name, rung)
+        wanted = frozenset(BELIEFS[model] for model in rung.models if model in BELIEFS)
+        rung.gathered(wanted, load_model(rung.checkpoint), folder / name)  # for all vehicles, so that plans are shared
+    for vehicle in range(config.first, config.first + config.vehicles):
+        for name, rung in settings.items():
+            run_models(dataclasses.replace(rung, first=vehicle, vehicles=1), "figure_8", folder / name)
+    runs = [run_models(rung, "figure_8", folder / name).assign(rung=name) for name, rung in settings.items()]
+    return pd.concat(runs, ignore_index=True)
+
+
+def summarise_ladder(runs: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """`summarise` of each rung's runs."""
+    return {str(name): summarise(group) for name, group in runs.groupby("rung", sort=False)}
+
+
+def medians_table(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
+    """RMS e and runs completed by rung and model, as Markdown; empty where a rung changes nothing for a model."""
+    models = list(dict.fromkeys(model for rung in rungs for model in rung.models))
+    lines = [
+        "| " + " | ".join(["median RMS e [m], completed", *(LABELS[model] for model in models)]) + " |",
+        "| " + " | ".join(["---"] * (1 + len(models))) + " |",
+    ]
+    for rung in rungs:
+        cells = [_cell(summary[rung.name][model]) if model in summary[rung.name] else "" for model in models]
+        lines.append("| " + " | ".join([rung.what, *cells]) + " |")
+    return "\n".join(lines)
+
+
+def _cell(entry: dict[str, Any]) -> str:
+    median = entry["rms_e"]["median"]
+    said = f"{median:.2f}" if np.isfinite(median) else "-"
+    return f"{said}, {round(entry['completed'] * entry['runs'])} of {entry['runs']}"
+
+
+def markdown(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
+    """The report."""
+    parts = [medians_table(rungs, summary)]
+    parts += [f"### {rung.what}\n\n{completion_table(summary[rung.name])}" for rung in rungs]
+    return "\n\n".join(parts) + "\n"
+
+
+@styled
+def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_info") -> Any:
+    """RMS e of each vehicle by rung; crosses at the right: not completed, behind all others."""
+    rungs = [rung for rung in rungs if model in rung.models]
+    figure = new_figure(7.5, 0.7 + 0.45 * len(rungs))
+    axes = figure.subplots()
+    behind = 1.5 * float(runs["rms_e"].where(runs["completed"]).max())
+    for row, rung in enumerate(rungs):
+        group = runs[(runs["rung"] == rung.name) & (runs["model"] == model)].sort_values("vehicle")
+        shift = np.linspace(-0.25, 0.25, len(group)) if len(group) > 1 else np.zeros(1)
+        done, y = group["completed"].to_numpy(dtype=bool), row + shift
+        axes.plot(group["rms_e"][done], y[done], "o", color=RUNS[0], markersize=4)
+        axes.plot(np.full(np.sum(~done), behind), y[~done], "x", color=BOUND, markersize=5)
+        ranked = np.sort(group["rms_e"].where(group["completed"], np.inf).to_numpy(dtype=float))
+        median = float(np.quantile(ranked, 0.5, method="linear" if np.isfinite(ranked).all() else "higher"))
+        if np.isfinite(median):
+            axes.plot([median] * 2, [row - 0.35, row + 0.35], color=INK)
+    axes.set_yticks(range(len(rungs)), [rung.what for rung in rungs])
+    axes.invert_yaxis()
+    axes.set(xscale="log", xlabel=f"RMS e with {LABELS[model]} [m], a mark a vehicle, x: not completed, line: median")
+    return figure
+
+
+def main(config: ImprovementsConfig) -> None:
+    """Runs what is missing, then writes numbers, the report and the picture."""
+    folder = make_run_folder("improvements", config.out)
+    between = None if config.between is None else load_model(config.between).content_hash()
+    free = ("vehicles", "first", "models", "between", "between_hash", "run_on", "out")
+    keep_settings(folder, dataclasses.asdict(config) | {"between_hash": between}, free)
+    write_versions(folder)
+    rungs = of_models(ladder(config.between is not None), config.models)
+    runs = drive_ladder(config, rungs, folder)
+    write_table(runs, folder / "runs.csv", index=False)
+    summary = summarise_ladder(runs)
+    write_json(folder / "numbers.json", summary)
+    report = markdown(rungs, summary)
+    write_report(folder, report, config)
+    pictured = "twice_info" if "twice_info" in config.models else config.models[0]
+    write_figure(picture(rungs, runs, pictured), folder / "improvements.png")
+    print(report)
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    run_command(main, ImprovementsConfig)

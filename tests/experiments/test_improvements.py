@@ -1,0 +1,118 @@
+"""The ladder from the paper's recipe to the shipped model."""
+
+import dataclasses
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drift_drake.executors import ExecutorConfig
+from drift_drake.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.model.checkpoint import load_model, paper_checkpoint
+from drift_drake.reference.trajectory import figure_8
+from drift_drake.simulation.closed_loop import ControlConfig
+from drift_drake.vehicle.parameters import VehicleParameters
+from experiments.drifting import improvements, runs
+from experiments.drifting.improvements import (
+    ImprovementsConfig,
+    checkpoints,
+    drive_ladder,
+    ladder,
+    markdown,
+    medians_table,
+    of_models,
+    picture,
+    summarise_ladder,
+)
+from experiments.drifting.runs import ModelsConfig
+
+
+def test_the_ladder_begins_as_in_the_paper_and_ends_as_shipped() -> None:
+    rungs = ladder()
+    first, last = ModelsConfig(as_in_paper=True).resolved(), ModelsConfig()
+    assert (rungs[0].gathering, rungs[0].path_step) == (first.gathering, first.path_step)
+    assert (rungs[-1].gathering, rungs[-1].path_step) == (last.gathering, last.path_step)
+    assert (rungs[0].learnt, rungs[-1].learnt) == ("paper", "shipped")
+
+
+def test_each_rung_of_the_papers_model_adds_to_the_one_before() -> None:
+    def switched(name: str) -> dict[str, Any]:
+        rung = next(rung for rung in ladder() if rung.name == name)
+        before, now = dataclasses.asdict(as_in_paper(GatheringConfig())), dataclasses.asdict(rung.gathering)
+        return {key: value for key, value in now.items() if value != before[key]} | {"control": rung.path_step}
+
+    steps = [switched(rung.name) for rung in ladder() if rung.learnt == "paper"]
+    added = [{key: now[key] for key in now if before.get(key) != now[key]} for before, now in pairwise(steps)]
+    assert added == [
+        {"bounded": True, "ends_straight": True},
+        {"fixed_alpha": False},
+        {"objective_later": "drifts"},
+        {"path_step": "trapezoid"},
+        {"control": "trapezoid"},
+    ]
+
+
+def test_the_papers_model_is_only_told_which_drifts_to_plan_for(tmp_path: Path) -> None:
+    files = checkpoints(ImprovementsConfig(), tmp_path)
+    assert files["shipped"] is None
+    assert "between" not in files
+    found, paper = load_model(files["paper"]), load_model(paper_checkpoint())
+    assert found.content_hash() == paper.content_hash()
+    np.testing.assert_array_equal(found.drifts, load_model().drifts)
+    between = checkpoints(ImprovementsConfig(between=paper_checkpoint()), tmp_path)["between"]
+    assert load_model(between).content_hash() == paper.content_hash()
+    assert [rung.name for rung in ladder(between=True)][-3:] == ["between", "model", "shipped"]
+
+
+def made_up(rungs: list[improvements.Rung]) -> pd.DataFrame:
+    rows = [
+        {"rung": rung.name, "model": model, "vehicle": vehicle, "completed": vehicle + k > 0, "rms_e": 0.5 + 0.1 * k}
+        for k, rung in enumerate(rungs) for model in rung.models for vehicle in range(3)
+    ]  # fmt: skip
+    runs = pd.DataFrame(rows).assign(
+        noise_seed=0, drifting=1.0, completion=1.0, rms_sideslip_error=0.1, solver_failures=0, solve_ms_median=1.0
+    )
+    return runs.assign(outcome=np.where(runs["completed"], "completed", "spin"))
+
+
+def test_the_table_counts_failures_and_leaves_out_what_cannot_change() -> None:
+    rungs = ladder()[:3]
+    table = medians_table(rungs, summarise_ladder(made_up(rungs))).splitlines()
+    assert table[2] == "| as in the paper | 0.50, 2 of 3 | 0.50, 2 of 3 | 0.50, 2 of 3 | 0.50, 2 of 3 |"
+    assert table[4].endswith("|  |  |  | 0.70, 3 of 3 |")
+    assert "### as in the paper" in markdown(rungs, summarise_ladder(made_up(rungs)))
+
+
+def test_some_models_need_some_rungs_alone() -> None:
+    assert [rung.name for rung in of_models(ladder(), ["prior", "online"])] == ["paper", "control", "model", "shipped"]
+    assert of_models(ladder(), ["online"])[0].models == ("online",)
+
+
+def test_the_picture_has_a_row_a_rung() -> None:
+    rungs = ladder()
+    axes = picture(rungs, made_up(rungs)).axes[0]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [rung.what for rung in rungs]
+    axes = picture(rungs, made_up(rungs), "prior").axes[0]
+    assert len(axes.get_yticklabels()) == 3
+
+
+def test_a_rung_is_driven_and_gone_on_with(
+    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=10.0)
+    monkeypatch.setattr(runs, "reference", lambda _: course)
+    fast = ControlConfig(horizon=12, period=0.05, delay=0.05)
+    monkeypatch.setattr(improvements, "ModelsConfig", lambda **options: ModelsConfig(control=fast, **options))
+    short = dataclasses.replace(as_in_paper(GatheringConfig(steps=15, v_end=10.0, starts=1)))
+    rungs = [rung._replace(models=("prior", "once_ocp"), gathering=short) for rung in ladder()[:1]]
+    config = ImprovementsConfig(vehicles=2, population="train", run_on=here)
+    found = drive_ladder(config, rungs, tmp_path)
+    assert list(found["vehicle"]) == [0, 0, 1, 1]
+    assert set(found["rung"]) == {"paper"}
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "paper").glob("*-00*")}
+    assert len(before) == 2 * (1 + 2 * 2)  # beliefs, and two files a run
+    pd.testing.assert_frame_equal(drive_ladder(config, rungs, tmp_path), found)
+    assert {path: path.stat().st_mtime_ns for path in before} == before

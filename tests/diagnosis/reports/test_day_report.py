@@ -139,7 +139,7 @@ def test_a_state_that_is_not_measured_has_no_chart(late_day):
     cars = {"calibrated": day.errors}
     runs = [dataclasses.replace(run, used=np.array([True, True, True, False, True])) for run in day.runs]
     lacking = dataclasses.replace(day, runs=runs)
-    assert "omega_r [m/s]" in by_horizon(day, late_day.search.normal, cars)
-    assert "omega_r [m/s]" not in by_horizon(lacking, late_day.search.normal, cars)
-    assert "omega_r [m/s]" not in overlay(lacking, late_day.search.normal, 0, cars, {})
-    assert "beta [rad]" in overlay(lacking, late_day.search.normal, 0, cars, {})
+    assert "omega_r" in by_horizon(day, late_day.search.normal, cars)
+    assert "omega_r" not in by_horizon(lacking, late_day.search.normal, cars)
+    assert "omega_r" not in overlay(lacking, late_day.search.normal, 0, cars, {})
+    assert "beta" in overlay(lacking, late_day.search.normal, 0, cars, {})

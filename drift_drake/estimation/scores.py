@@ -194,7 +194,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     offset = np.median(day.errors, axis=0)
     level = capped_squares((day.errors - offset) / scales).mean(axis=0)
     normal = Normal(
-        names=tuple(names), stride=day.runs[0].between, units=steps, scales=scales, precision=precision,
+        names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
         blocks=len(score), mean=score.mean(axis=0), covariance=covariance, modes=modes,
         information=np.diag(information) / len(score), covered=drive_coverage(day.runs), unknown=unknown,
         recording=recording, offset=offset, level=level,

@@ -55,20 +55,20 @@ class WindowedRun:
     delta: np.ndarray  # [rows] commands
     tau: np.ndarray
     starts: np.ndarray  # [windows] rows
-    between: float  # [s] between horizons, before rounding to rows
+    stride: float  # [s] between horizons, before rounding to rows
     fed: bool  # speeds are fed as measured: no torque is logged
     used: np.ndarray  # [5] bool: channels that are measured and predicted
     recording: str = ""  # that the run is a part of
 
     @property
-    def stride(self) -> int:
+    def stride_rows(self) -> int:
         """Rows between horizons."""
-        return max(round(self.between / self.period), 1)
+        return max(round(self.stride / self.period), 1)
 
     @property
     def horizons(self) -> tuple[float, ...]:
         """Times [s] ahead that errors are of [HORIZONS]."""
-        return tuple(round(self.stride * self.period * (k + 1), 3) for k in range(HORIZONS))
+        return tuple(round(self.stride_rows * self.period * (k + 1), 3) for k in range(HORIZONS))
 
 
 def stride_of(vehicle: VehicleParameters) -> float:
@@ -89,11 +89,11 @@ def smoothed(values: np.ndarray, period: float, stride: float = STRIDE) -> np.nd
     return np.asarray(savgol_filter(values, length, 2)) if len(values) > length else values
 
 
-def windowed(run: Run, left_out: np.ndarray | None = None, between: float = STRIDE) -> WindowedRun:
+def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRIDE) -> WindowedRun:
     """A run as windows.
 
     Args:
-        left_out: rows [rows] (bool) that no window may touch; between: time [s] between horizons (`stride_of`).
+        left_out: rows [rows] (bool) that no window may touch; stride: time [s] between horizons (`stride_of`).
     """
     data: RunData = prepare_run(run)
     y = data.y[:, [CHANNELS.index(name) for name in PREDICTED]].copy()
@@ -102,18 +102,18 @@ def windowed(run: Run, left_out: np.ndarray | None = None, between: float = STRI
         y[:, 3] = y[:, 1]
     if run.psi is None:
         y[:, 4] = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:, 0] + y[:-1, 0]) * run.period)])
-    stride = max(round(between / run.period), 1)
+    rows = max(round(stride / run.period), 1)
     first = round(SETTLING / run.period)
-    starts = np.arange(first, len(y) - HORIZONS * stride - stride, rows_between_starts(between, run.period))
+    starts = np.arange(first, len(y) - HORIZONS * rows - rows, rows_between_starts(stride, run.period))
     if left_out is not None:
         bad = np.concatenate([[0], np.cumsum(left_out)])
-        margin = round(SMOOTHING * between / run.period)
-        clean = bad[starts + HORIZONS * stride + 1] == bad[np.maximum(starts - margin, 0)]
+        margin = round(SMOOTHING * stride / run.period)
+        clean = bad[starts + HORIZONS * rows + 1] == bad[np.maximum(starts - margin, 0)]
         starts = starts[clean]
-    start_y = np.stack([smoothed(y[:, i], run.period, between) for i in range(len(PREDICTED))], axis=1)
+    start_y = np.stack([smoothed(y[:, i], run.period, stride) for i in range(len(PREDICTED))], axis=1)
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
     return WindowedRun(
-        run.name, run.period, y, start_y, data.delta, data.tau, starts, between, fed, used, run.recording or run.name
+        run.name, run.period, y, start_y, data.delta, data.tau, starts, stride, fed, used, run.recording or run.name
     )
 
 
@@ -153,13 +153,13 @@ def _measured_state(y: Any, effects: Any, z: Any) -> Any:
 
 @compiled
 def predict_windows(
-    start_y: Any, y: Any, starts: Any, stride: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
+    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
     fed: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
-        start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride: rows between
+        start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
             horizons; delta, torque: on the stages' grid (`commands.actuated`); effects: without those of actuators.
     """
     z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
@@ -186,10 +186,10 @@ def predict_windows(
         z[:] = memory
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
-            for row in range(start + h * stride, start + (h + 1) * stride):
+            for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
                 _advance(z, delta, torque, row, period, constants, effects, fed, start_y[row], start_y[row + 1],
                          push, k, w)  # fmt: skip
-            end = start + (h + 1) * stride
+            end = start + (h + 1) * stride_rows
             r, beta, omega_r = unbiased(y[end, 0], y[end, 2], y[end, 3], effects)
             out[s, h, 0], out[s, h, 1] = r - z[0], y[end, 1] - z[1]
             out[s, h, 2], out[s, h, 3] = beta - z[2], omega_r - z[3]
@@ -204,7 +204,7 @@ def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizon
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
-    predict_windows(run.start_y, run.y, run.starts, run.stride, delta, torque, run.period, constants,
+    predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
             without_actuators(effects), run.fed, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
@@ -224,7 +224,7 @@ def errors_of_all(
 
 def regimes(run: WindowedRun) -> np.ndarray:
     """How hard each window is driven [windows, 4]: most speed [m/s], r v [m/s^2], sideslip [rad], rim slip [-]."""
-    rows = run.starts[:, None] + np.arange(0, HORIZONS * run.stride + 1, max(run.stride // 4, 1))
+    rows = run.starts[:, None] + np.arange(0, HORIZONS * run.stride_rows + 1, max(run.stride_rows // 4, 1))
     r, v, beta, omega_r = (run.start_y[rows, i] for i in range(4))
     parts = (v, np.abs(r * v), np.abs(beta), np.abs(omega_r - v * np.cos(beta)) / np.maximum(v, 1.0))
     return np.stack([part.max(axis=1) for part in parts], axis=-1)

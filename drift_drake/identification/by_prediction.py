@@ -56,7 +56,7 @@ def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[Windowed
     """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block."""
     fitted, judged = [], []
     for some, run in zip(thinned(runs, MOST_WINDOWS), runs, strict=True):
-        starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride)
+        starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
         fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
         judged.append(dataclasses.replace(run, starts=run.starts[is_held(run, run.starts)]))
     if min(sum(len(run.starts) for run in part) for part in (fitted, judged)) < LEAST_WINDOWS:

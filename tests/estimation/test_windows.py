@@ -114,14 +114,14 @@ def test_no_window_touches_rows_that_are_left_out():
     bad[90:95] = True
     kept, every = windowed(run, bad).starts, windowed(run).starts
     assert set(kept) < set(every)
-    ends = kept + HORIZONS * windowed(run).stride
+    ends = kept + HORIZONS * windowed(run).stride_rows
     assert np.all((ends < 90) | (kept > 95))
 
 
 @pytest.mark.parametrize("every", [1, 2])
 def test_horizons_are_the_same_times_at_any_rate(every):
     run = exact(integrated(CAR).thinned(every))
-    assert run.stride * run.period == pytest.approx(windows.STRIDE)
+    assert run.stride_rows * run.period == pytest.approx(windows.STRIDE)
     assert np.diff(run.starts)[0] * run.period == pytest.approx(windows.START_EVERY * windows.STRIDE)
     # Commands are linear between rows that are further apart: only nearly the ones that were driven.
     assert np.abs(run_errors(run, CAR.constants(), Effects())[..., 0]).max() < 0.02 * np.ptp(run.y[:, 0])
@@ -129,10 +129,10 @@ def test_horizons_are_the_same_times_at_any_rate(every):
 
 def test_a_small_car_is_judged_sooner_as_the_square_root_of_its_length():
     small = CAR.replace(front_axle_distance=0.05, rear_axle_distance=0.04)
-    between = windows.stride_of(small)
-    assert between == pytest.approx(0.3 * windows.STRIDE)
+    stride = windows.stride_of(small)
+    assert stride == pytest.approx(0.3 * windows.STRIDE)
     assert windows.stride_of(CAR) == windows.STRIDE
-    run = windowed(integrated(CAR), between=between)
+    run = windowed(integrated(CAR), stride=stride)
     np.testing.assert_allclose(run.horizons, 0.03 * np.arange(1, HORIZONS + 1))
     assert np.diff(run.starts)[0] * run.period == pytest.approx(0.06)
     whole = windowed(integrated(CAR)).starts
@@ -141,7 +141,7 @@ def test_a_small_car_is_judged_sooner_as_the_square_root_of_its_length():
 
 
 def test_rows_too_far_apart_for_a_small_car_are_its_horizons():
-    assert windowed(integrated(CAR).thinned(3), between=0.012).horizons[0] == pytest.approx(0.03)
+    assert windowed(integrated(CAR).thinned(3), stride=0.012).horizons[0] == pytest.approx(0.03)
 
 
 def test_a_parabola_passes_the_smoothing_and_noise_shrinks():

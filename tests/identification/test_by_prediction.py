@@ -37,7 +37,7 @@ def test_no_fitted_window_reaches_into_a_held_out_block(runs):
     assert sum(len(run.starts) for run in judged) > 0
     for fit_run, judge_run in zip(fitted, judged, strict=True):
         for start in fit_run.starts:
-            assert not np.any(is_held(fit_run, np.arange(start, start + HORIZONS * fit_run.stride + 1)))
+            assert not np.any(is_held(fit_run, np.arange(start, start + HORIZONS * fit_run.stride_rows + 1)))
         assert np.all(is_held(judge_run, judge_run.starts))
 
 

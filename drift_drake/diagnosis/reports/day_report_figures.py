@@ -18,7 +18,7 @@ Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the n
 
 def ends(run: WindowedRun) -> np.ndarray:
     """Rows [windows] that are predicted, at the longest horizon."""
-    return np.asarray(run.starts + HORIZONS * run.stride)
+    return np.asarray(run.starts + HORIZONS * run.stride_rows)
 
 
 def judged_states(day: Day) -> list[tuple[int, str]]:

@@ -153,8 +153,8 @@ def _measured_state(y: Any, effects: Any, z: Any) -> Any:
 
 @compiled
 def predict_windows(
-    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
-    fed: Any, out: Any,
+    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
+    effects: Any, fed: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 

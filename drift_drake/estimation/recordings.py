@@ -14,7 +14,7 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-ALIKE = 4.0
+ALIKE = 2.0
 """Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
 (validation days and recordings)."""
 SHARE = 0.5  # of the least gap, that an effect's standard deviation from recording to recording is: two are a gap
@@ -46,17 +46,18 @@ def spread(pulled: np.ndarray) -> np.ndarray:
     return np.asarray(count**2 / max(count - 1, 1) * pulled.T @ pulled)
 
 
-def shrunk(seen: np.ndarray, alone: np.ndarray, information: np.ndarray, count: int) -> np.ndarray:
+def shrunk(seen: np.ndarray, alone: np.ndarray, information: np.ndarray, count: int, chance: float = 0.0) -> np.ndarray:
     """Covariance [n, n] from recording to recording, towards one that is alike in all directions that the logs show.
 
-    In units of what the logs leave open: as many times that as has been seen over all directions (Ledoit and Wolf 2004,
-    with that metric in place of the identity).
+    In units of what the logs leave open: as many times that as has been seen over all directions, beyond chance (Ledoit
+    and Wolf 2004, with that metric in place of the identity).
 
     Args:
         seen: of the recordings (`spread`) [n, n]; alone: covariance of the estimate, prior and logs [n, n];
-        information: of the logs [n, n], without the prior; count: of the recordings.
+        information: of the logs [n, n], without the prior; count: of the recordings; chance: how many times that would
+            be seen of recordings that do not differ.
     """
     shown = alone @ information
-    size = np.trace(np.linalg.solve(alone, seen)) / np.trace(shown)
+    size = max(float(np.trace(np.linalg.solve(alone, seen)) / np.trace(shown)) - chance, 0.0)
     share = ALIKE / (ALIKE + count - 1.0)
     return np.asarray((1.0 - share) * seen + share * size * shown @ alone)

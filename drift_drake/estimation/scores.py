@@ -187,7 +187,9 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     pulled = pulls(by_recording / temper, blocks, alone)
     model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
     seen_apart = spread(pulled)
-    recording = shrunk(seen_apart, alone, information / temper, len(pulled)) + np.diag(everyday**2)
+    # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
+    chance = len(pulled) / CALIBRATED
+    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
     unknown = alone + model_form + recording / len(pulled)
     run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
     modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])

@@ -99,6 +99,24 @@ def test_many_recordings_are_believed_and_one_says_nothing() -> None:
     assert np.all(shrunk(0.0 * seen, alone, information, 1) == 0.0)
 
 
+def test_chance_is_no_difference_between_recordings() -> None:
+    """What recordings without differences show by the scatter of their blocks is chance, as many times as is stated."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(6, 6))
+    information = root @ root.T
+    alone = np.linalg.inv(information + 1e-9 * np.eye(6))
+    sizes = []
+    for _ in range(400):
+        scores = (np.linalg.cholesky(information / 4) @ rng.normal(size=(6, 4))).T  # each of a quarter of the blocks
+        seen = spread(pulls(scores, np.full(4, BLOCKS), alone))
+        sizes.append(np.trace(np.linalg.solve(alone, seen)) / 6)
+    assert np.mean(sizes) == pytest.approx(4.0, rel=0.05)  # the number of recordings
+    seen = np.diag([2.0] * 6)
+    most = shrunk(seen, np.eye(6), np.eye(6), 3)
+    assert shrunk(seen, np.eye(6), np.eye(6), 3, 0.5)[0, 0] == pytest.approx(most[0, 0] - 0.5 * 0.5)
+    assert shrunk(seen, np.eye(6), np.eye(6), 3, 5.0) == pytest.approx(0.5 * seen)
+
+
 def test_what_the_logs_do_not_show_does_not_differ_from_recording_to_recording() -> None:
     alone, information = np.diag([0.1, 1.0]), np.diag([9.0, 0.0])  # the second by its prior alone
     found = shrunk(np.diag([0.4, 0.0]), alone, information, 3)

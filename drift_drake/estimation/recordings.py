@@ -14,7 +14,7 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-ALIKE = 2.0
+ALIKE = 4.0
 """Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
 (validation days and recordings)."""
 SHARE = 0.5  # of the least gap, that an effect's standard deviation from recording to recording is: two are a gap

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.recordings import everyday, pulls, shrunk, spread
+from drift_drake.estimation.recordings import ALIKE, everyday, pulls, shrunk, spread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -113,8 +113,8 @@ def test_chance_is_no_difference_between_recordings() -> None:
     assert np.mean(sizes) == pytest.approx(4.0, rel=0.05)  # the number of recordings
     seen = np.diag([2.0] * 6)
     most = shrunk(seen, np.eye(6), np.eye(6), 3)
-    assert shrunk(seen, np.eye(6), np.eye(6), 3, 0.5)[0, 0] == pytest.approx(most[0, 0] - 0.5 * 0.5)
-    assert shrunk(seen, np.eye(6), np.eye(6), 3, 5.0) == pytest.approx(0.5 * seen)
+    assert shrunk(seen, np.eye(6), np.eye(6), 3, 0.5)[0, 0] == pytest.approx(most[0, 0] - 0.5 * ALIKE / (ALIKE + 2.0))
+    assert shrunk(seen, np.eye(6), np.eye(6), 3, 5.0) == pytest.approx(2.0 / (ALIKE + 2.0) * seen)
 
 
 def test_what_the_logs_do_not_show_does_not_differ_from_recording_to_recording() -> None:

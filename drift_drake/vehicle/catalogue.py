@@ -35,7 +35,7 @@ OWN: dict[str, Effect] = {
         "m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q", length=1.0, daily=0.2
     ),
     "lateral_load_transfer": Effect("-", 0.05, 0.3, "friction falls by q (a_y/g)^2", daily=0.2),
-    "mass_error": Effect("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass", daily=2.0),
+    "mass_error": Effect("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass", daily=1.5),
     "yaw_inertia_error": Effect("-", -0.3, 0.4, "yaw inertia times (1 + q)", tolerance="yaw_inertia"),
     "cg_shift": Effect(
         "m", -0.12, 0.12, "centre of gravity moved back by q", tolerance="front_axle_distance", length=1.0

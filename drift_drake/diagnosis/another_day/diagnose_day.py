@@ -17,6 +17,7 @@ from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
+from drift_drake.diagnosis.another_day.not_excluded import not_excluded
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
@@ -45,7 +46,7 @@ FAR_BEYOND = (
     "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
     "may be what the calibration could not see instead of a change since"
 )
-SINGLES, PAIRS = 6, 3  # leading ones that are judged at the changed car
+SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
 USUAL = 2.0  # deviations from one recording to the next, below which a cause may be what is usual
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
@@ -88,6 +89,7 @@ def diagnose_day(
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     none, others = hypotheses_of(search, tell)
+    others += not_excluded(search)
     tell("how far it shrinks", 0.8)
     found, shrinks = ranked_hypotheses(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
@@ -129,7 +131,8 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
     first = [h.names for h in leading]
     singles = [*leading, *(h for h in singles if h.names not in first)]
     pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.5 + 0.2 * share))
-    return none, [*leading, *judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])]
+    pairs = judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])
+    return none, [*leading, *(h for h in pairs if tells_from_zero(h))]
 
 
 def details_of(
@@ -178,14 +181,14 @@ def search_of(
 def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
 ) -> tuple[Ranked, Reduction]:
-    """Probabilities without causes that cannot be told from zero or remove nothing on held-out blocks."""
-    kept = [none, *(h for h in others if tells_from_zero(h))]
+    """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
+    kept = [none, *others]
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
     while True:
         found = ranked(kept, *counts)
         leading = stated(search, found.leading)
         shrinks = reduction(search, leading, leading)
-        if not leading.names or shrinks.estimate > 0.0:
+        if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
             break
         kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:

@@ -226,10 +226,15 @@ def concluded(
     widths = np.array([r.width for r in ranges])
     sign, logdet = np.linalg.slogdet(covariance)
     occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
-    beyond = [max(x - r.usual[1], r.usual[0] - x if r.low < 0.0 else 0.0, 0.0) / (FADES * r.usual[1])
-              for x, r in zip(q, ranges, strict=True)]  # fmt: skip
-    unusual = 2.0 * float(np.sum(np.log1p(0.5 * np.square(beyond))))  # heavy-tailed
-    return Hypothesis(names, q, covariance, nats, -nats - unusual + min(float(occam), 0.0), follows)
+    fades = float(np.sum([unusual(x, r) for x, r in zip(q, ranges, strict=True)]))
+    return Hypothesis(names, q, covariance, nats, -nats - fades + min(float(occam), 0.0), follows)
+
+
+def unusual(q: np.ndarray | float, r: Range) -> np.ndarray:
+    """By how much a magnitude's log prior falls off beyond what is usual, heavy-tailed."""
+    below = r.usual[0] - q if r.low < 0.0 else 0.0
+    beyond = np.maximum(np.maximum(q - r.usual[1], below), 0.0) / (FADES * r.usual[1])
+    return np.asarray(2.0 * np.log1p(0.5 * np.square(beyond)))
 
 
 @dataclasses.dataclass(frozen=True)

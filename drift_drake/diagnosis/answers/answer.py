@@ -14,6 +14,7 @@ from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 EVEN = 0.5  # probability of a verdict, below which its rivals are named beside it
+RIVALS = 3  # that are named; the others are counted
 MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
@@ -84,7 +85,9 @@ class Answer:
                   for name in self.ambiguity if name != leading and name in self.posterior]  # fmt: skip
         if not others:
             return ""
-        return f" It may be {', or '.join(others)} instead: 'drift-drake plan-next' plans a drive that would tell."
+        more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
+        may_be = ", or ".join(others[:RIVALS] + more)
+        return f" It may be {may_be} instead: 'drift-drake plan-next' plans a drive that would tell."
 
     def _no_gap(self) -> str:
         """Beyond what there is no gap."""

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from drift_drake.diagnosis.another_day.hypotheses import (
     Curve,
@@ -15,6 +16,7 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     effects_of,
     follow,
 )
+from drift_drake.diagnosis.another_day.not_excluded import evidence_over, not_excluded
 from drift_drake.diagnosis.another_day.posterior import (
     OF_SCATTER,
     PRIORS,
@@ -129,6 +131,47 @@ def test_a_magnitude_beyond_the_reach_is_followed_as_far_as_any_vehicles(truth, 
     near = Linear([30.0, 40.0], 0.1)
     follow(near, Curve("mass_error", False, [0.0, 0.3], [near.scores({}), near.scores({"mass_error": 0.3})]))
     assert near.ranges["mass_error"].high == 0.3
+
+
+def blunt_curve(search):
+    curve = Curve("mass_error", 0.0, [0.0], [search.scores({})])
+    for q in (-0.2, -0.1, 0.1, 0.2, 0.3):
+        curve = curve.with_point(search, q)
+    return curve
+
+
+@pytest.mark.parametrize("truth", [0.0, 0.05, -0.3])
+def test_evidence_of_what_is_not_excluded_is_integrated_over_its_magnitudes(truth):
+    search = Linear([3.0, 4.0], truth)
+    r = search.ranges["mass_error"]
+
+    def density(q):
+        return np.exp(-search.nats(search.scores({"mass_error": q}))) / r.width
+
+    whole = quad(density, r.low, -r.least)[0] + quad(density, r.least, r.high)[0]
+    assert evidence_over(blunt_curve(search), search) == pytest.approx(np.log(whole), abs=0.02)
+
+
+def test_what_logs_show_is_not_among_what_they_do_not_exclude():
+    blunt, sharp = Linear([3.0, 4.0], 0.05), Linear([30.0, 40.0], 0.1)
+    blunt.curves, sharp.curves = [blunt_curve(blunt)], [blunt_curve(sharp)]
+    (h,) = not_excluded(blunt)
+    assert h.names == ("mass_error",)
+    assert not tells_from_zero(h)
+    assert not_excluded(sharp) == []
+
+
+def test_what_is_not_excluded_makes_none_less_certain_and_is_not_named():
+    search = Linear([3.0, 4.0], 0.05)
+    search.curves = [blunt_curve(search)]
+    none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 0.0, 0.0)
+    alone = ranked([none], 1, PRIORS).probabilities
+    found = ranked([none, *not_excluded(search)], 1, PRIORS)
+    assert found.verdict == "none"
+    assert found.probabilities["none"] < alone["none"]
+    # A single effect's whole prior beside that of none: the logs say nothing of either.
+    assert found.probabilities["mass_error"] / found.probabilities["none"] == pytest.approx(
+        CATALOGUE["mass_error"].daily * PRIORS.prior_single / PRIORS.prior_none, rel=0.3)  # fmt: skip
 
 
 def test_a_pair_of_which_one_does_nothing_is_none():

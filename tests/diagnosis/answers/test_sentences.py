@@ -28,3 +28,10 @@ def test_a_cause_has_rivals_too():
 def test_a_probable_verdict_has_none():
     assert "It may be" not in dataclasses.replace(ANSWER, posterior=CLOSE | {"none": 0.5}).sentence()
     assert "It may be" not in dataclasses.replace(ANSWER, ambiguity=["none"]).sentence()
+
+
+def test_many_rivals_are_counted():
+    names = ["mass_error", "cg_shift", "aero_drag", "road_grade", "torque_lag"]
+    posterior = {"none": 0.4} | dict.fromkeys(names, 0.12)
+    found = dataclasses.replace(ANSWER, posterior=posterior, ambiguity=["none", *names])
+    assert "or aero_drag (0.12), or one of 2 others instead" in found.sentence()

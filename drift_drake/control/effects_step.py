@@ -44,7 +44,7 @@ BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOT
 class EffectsStepModel(StepModel):
     """One step of the car with effects: RK4 with sub-steps under linear input, Jacobians by the complex step (exact).
 
-    A transport delay of steering is beyond it (a step knows the commands at its own ends only), as are a road's grade
+    A transport delay is beyond it (a step knows the commands at its own ends only), as are a road's grade
     on a heading (the six states have none) and the sensors' effects.
 
     Raises:

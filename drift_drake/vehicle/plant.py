@@ -93,7 +93,7 @@ class SingleTrackPlant(PathPlant):
 
     Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
     0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on
-    neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    neither delays nor the sensors' effects, and knows no limits of the actuator.
 
     Input ports:
         actuation: (delta [rad], tau [N m]) as it reaches the car.

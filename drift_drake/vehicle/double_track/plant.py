@@ -82,7 +82,7 @@ class DoubleTrackCarPlant(PathPlant):
     the car's own, `motion.OwnStates`. `state_view` names them.
 
     Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
-    plant acts on neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    plant acts on neither delays nor the sensors' effects, and knows no limits of the actuator.
 
     Input and output ports: those of `VehiclePlant`, of the same meaning.
 

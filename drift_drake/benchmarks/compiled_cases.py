@@ -13,9 +13,9 @@ import numpy as np
 from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
-from drift_drake.compilation import compiled
 from drift_drake.logs.table import Run
-from drift_drake.simulation.sensors import LOG_ROW, NoiseLevels
+from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.effects import MEMORIES, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters

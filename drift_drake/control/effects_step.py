@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.compilation import compiled
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import (
     COUNT,
     INSTALLED_STATES,
@@ -29,6 +28,7 @@ from drift_drake.vehicle.effects import (
 )
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import DELAYS, command_delays
 from drift_drake.vehicle.effects import Effects, steering_rate
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 

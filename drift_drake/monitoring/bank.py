@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
 from drift_drake.estimation.filter import (
     UNMEASURED,
@@ -33,6 +32,7 @@ from drift_drake.estimation.filter_state import (
     transition,
 )
 from drift_drake.monitoring.nodes import Node
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters

@@ -12,7 +12,7 @@ from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.history import unpacked
 from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
-from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

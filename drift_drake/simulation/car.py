@@ -3,8 +3,8 @@
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drift_drake.simulation.delay import TransportDelay
-from drift_drake.simulation.sensors import NoiseLevels, Sensors
+from drift_drake.sensing.delay import TransportDelay
+from drift_drake.sensing.sensors import NoiseLevels, Sensors
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import Effects
@@ -24,7 +24,7 @@ class Car(Diagram):
         disturbance, curvature (optional): see `VehiclePlant`.
 
     Output ports:
-        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.simulation.sensors`.
+        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.sensing.sensors`.
         state, path_position, pose, acceleration: the truth; see `VehiclePlant`.
 
     Args:

@@ -7,8 +7,8 @@ so much earlier.
 from collections.abc import Callable
 from typing import Any
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effect import Command
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable

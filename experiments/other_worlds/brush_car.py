@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.effects import Effects, steering_rate
 from drift_drake.vehicle.scalar import jitable

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters

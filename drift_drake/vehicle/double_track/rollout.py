@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import world_rates
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion

@@ -19,7 +19,7 @@ from drift_drake.vehicle.tyre import installed_tyres
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 IMPORTS = re.compile(r"^[ \t]*(?:from|import) +(drift_drake[\w.]*)(?: +import +(\([^)]*\)|.*))?", re.MULTILINE)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 Array = NDArray[np.float64]

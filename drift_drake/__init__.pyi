@@ -12,8 +12,6 @@ from .control.ocp import ocp as ocp
 from .control.own_controller import Controller as Controller
 from .control.own_controller import ControllerSystem as ControllerSystem
 from .control.plan import Plan as Plan
-from .control.step_model import NominalStepModel as NominalStepModel
-from .control.step_model import StepModel as StepModel
 from .diagnosis.answers.answer import Answer as Answer
 from .diagnosis.answers.answer import read_answer as read_answer
 from .diagnosis.answers.correction import corrected_vehicle as corrected_vehicle
@@ -41,12 +39,12 @@ from .reference.trajectory import Reference as Reference
 from .reference.trajectory import figure_8 as figure_8
 from .reference.trajectory import loops as loops
 from .reference.trajectory import straight_line as straight_line
+from .sensing.sensors import NoiseLevels as NoiseLevels
 from .simulation.car import Car as Car
 from .simulation.closed_loop import ClosedLoop as ClosedLoop
 from .simulation.closed_loop import ControlConfig as ControlConfig
 from .simulation.closed_loop import RunLimits as RunLimits
 from .simulation.drive import Drive as Drive
-from .simulation.sensors import NoiseLevels as NoiseLevels
 from .vehicle.catalogue import CATALOGUE as CATALOGUE
 from .vehicle.effect import Effect as Effect
 from .vehicle.effects import Effects as Effects
@@ -54,6 +52,8 @@ from .vehicle.effects import make_effects as make_effects
 from .vehicle.parameters import Tolerance as Tolerance
 from .vehicle.parameters import VehicleParameters as VehicleParameters
 from .vehicle.plant import VehiclePlant as VehiclePlant
+from .vehicle.step_model import NominalStepModel as NominalStepModel
+from .vehicle.step_model import StepModel as StepModel
 from .vehicle.tyre import Tyre as Tyre
 from .vehicle.vehicle_file import read_vehicle as read_vehicle
 from .vehicle.vehicle_file import write_vehicle as write_vehicle

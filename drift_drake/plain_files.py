@@ -142,15 +142,6 @@ def _written_out(node: yaml.Node, known: dict[int, float]) -> float:
     return known[id(node)]
 
 
-def read_yaml(path: str | Path, error: type[DriftDrakeError], remedy: str) -> Any:
-    """The content of a YAML file; see `parse_yaml`.
-
-    Raises:
-        error: it cannot be read or used.
-    """
-    return parse_yaml(read_text(path, error, remedy, LARGEST_YAML), error, str(path), remedy)
-
-
 def number(value: Any, check: Callable[[float], bool] = math.isfinite) -> float:
     """A value as a finite number for which `check` holds.
 

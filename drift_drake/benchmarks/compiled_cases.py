@@ -13,9 +13,10 @@ import numpy as np
 from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
-from drift_drake.compilation import compiled
 from drift_drake.logs.table import Run
-from drift_drake.simulation.sensors import LOG_ROW, NoiseLevels
+from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.effects import MEMORIES, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple
@@ -45,25 +46,16 @@ def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, s
 
 
 @compiled
-def _at(history: Any, rows: Any, place: Any) -> Any:
-    if place <= 0.0:
-        return history[0]
-    row = min(int(place), rows - 1)
-    return history[row] + (place - row) * (history[min(row + 1, rows)] - history[row])
-
-
-@compiled
 def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, effects: Any, strange: Any) -> Any:
     """From row to row + 1; commands up to row + 1 are known."""
     h = PERIOD / FINE
     n = STATES
     k1, k2, k3, k4 = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
-    late = effects.steering_delay / PERIOD
     for i in range(FINE):
         a, b, c = row + i / FINE, row + (i + 0.5) / FINE, row + (i + 1) / FINE
-        da, db, dc = (_at(delta_cmd, row + 1, a - late), _at(delta_cmd, row + 1, b - late),
-                      _at(delta_cmd, row + 1, c - late))  # fmt: skip
-        ta, tb, tc = _at(tau_cmd, row + 1, a), _at(tau_cmd, row + 1, b), _at(tau_cmd, row + 1, c)
+        da, ta = commands_at(delta_cmd, tau_cmd, a, row + 1, PERIOD, effects)
+        db, tb = commands_at(delta_cmd, tau_cmd, b, row + 1, PERIOD, effects)
+        dc, tc = commands_at(delta_cmd, tau_cmd, c, row + 1, PERIOD, effects)
         _rates(z, a * PERIOD, da, ta, constants, effects, strange, k1)
         _rates(z + 0.5 * h * k1[:n], b * PERIOD, db, tb, constants, effects, strange, k2)
         _rates(z + 0.5 * h * k2[:n], b * PERIOD, db, tb, constants, effects, strange, k3)

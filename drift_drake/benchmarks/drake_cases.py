@@ -21,9 +21,9 @@ from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Dr
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
 from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.sensing.sensors import LOG_ROW
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
-from drift_drake.simulation.sensors import LOG_ROW
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 ACCURACY = 1e-6

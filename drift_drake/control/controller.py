@@ -11,11 +11,11 @@ from drift_drake.control.mpc import Mpc, MpcSolution, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import Plan, no_plan
 from drift_drake.control.sqp import SqpOptions
-from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.effects_step import MEMORY_SCALE, EffectsStepModel
-from drift_drake.control.step_model import StepModel
 from drift_drake.vehicle.effects import Effects, measured
 from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

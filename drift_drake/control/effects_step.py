@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.compilation import compiled
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import (
     COUNT,
     INSTALLED_STATES,
@@ -29,6 +28,7 @@ from drift_drake.vehicle.effects import (
 )
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
+from drift_drake.vehicle.step_model import STEP, SUBSTEPS, NominalStepModel, StepModel
 
 Array = NDArray[np.float64]
 
@@ -44,28 +44,26 @@ BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOT
 class EffectsStepModel(StepModel):
     """One step of the car with effects: RK4 with sub-steps under linear input, Jacobians by the complex step (exact).
 
-    A transport delay of steering is beyond it (a step knows the commands at its own ends only), as are a road's grade
+    A transport delay is beyond it (a step knows the commands at its own ends only), as are a road's grade
     on a heading (the six states have none) and the sensors' effects.
 
     Raises:
         ValueError: such an effect.
     """
 
-    def __init__(self, parameters: VehicleParameters, effects: Effects, dt: float = 0.1, substeps: int = 8) -> None:
+    def __init__(self, parameters: VehicleParameters, effects: Effects) -> None:
         beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
         if beyond:
             raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
         self.memory_scale = MEMORY_SCALE
-        self.dt = dt
         self.constants, self.effects = parameters.constants(), effects
-        self._substeps = max(substeps, _stable_substeps(effects, dt))
-        self._least = substeps
+        self._substeps = max(SUBSTEPS, _stable_substeps(effects, STEP))
 
     def of_car(self, constants: Constants, effects: Effects) -> "EffectsStepModel":
         """The same step of another car, whose effects are of the same kind."""
         other = copy.copy(self)
         other.constants, other.effects = constants, effects
-        other._substeps = max(self._substeps, _stable_substeps(effects, self.dt))
+        other._substeps = max(self._substeps, _stable_substeps(effects, STEP))
         return other
 
     def with_theta(self, theta: Array) -> "EffectsStepModel":
@@ -80,7 +78,7 @@ class EffectsStepModel(StepModel):
         if self._parametric:
             return self.linearize(x, u, u_next, curvature)[0]
         x_next = np.empty(x.shape)
-        car = (self.constants, self.effects, self.dt, self._substeps)
+        car = (self.constants, self.effects, STEP, self._substeps)
         _steps(*_contiguous(x, u, u_next, curvature), *car, x_next)
         return x_next
 
@@ -88,7 +86,7 @@ class EffectsStepModel(StepModel):
         if self._parametric:
             return self._linearize_parametric(x, u, u_next, curvature)
         x_next, jacobian = np.empty(x.shape), np.empty((len(x), STATE_SIZE, STATE_SIZE + 4))
-        car = (self.constants, self.effects, self.dt, self._substeps)
+        car = (self.constants, self.effects, STEP, self._substeps)
         _jacobians(*_contiguous(x, u, u_next, curvature), *car, x_next, jacobian)
         n = STATE_SIZE
         return x_next, jacobian[:, :, :n], jacobian[:, :, n : n + 2], jacobian[:, :, n + 2 :]
@@ -101,7 +99,7 @@ class EffectsStepModel(StepModel):
         self, x: Array, u: Array, u_next: Array, curvature: Array
     ) -> tuple[Array, Array, Array, Array]:
         """The same of a car with other constants and no more; its memory, which nothing depends on, is held."""
-        car = NominalStepModel.of(changed_constants(self.constants, self.effects), self.dt, self._least)
+        car = NominalStepModel.of(changed_constants(self.constants, self.effects))
         count, n = len(x), STATE_SIZE
         x_next, by_x = x.copy(), np.tile(np.eye(n), (count, 1, 1))
         by_u, by_u_next = np.zeros((count, n, 2)), np.zeros((count, n, 2))

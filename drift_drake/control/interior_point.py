@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.control.riccati import costates, factorise, substitute
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT, Plan
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
-from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening, lateral_deviation, tightened
 from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

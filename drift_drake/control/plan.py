@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import INPUTS
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ beside. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright and 
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drift_drake.control.step_model import StepModel
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.control.interior_point import StageRows
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.control.step_model import StepModel
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, Network, features, network_inputs
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSystem
 
 from drift_drake.control.plan import Plan, plan_size
-from drift_drake.control.step_model import StepModel
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import tyro
 
 from drift_drake.command_line import command_line
-from drift_drake.compilation import say_if_it_compiles
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import all_answered
 from drift_drake.diagnosis.answers.row import answer_row
@@ -27,6 +26,7 @@ from drift_drake.results_table import write_results_table
 from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 

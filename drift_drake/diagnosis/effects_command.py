@@ -9,11 +9,9 @@ from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.installed import installed_effects
+from drift_drake.vehicle.installed import FUNCTIONS, installed_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
-
-PHYSICS = ("force", "actuation", "reading")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +43,7 @@ def catalogue_data(vehicle: VehicleParameters) -> dict[str, dict[str, Any]]:
     out = {}
     for name, effect in CATALOGUE.items():
         low, high = effect.range_for(vehicle)
-        fields = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.name not in PHYSICS}
+        fields = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect) if f.name not in FUNCTIONS}
         shown = [words for words, _ in shown_by([name])]
         out[name] = fields | {"low": low, "high": high, "shown_by": shown, "installed": name in installed_effects()}
     return out

@@ -10,7 +10,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.names import Name
 from drift_drake.drives.row_by_row import ROW_PERIOD, RowByRowDriver
 from drift_drake.logs.table import Run
@@ -18,6 +17,7 @@ from drift_drake.playback.measured_motion import measured_motion
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 Array = NDArray[np.float64]
 

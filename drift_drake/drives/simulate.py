@@ -10,8 +10,8 @@ from drift_drake.drives.manoeuvres import MANOEUVRES, Manoeuvre, logged
 from drift_drake.drives.names import NAMES
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.simulation.drive import LOG_PERIOD, Drive, DriveLimits
-from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.plausible import check_effects, check_plausible

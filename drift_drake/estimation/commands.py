@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.delays import DELAYS, command_delays
 from drift_drake.vehicle.effects import Effects, steering_rate
 
 SUBSTEPS = 2  # Runge-Kutta steps a row
@@ -73,8 +74,9 @@ def actuated(
             had settled; period: time between rows [s]; effects: magnitudes.
     """
     step = period / STAGES
-    delta = delayed(delta_cmd, before[0], period, effects.steering_delay + effects.sensor_latency)
-    torque = delayed(tau_cmd, before[1], period, effects.sensor_latency)
+    late_delta, late_torque = command_delays(effects)
+    delta = delayed(delta_cmd, before[0], period, late_delta + effects.sensor_latency)
+    torque = delayed(tau_cmd, before[1], period, late_torque + effects.sensor_latency)
     if effects.steering_rate_limit > 0.0:
         delta = limited_steering(delta, before[0], step, effects)
     elif effects.steering_lag > 0.0:
@@ -86,6 +88,5 @@ def actuated(
 
 def without_actuators(effects: Effects) -> Effects:
     """The effects that are left once `actuated` has taken those of the commands."""
-    return effects._replace(
-        steering_lag=0.0, steering_rate_limit=0.0, torque_lag=0.0, steering_delay=0.0, sensor_latency=0.0
-    )
+    taken = ("steering_lag", "steering_rate_limit", "torque_lag", "sensor_latency", *DELAYS)
+    return effects._replace(**dict.fromkeys(taken, 0.0))

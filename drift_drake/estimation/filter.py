@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.estimation.filter_state import (
     CORRECTED,
@@ -25,6 +24,7 @@ from drift_drake.estimation.filter_state import (
     rates_of,
     transition,
 )
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import depends_on_heading
 
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import (
     MEMORIES,
     Memory,

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, without_actuators
 from drift_drake.estimation.filter_state import MEASURED, SIZE, advance_row, predict_measurement, rates_of
 from drift_drake.estimation.problem import Gains, Problem, car, filter_case, observe, run_commands
 from drift_drake.estimation.run_data import RunData
+from drift_drake.vehicle.compilation import compiled
 
 STATES = ("r", "v", "beta", "omega_r")
 HORIZONS = (0.01, 0.1, 0.5, 2.0)  # [s]

@@ -41,7 +41,7 @@ LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can f
 
 START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
 START_MATTERS = tuple(  # effects under which the commands before the first row act on the car
-    frozenset(name for name, info in CATALOGUE.items() if command in info.remembers)
+    frozenset(name for name, info in CATALOGUE.items() if command in (*info.remembers, info.delays))
     for command in ("delta_cmd", "tau_cmd")
 )
 FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] that are tried where nothing tells it

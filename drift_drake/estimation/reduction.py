@@ -32,6 +32,12 @@ class Reduction:
     floor: list[float]
 
 
+def resampled(sums: np.ndarray) -> np.ndarray:
+    """Sums [RESAMPLES, ...] over blocks [blocks, ...] that are drawn anew, always the same ones."""
+    draws = np.random.default_rng(0).integers(0, len(sums), (RESAMPLES, len(sums)))
+    return np.asarray(sums[draws].sum(axis=1))
+
+
 def fold_of(run: RunData) -> np.ndarray:
     """Fold [rows] that each row is held out in: blocks of `HELD_OUT` seconds take turns."""
     return np.asarray((np.arange(len(run.y)) * run.period / HELD_OUT).astype(int) % FOLDS)
@@ -90,7 +96,7 @@ def without_effects(problem: Problem, fitted: Fit | None) -> list[np.ndarray]:
     return errors_of(problem, theta, ())
 
 
-def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> Reduction:
+def reduction(problem: Problem, fitted: Fit, floor_fit: Fit) -> Reduction:
     """The share 1 - (after - floor) / (before - floor) at half a second, with a 95 % block-bootstrap interval.
 
     Args:
@@ -102,9 +108,7 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit, seed: int = 0) -> R
     after = held_out_errors(problem, fitted)
     floor = errors_of(problem, floor_fit.theta, floor_fit.names)
     blocks = np.concatenate([_blocks(b, a, f) for b, a, f in zip(before, after, floor, strict=True)])
-    rng = np.random.default_rng(seed)
-    draws = rng.integers(0, len(blocks), (RESAMPLES, len(blocks)))
-    shares = np.array([_share(blocks[d].sum(axis=0)) for d in draws])
+    shares = np.array([_share(sums) for sums in resampled(blocks)])
     whole = [np.concatenate(part) for part in (before, after, floor)]
     by_state = {
         name: _share(np.array([np.nansum(part[:, JUDGED, i]) for part in whole]))

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, actuated, without_actuators
 from drift_drake.estimation.filter_state import (
     CHANNELS,
@@ -28,6 +27,7 @@ from drift_drake.estimation.filter_state import (
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import wheelbase
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import Effects, settled_memory, unbiased
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 

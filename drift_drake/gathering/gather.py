@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from drift_drake.control.plan import DT
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.gathering.config import GatheringConfig
@@ -20,6 +19,7 @@ from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import PathPlant
+from drift_drake.vehicle.step_model import NominalStepModel
 
 
 def execution(

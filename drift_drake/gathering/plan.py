@@ -131,7 +131,7 @@ def info_ocp(
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: see `problem_data`; along: path positions [N+1] [m] on a track, see `lane_data`.
+        lateral: see `problem_data`; along: path positions [m] on a track, N + 1 of them, see `lane_data`.
     """
     alpha = config.alpha if alpha is None else alpha
     informative = alpha > 0.0

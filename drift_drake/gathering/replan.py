@@ -9,7 +9,6 @@ from pydrake.systems.framework import Context
 
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import Tracked, TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.gathering.config import GatheringConfig
@@ -28,6 +27,7 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.threads import one_blas_thread
+from drift_drake.vehicle.step_model import NominalStepModel
 
 Array = NDArray[np.float64]
 

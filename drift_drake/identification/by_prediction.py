@@ -25,7 +25,6 @@ LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
 KEEPS = 0.025  # of the practical range, below which an effect is left out
-LATE = ("steering_delay", "sensor_latency")  # any may be this car's every day, where that day's drives did not show it
 STATES = ("r", "v", "beta", "omega_r")
 
 Progress = Callable[[str, float], None]
@@ -137,9 +136,10 @@ def fit_by_prediction(
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
     """Standard deviation of what any effect may be on the day of calibration, before its logs.
 
-    A sensor's bias or a road's grade belongs to no car: it is as on any recording.
+    A sensor's bias or a road's grade belongs to no car: it is as on any recording. A latency may be this car's every
+    day, where that day's drives did not show it.
     """
-    bias = (CATALOGUE[name].stage == "sensor" or name == "road_grade") and name not in LATE
+    bias = (CATALOGUE[name].stage == "sensor" or name == "road_grade") and name != "sensor_latency"
     return float(everyday([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
 
 

@@ -10,6 +10,7 @@ from drift_drake.estimation.problem import Problem, filter_case, flat
 
 ROUNDS = 5  # of fits, each with the noise that the last one's innovations ask for
 SETTLED = 0.02  # of the noise's scale
+ITERATIONS = 8  # of a fit
 ENOUGH = 0.5  # [nats] of a step that is not worth another
 
 
@@ -47,9 +48,7 @@ def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> fl
     return float(np.mean(flat(problem, filter_case(problem, theta, names).innovations) ** 2))
 
 
-def estimate(
-    problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float, iterations: int = 8
-) -> Estimate:
+def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float) -> Estimate:
     """Fits under noise whose common scale is such that the innovations have mean square one.
 
     Args:
@@ -61,7 +60,7 @@ def estimate(
         trust = Trust(scale * deafness, scale)
         held = trusted(problem, trust)
         if round_number > 0:
-            at = minimise(held, names, theta, iterations, ENOUGH)
+            at = minimise(held, names, theta, ITERATIONS, ENOUGH)
             theta = at.theta
             found = float(np.mean(flat(held, at.filtered.innovations) ** 2))
         else:

@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
 from drift_drake.estimation.problem import Problem
-from drift_drake.estimation.reduction import BLOCK, RESAMPLES, errors_of, fold_of
+from drift_drake.estimation.reduction import BLOCK, errors_of, fold_of, resampled
 
 LONGEST_JUDGED = HORIZONS[JUDGED]  # [s]
 FOLD = 0  # that is held out: every fourth block
@@ -71,15 +71,12 @@ def held_out_error(squares: Sequence[np.ndarray]) -> float:
     return float(np.nanmean(np.concatenate(squares)[:, JUDGED]))
 
 
-def held_out_rows(
-    problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray], seed: int = 0
-) -> HeldOut:
+def held_out_rows(problem: Problem, before: Sequence[np.ndarray], after: Sequence[np.ndarray]) -> HeldOut:
     """The held-out figure from squared errors of two cars, with an interval from resampled blocks."""
     used = judged_states(problem)
     sums = np.concatenate([_blocks(b, a) for b, a in zip(before, after, strict=True) if len(b)])
     sums = sums[sums[:, 0].sum(axis=-1) > 0.0]  # a run's last restarts have no row half a second on: no blocks to draw
-    draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
-    by_state = sums[draws].sum(axis=1)
+    by_state = resampled(sums)
     totals = by_state.sum(axis=-1)
     low, high = np.quantile(np.sqrt(totals[:, 1] / totals[:, 0]), [0.025, 0.975])
     total = sums.sum(axis=(0, 2))

@@ -7,6 +7,8 @@ import numpy as np
 
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES
 from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.delays import DELAYS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, Tolerance, VehicleParameters
 
@@ -23,7 +25,7 @@ BROAD = Tolerance(
     rear_stiffness=0.5,
     steering_offset=0.02,
 )
-WITH_TORQUE = ("torque_lag", "rolling_resistance", "aero_drag", "drivetrain_friction")  # unseen without its column
+WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, beside the effects that need it
 LONGEST_LAG = 0.5  # [s]
 RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
 LARGEST_SPLIT = 0.5
@@ -54,7 +56,7 @@ def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParamete
 def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
     """Effects that the logs' columns can show."""
     torque = all(run.tau_cmd is not None for run in runs)
-    return [name for name in effects if torque or name not in WITH_TORQUE]
+    return [name for name in effects if torque or not (name in WITH_TORQUE or "tau_cmd" in CATALOGUE[name].needs)]
 
 
 def effect_ranges(
@@ -69,8 +71,8 @@ def effect_ranges(
         "drivetrain_friction": (0.0, RETARDATION * weight * vehicle.wheel_radius),
         "front_rear_friction_split": (-LARGEST_SPLIT, LARGEST_SPLIT),
         "steering_lag": (0.0, LONGEST_LAG),
-        "steering_delay": (0.0, LONGEST_LAG),
         "torque_lag": (0.0, LONGEST_LAG),
+        **dict.fromkeys(DELAYS, (0.0, LONGEST_LAG)),
     }
     return {name: own[name] for name in names if name in own}
 

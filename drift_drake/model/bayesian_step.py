@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
-from drift_drake.compilation import compiled
-from drift_drake.control.step_model import StepModel
 from drift_drake.model.command_lag import LAGGED, CommandLag, lag_factors
 from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 PathStep = Literal["euler", "trapezoid"]

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.model.command_lag import lag_factors
 from drift_drake.vehicle.bicycle import static_loads
 from drift_drake.vehicle.bicycle_jacobian import slip_point
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
 from drift_drake.vehicle.tyre import tyre_gradient

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 
@@ -179,9 +179,9 @@ def block_diagonal(blocks: Array) -> Array:
     return whole.reshape(states * count, states * count)
 
 
-def state_blocks(covariance: Array, states: int = 4) -> Array:
+def state_blocks(covariance: Array) -> Array:
     """Each state's own block [..., 4, 16, 16] of a covariance [..., 64, 64]."""
-    count = covariance.shape[-1] // states
+    states, count = 4, covariance.shape[-1] // 4
     by_states = covariance.reshape(*covariance.shape[:-2], states, count, states, count)
     return np.moveaxis(np.diagonal(by_states, axis1=-4, axis2=-2), -1, -3)
 

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drift_drake.compilation import compiled
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
 from drift_drake.estimation.filter import (
     UNMEASURED,
@@ -33,6 +32,8 @@ from drift_drake.estimation.filter_state import (
     transition,
 )
 from drift_drake.monitoring.nodes import Node
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple
@@ -69,7 +70,7 @@ def make_bank(
 ) -> Bank:  # fmt: skip
     """The bank of a simulator's car, vehicle and own effects; noise [9], process [9]: variances."""
     cars = [own, *(node.car(own) for node in nodes)]
-    delays = [[(q.steering_delay + q.sensor_latency) / period, q.sensor_latency / period] for q in cars]
+    delays = [[(late + q.sensor_latency) / period for late in command_delays(q)] for q in cars]
     return Bank(
         period, np.array(vehicle.constants(), dtype=float), np.array(cars, dtype=float),
         np.array([without_actuators(q) for q in cars], dtype=float), np.array(delays),

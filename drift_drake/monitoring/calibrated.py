@@ -14,7 +14,7 @@ from drift_drake.monitoring.monitor import Monitor, make_monitor
 from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import WATCHED, monitor_of
 from drift_drake.plain_files import number, read_json
-from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

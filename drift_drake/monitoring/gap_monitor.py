@@ -8,7 +8,7 @@ from drift_drake.monitoring.bank import BankState
 from drift_drake.monitoring.history import Sums
 from drift_drake.monitoring.monitor import Monitor, State, after_row
 from drift_drake.monitoring.renewal import TRUSTED
-from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE
+from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
 _FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}

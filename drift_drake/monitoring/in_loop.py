@@ -8,12 +8,12 @@ import pandas as pd
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import StepModel
 from drift_drake.monitoring.correction import GapCorrection
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.gap_monitor import GapMonitor
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.slow_down import SlowDown
+from drift_drake.vehicle.step_model import StepModel
 
 PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
 FURTHER = ("magnitude", "low", "high")

@@ -17,7 +17,7 @@ from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_history, no_sums, packed, unpacked, with_block
 from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.monitoring.renewal import TRUSTED, renewed
-from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -19,7 +19,7 @@ from drift_drake.control.stopping import stopping_command, stopping_plan
 from drift_drake.monitoring.correction import SENSORS, cause_to_take
 from drift_drake.monitoring.renewal import ALARM, TRUSTED
 from drift_drake.reference.trajectory import Reference
-from drift_drake.simulation.screening import ReadingKind
+from drift_drake.sensing.screening import ReadingKind
 from drift_drake.vehicle.effects import COUNT
 from drift_drake.vehicle.parameters import VehicleParameters
 

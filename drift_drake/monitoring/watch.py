@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.noise import white_noise_level
 from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.logs.white_noise import white_noise_level
 from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.history import unpacked
 from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
-from drift_drake.simulation.sensors import NoiseLevels
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

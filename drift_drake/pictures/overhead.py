@@ -1,7 +1,6 @@
 """The map from above: lane, reference, driven path and the car's attitude along it."""
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -29,7 +28,6 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
-Colour = Literal["sideslip", "speed", "run"]
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
 MOST_ABREAST = 5  # entries of the legend in a row: a longer one would be wider than the picture

@@ -14,9 +14,9 @@ from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.logs.driving import SPUN, driven, slowest
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
+from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
-from drift_drake.simulation.sensors import LOG_ROW, NoiseLevels
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE_AT

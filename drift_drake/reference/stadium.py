@@ -70,12 +70,11 @@ def speed_profile(track: Stadium, curvature: Array, spacing: float, fastest: flo
     return np.sqrt(np.append(squared, squared[0]))
 
 
-def stadium(track: Stadium, fastest: float, half_width: float, distance: float | None = None) -> Reference:
-    """A track with its speed, gripping.
+def stadium(track: Stadium, fastest: float, half_width: float) -> Reference:
+    """A track with its speed, gripping, one lap of it.
 
     Args:
-        fastest: speed [m/s] on the straights; half_width: [m] of the lane to either side; distance: [m] to drive, one
-            lap without.
+        fastest: speed [m/s] on the straights; half_width: [m] of the lane to either side.
     """
     path = stadium_path(track)
     s = np.linspace(0.0, path.length, math.ceil(path.length / GRID_SPACING) + 1)
@@ -84,5 +83,5 @@ def stadium(track: Stadium, fastest: float, half_width: float, distance: float |
     zero, lane = np.zeros_like(s), np.full_like(s, half_width)
     return Reference(
         path=path, s=s, v=v, beta=zero, r=curvature * v, omega_r=v, curvature=curvature, delta=zero, tau=zero,
-        e_min=-lane, e_max=lane, in_transition=np.zeros(len(s), dtype=bool), distance=distance or path.length,
+        e_min=-lane, e_max=lane, in_transition=np.zeros(len(s), dtype=bool), distance=path.length,
     )  # fmt: skip

@@ -1,1 +1,1 @@
-"""What a simulated drive meets beside the car: faults between its parts, and what screens them."""
+"""Simulated drives: the car, the loop around it, its logs, and faults between its parts."""

@@ -3,9 +3,10 @@
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drift_drake.simulation.delay import TransportDelay
-from drift_drake.simulation.sensors import NoiseLevels, Sensors
+from drift_drake.sensing.delay import TransportDelay
+from drift_drake.sensing.sensors import NoiseLevels, Sensors
 from drift_drake.vehicle.bicycle import STATES
+from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, CurvedPath, PathPlant
@@ -19,11 +20,11 @@ class Car(Diagram):
     Put it into a state with `car.plant.set_initial(...)` and seed its noise with `car.sensors.set_seed(...)`.
 
     Input ports:
-        command: (delta [rad], tau [N m]); steering passes the transport delay of `steering_delay`.
+        command: (delta [rad], tau [N m]); each passes the transport delays of its effects.
         disturbance, curvature (optional): see `VehiclePlant`.
 
     Output ports:
-        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.simulation.sensors`.
+        measured_state: (r, v, beta, omega_r, e, dphi, s); log_row: see `drift_drake.sensing.sensors`.
         state, path_position, pose, acceleration: the truth; see `VehiclePlant`.
 
     Args:
@@ -33,7 +34,7 @@ class Car(Diagram):
         noise: of the sensors.
         period: of the sensors' sampling, and of the rows of the transport delays [s].
         plant: another plant of the same ports in place of `VehiclePlant(parameters, effects, path)`; of `effects`,
-            steering delay and sensors' effects still act here.
+            delays and sensors' effects still act here.
 
     Raises:
         InvalidVehicleError: a parameter or an effect that no car has.
@@ -56,14 +57,18 @@ class Car(Diagram):
         self.plant = builder.AddNamedSystem("plant", made)
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
         actuation = self.plant.GetInputPort("actuation")
-        if effects.steering_delay != 0.0:
+        delays = command_delays(effects)
+        if any(delays):
             split = builder.AddNamedSystem("command", Demultiplexer(2))
-            delay = builder.AddNamedSystem("steering_delay", TransportDelay(1, effects.steering_delay, period))
             joined = builder.AddNamedSystem("actuation", Multiplexer(2))
             builder.ExportInput(split.get_input_port(), "command")
-            builder.Connect(split.get_output_port(0), delay.get_input_port())
-            builder.Connect(delay.get_output_port(), joined.get_input_port(0))
-            builder.Connect(split.get_output_port(1), joined.get_input_port(1))
+            for i, (name, late) in enumerate(zip(("steering_delay", "torque_delay"), delays, strict=True)):
+                command = split.get_output_port(i)
+                if late != 0.0:
+                    delay = builder.AddNamedSystem(name, TransportDelay(1, late, period))
+                    builder.Connect(command, delay.get_input_port())
+                    command = delay.get_output_port()
+                builder.Connect(command, joined.get_input_port(i))
             builder.Connect(joined.get_output_port(), actuation)
         else:
             builder.ExportInput(actuation, "command")

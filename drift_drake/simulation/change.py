@@ -19,7 +19,7 @@ class Change(NamedTuple):
     """When, and to what."""
 
     time: float  # [s]
-    effects: Effects  # from then on; those outside the plant (a steering delay, sensors' errors) stay as they are
+    effects: Effects  # from then on; those outside the plant (delays, sensors' errors) stay as they are
 
 
 def check_change(change: Change, parameters: VehicleParameters, before: Effects, has_memory: bool) -> None:

@@ -18,7 +18,6 @@ from drift_drake.control.own_controller import Controller, ControllerSystem
 from drift_drake.control.plan import DT
 from drift_drake.control.qp import QpMethod
 from drift_drake.control.sqp import SqpOptions
-from drift_drake.control.step_model import StepModel
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
@@ -27,25 +26,26 @@ from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_p
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.slow_down import SlowDown
 from drift_drake.reference.trajectory import Reference
+from drift_drake.sensing.innovation import Innovation
+from drift_drake.sensing.screening import Screen
+from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.change import Change, check_change, make_change, with_patches
 from drift_drake.simulation.fault_systems import FaultPoints
 from drift_drake.simulation.faults import Fault, patches
-from drift_drake.simulation.innovation import Innovation
 from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
 from drift_drake.simulation.log_file import LogFile, read_log
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import Logs, make_simulator
 from drift_drake.simulation.safe_stop import SafeStop
-from drift_drake.simulation.screening import Screen
-from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 from drift_drake.vehicle.plant import acts_on_motion
+from drift_drake.vehicle.step_model import StepModel
 
 Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-9  # [N s^2/m^2] of drag, with which a car has the states of effects and nothing else

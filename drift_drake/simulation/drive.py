@@ -10,10 +10,10 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 
 from drift_drake.control.plan import interpolate_knots
 from drift_drake.reference.trajectory import Reference
+from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import Logs, make_simulator
-from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

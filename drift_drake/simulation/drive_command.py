@@ -7,10 +7,8 @@ from typing import Any, Literal, TextIO
 
 import numpy as np
 
-from drift_drake.compilation import say_if_it_compiles
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
@@ -29,9 +27,11 @@ from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.results import write_run_results
 from drift_drake.simulation.true_plant import TruePlant, plant_of
+from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.simulation.sensors import MEASURED_STATE
+from drift_drake.sensing.sensors import MEASURED_STATE
 
 SENSOR_KINDS = {  # and the default size of each
     "dropout": 0.0,  # no reading at all (NaN)

@@ -6,11 +6,11 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.own_controller import Controller
-from drift_drake.control.step_model import StepModel
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
+from drift_drake.vehicle.step_model import StepModel
 
 
 def lane_tightening(

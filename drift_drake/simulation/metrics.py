@@ -7,8 +7,8 @@ import pandas as pd
 
 from drift_drake.control.mpc import FOLLOWED
 from drift_drake.reference.trajectory import Reference
+from drift_drake.sensing.screening import ReadingKind
 from drift_drake.simulation.actuation import PlanStatus
-from drift_drake.simulation.screening import ReadingKind
 
 GRID = 0.5  # [m] along the path
 START = 0.1  # [s] until which there need not be a plan

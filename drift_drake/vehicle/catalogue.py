@@ -1,6 +1,7 @@
 """The catalogue of effects: a record each, the package's own and those that other packages install.
 
-The physics of the package's own is in `effects.motion_with_effects`; that of another package's is beside its record.
+The physics of the package's own is in `effects.motion_with_effects`, but for delays of commands, of which the record
+says all (`delays`); that of another package's is beside its record.
 """
 
 from drift_drake.vehicle.effect import REFERENCE, Command, Effect, wheelbase
@@ -44,7 +45,7 @@ OWN: dict[str, Effect] = {
         "s", 0.03, 0.2, "first-order lag from command to road wheel", stage="actuator", spread=True, remembers=STEERING
     ),
     "steering_delay": Effect(
-        "s", 0.02, 0.15, "transport delay of the steering command", stage="command", spread=True, remembers=STEERING
+        "s", 0.02, 0.15, "transport delay of the steering command", stage="command", spread=True, delays="delta_cmd"
     ),
     "steering_rate_limit": Effect(
         "rad/s",
@@ -108,4 +109,4 @@ if twice := sorted(set(OWN) & set(installed_effects())):
 CATALOGUE: dict[str, Effect] = OWN | installed_effects()
 
 OFF_THE_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.stage in ("command", "sensor"))
-"""Effects that act before the plant (a transport delay) or after it (the sensors'), never on its motion."""
+"""Effects that act before the plant (transport delays) or after it (the sensors'), never on its motion."""

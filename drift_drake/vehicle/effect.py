@@ -67,7 +67,7 @@ class Effect:
     The range is that of the reference car, `VehicleParameters()`; `mass`, `length` and `radius` are the powers of a
     car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
     has one of `force`, `actuation` and `reading`; beside the first two it may have a state of its own, by
-    `rate` and `start`.
+    `rate` and `start`. Or it `delays` a command, and has no function.
     """
 
     unit: str
@@ -78,7 +78,8 @@ class Effect:
     needs: tuple[str, ...] = ()  # columns without which a filter cannot see it
     tolerance: str | None = None  # of the vehicle file, that this effect is a larger deviation of
     spread: bool = False  # magnitudes are spread evenly by their logarithm
-    remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter
+    delays: Command | None = None  # the command that reaches the car late by the magnitude [s]: a pure delay
+    remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter, beside a delayed one
     mass: float = 0.0
     length: float = 0.0
     radius: float = 0.0

@@ -5,23 +5,25 @@ A package names an effect in its pyproject.toml:
     [project.entry-points."drift_drake.effects"]
     side_wind = "my_package.wind:SIDE_WIND"
 
-where `SIDE_WIND` is a `vehicle.effect.Effect` with its physics.
+where `SIDE_WIND` is a `vehicle.effect.Effect` with its physics, or that `delays` a command.
 """
 
 import hashlib
 import math
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from drift_drake.errors import DriftDrakeError, one_line
-from drift_drake.vehicle.effect import REFERENCE, Effect
+from drift_drake.vehicle.effect import REFERENCE, Command, Effect
 
 GROUP = "drift_drake.effects"
 PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
+FUNCTIONS = (*PHYSICS.values(), "rate", "start")
+COMMANDS = get_args(Command)
 
 
 class InvalidExtensionError(DriftDrakeError, ValueError):
@@ -60,8 +62,22 @@ def _loaded(point: EntryPoint) -> Effect:
         raise InvalidExtensionError(f"{where}: its name is no name of a variable; choose one such as side_wind")
     if not isinstance(effect, Effect):
         raise InvalidExtensionError(f"{where}: is no drift_drake.Effect; name one in the entry point")
-    _check_physics(where, effect)
+    (_check_delay if effect.delays else _check_physics)(where, effect)
     return effect
+
+
+def _check_delay(where: str, effect: Effect) -> None:
+    """Sees that a delay is nothing but one, of a command of the logs."""
+    functions = [name for name in FUNCTIONS if getattr(effect, name) is not None]
+    if effect.delays not in COMMANDS or effect.stage != "command" or functions:
+        raise InvalidExtensionError(
+            f"{where}: delays '{effect.delays}' at stage '{effect.stage}' with {functions or 'no functions'}; let a "
+            f"delay be of {' or '.join(COMMANDS)}, at stage 'command', without functions"
+        )
+    if not 0.0 < effect.low < effect.high:
+        raise InvalidExtensionError(f"{where}: its range begins at {effect.low:g} s; give a delay one above zero")
+    if effect.delays == "tau_cmd" and "tau_cmd" not in effect.needs:
+        raise InvalidExtensionError(f"{where}: delays the torque; let it need its column (needs=('tau_cmd',))")
 
 
 def _check_physics(where: str, effect: Effect) -> None:
@@ -69,7 +85,7 @@ def _check_physics(where: str, effect: Effect) -> None:
     given = [name for name in PHYSICS.values() if getattr(effect, name) is not None]
     wanted = PHYSICS.get(effect.stage, "")
     if given != [wanted]:
-        stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in PHYSICS.items())
+        stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in (*PHYSICS.items(), ("command", "delays")))
         raise InvalidExtensionError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
     state = _check_state(where, effect)
     trials: dict[str, tuple[tuple[Any, ...], tuple[float, ...]]] = {
@@ -115,16 +131,14 @@ def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
     return [(name, function) for name, function in pairs if function is not None]
 
 
-def effect_functions() -> list[tuple[str, Callable[..., Any]]]:
-    """(name, function) of all installed effects."""
-    return [pair for kind in (*PHYSICS.values(), "rate", "start") for pair in physics(kind)]
-
-
-def fingerprint(functions: Iterable[tuple[str, Callable[..., Any]]]) -> str:
-    """What the sources of other packages' functions hash to; empty without any."""
-    digest, empty = hashlib.sha256(), True
-    for name, function in functions:
-        empty = False
+def fingerprint(tyres: Mapping[str, Callable[..., Any]]) -> str:
+    """What other packages' effects and tyres hash to: their names, delays and functions' sources; empty without any."""
+    if not installed_effects() and not tyres:
+        return ""
+    digest = hashlib.sha256()
+    for name, effect in installed_effects().items():
+        digest.update(f"{name} {effect.delays} ".encode())
+    for name, function in [*(pair for kind in FUNCTIONS for pair in physics(kind)), *tyres.items()]:
         source = sys.modules[function.__module__].__file__
         digest.update(name.encode() + (Path(source).read_bytes() if source else b""))
-    return "" if empty else digest.hexdigest()[:16]
+    return digest.hexdigest()[:16]

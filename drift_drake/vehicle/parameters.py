@@ -11,8 +11,8 @@ from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 from drift_drake.safe_files import write_text
 
-OPTIONAL = ("front_coupling", "tyre", "tolerance")
-WORDS = ("tyre", "tolerance")  # that are no numbers  # keys that a vehicle file may leave out
+OPTIONAL = ("front_coupling", "tyre", "tolerance")  # keys that a vehicle file may leave out
+WORDS = ("tyre", "tolerance")  # that are no numbers
 
 
 class InvalidVehicleError(DriftDrakeError, ValueError):

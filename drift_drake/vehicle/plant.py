@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import COUNT, MEMORIES, Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
@@ -93,7 +93,7 @@ class SingleTrackPlant(PathPlant):
 
     Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
     0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on
-    neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    neither delays nor the sensors' effects, and knows no limits of the actuator.
 
     Input ports:
         actuation: (delta [rad], tau [N m]) as it reaches the car.

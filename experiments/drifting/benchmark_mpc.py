@@ -27,7 +27,6 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.errors import InvalidOptionError, MissingExtraError
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
@@ -37,6 +36,7 @@ from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.made import write_benchmark
 

@@ -18,7 +18,6 @@ import pandas as pd
 import tyro
 
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -36,6 +35,7 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.true_plant import TruePlant, effects_on, plant_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
 

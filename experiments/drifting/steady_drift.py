@@ -20,7 +20,6 @@ from scipy.optimize import least_squares
 
 from diagrams.command import run_command
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import Population
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
@@ -28,6 +27,7 @@ from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibriu
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.drifting.runs import DriftConfig, open_folder
 from experiments.made import write_report
 

@@ -27,7 +27,6 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.drake_cases import drake_case
 from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.benchmarks.truths import Truth, drawn_truth, true_car
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.diagnosis.answers.correction import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
@@ -37,6 +36,7 @@ from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.made import write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")

@@ -25,7 +25,6 @@ from drift_drake.benchmarks.drake_cases import drive
 from drift_drake.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
 from drift_drake.benchmarks.truths import drawn_truth
 from drift_drake.control.plan import DT
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import tracking_gains
 from drift_drake.diagnosis.answers.answer import UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
@@ -36,6 +35,7 @@ from drift_drake.logs.table import Run
 from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.made import write_report
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open

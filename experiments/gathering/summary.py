@@ -129,8 +129,8 @@ def summarise_halves(vehicles: list[dict[str, dict[str, float]]]) -> dict[str, A
     }
 
 
-def _cell(spread: dict[str, float], digits: int = 3) -> str:
-    return f"{spread['median']:.{digits}g} ({spread['best']:.{digits}g} to {spread['worst']:.{digits}g})"
+def _cell(spread: dict[str, float]) -> str:
+    return f"{spread['median']:.3g} ({spread['best']:.3g} to {spread['worst']:.3g})"
 
 
 def _norms(summary: dict[str, Any]) -> list[str]:

@@ -23,7 +23,6 @@ from pydrake.systems.primitives import ConstantVectorSource
 from diagrams.command import run_command
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import HoldDriver, dither, manual_script, wander
 from drift_drake.drives.row_by_row import ROW_PERIOD
@@ -38,6 +37,7 @@ from drift_drake.safe_files import write_text
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import covariance_norms
@@ -41,6 +40,7 @@ from drift_drake.model.quality import (
 from drift_drake.model.samples import concatenate, load_samples
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure
+from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
 

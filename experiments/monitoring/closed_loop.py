@@ -21,7 +21,6 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.benchmarks.intervals import binomial
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run, make_run
 from drift_drake.model.adapter import BayesianAdapter
@@ -40,6 +39,7 @@ from drift_drake.simulation.true_plant import plant_of
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.made import write_report
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]

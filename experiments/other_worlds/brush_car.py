@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
-from drift_drake.vehicle.double_track.rollout import command_at
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.effects import Effects, steering_rate
 from drift_drake.vehicle.scalar import jitable
 
@@ -160,17 +160,19 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
 @compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
     """States z a row later, in place, by RK4; returns (a_x, a_y) there."""
-    h, n, late, last = PERIOD / SUBSTEPS, len(z), q.steering_delay / PERIOD, row + 1
+    h, n, last = PERIOD / SUBSTEPS, len(z), row + 1
     k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for i in range(SUBSTEPS):
         a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
-        middle, end = command_at(delta, b - late, last), command_at(delta, c - late, last)
-        rates(z, command_at(delta, a - late, last), command_at(tau, a, last), p, q, k1)
-        rates(z + 0.5 * h * k1, middle, command_at(tau, b, last), p, q, k2)
-        rates(z + 0.5 * h * k2, middle, command_at(tau, b, last), p, q, k3)
-        rates(z + h * k3, end, command_at(tau, c, last), p, q, k4)
+        begin = commands_at(delta, tau, a, last, PERIOD, q)
+        middle = commands_at(delta, tau, b, last, PERIOD, q)
+        end = commands_at(delta, tau, c, last, PERIOD, q)
+        rates(z, begin[0], begin[1], p, q, k1)
+        rates(z + 0.5 * h * k1, middle[0], middle[1], p, q, k2)
+        rates(z + 0.5 * h * k2, middle[0], middle[1], p, q, k3)
+        rates(z + h * k3, end[0], end[1], p, q, k4)
         z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return rates(z, command_at(delta, last - late, last), tau[last], p, q, k1)
+    return rates(z, end[0], end[1], p, q, k1)
 
 
 Array = NDArray[np.float64]

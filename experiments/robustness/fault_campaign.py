@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.benchmarks.intervals import binomial
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.model.adapter import BayesianAdapter
@@ -34,6 +33,7 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

@@ -8,13 +8,13 @@ import pytest
 from drift_drake.control.mpc import NoPlanError
 from drift_drake.control.own_controller import Controller, InvalidPlanError, commands_at
 from drift_drake.control.plan import Plan
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.reference.trajectory import Reference, straight_line
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.faults import Fault
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 PARAMETERS = VehicleParameters()
 CONTROL = ControlConfig(delay=0.02)

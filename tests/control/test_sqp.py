@@ -10,9 +10,9 @@ from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 PARAMETERS = VehicleParameters()
 SPREAD = np.array([0.1, 0.5, 0.06, 0.5, 0.4, 0.05])

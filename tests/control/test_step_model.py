@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from drift_drake.control.effects_step import STATE_SIZE, EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.effects import Effects, make_effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 
 Array = NDArray[np.float64]
 

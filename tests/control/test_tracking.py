@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.control.tracking import (
     INPUT_WEIGHT,
     STATE_WEIGHT,
@@ -16,6 +15,7 @@ from drift_drake.control.tracking import (
 from drift_drake.reference.trajectory import straight_line
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 PARAMETERS = VehicleParameters()
 STEPS = 20

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
@@ -15,6 +14,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.model.samples import Samples, concatenate, save_samples
 from drift_drake.vehicle.effects import Effects, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.model.quality import QualityConfig, main
 from experiments.model.uncertainties import UNCERTAINTIES_AT, model_change, true_change
 

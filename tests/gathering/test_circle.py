@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
@@ -15,6 +14,7 @@ from drift_drake.gathering.replan import rest_of_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 CURVATURE = -0.025  # [1/m], to the right
 CONFIG = GatheringConfig(steps=14, v_end=10.0, curvature=CURVATURE, starts=2, max_iterations=60, replan=0.5)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drivers import HoldDriver, dither, wander
 from drift_drake.drives.row_by_row import ROW_PERIOD
@@ -16,6 +15,7 @@ from drift_drake.model.samples import MIRROR_STATE, Samples, concatenate, mirror
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 
 @pytest.fixture(scope="module")

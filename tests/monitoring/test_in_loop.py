@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.monitoring.in_loop import events_of
 from drift_drake.monitoring.monitor import Monitor, make_monitor
 from drift_drake.monitoring.watch import WATCHED
@@ -13,6 +12,7 @@ from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 VEHICLE = VehicleParameters()
 CHANGE = 0.8  # [s]

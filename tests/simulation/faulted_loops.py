@@ -3,12 +3,12 @@
 import dataclasses
 from typing import Any
 
-from drift_drake.control.step_model import NominalStepModel, StepModel
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 
 PARAMETERS = VehicleParameters()
 FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from drift_drake.control.mpc import FOLLOWED
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -21,6 +20,7 @@ from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)
 

@@ -11,7 +11,6 @@ import pytest
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation import drive_command, log_file
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
@@ -21,6 +20,7 @@ from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plant import VehiclePlant
+from drift_drake.vehicle.step_model import NominalStepModel
 
 PARAMETERS = VehicleParameters()
 FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)

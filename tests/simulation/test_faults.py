@@ -7,11 +7,11 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drift_drake.errors import InvalidOptionError
+from drift_drake.sensing.screening import FROZEN, ReadingKind, Screen, reading_kind
+from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.simulation.change import Change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
 from drift_drake.simulation.faults import Fault, parse_fault, patch_friction
-from drift_drake.simulation.screening import FROZEN, ReadingKind, Screen, reading_kind
-from drift_drake.simulation.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

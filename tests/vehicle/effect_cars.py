@@ -8,8 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.sensors import NoiseLevels
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plant import VehiclePlant

@@ -9,7 +9,6 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.symbolic import Expression, MakeVectorVariable
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import (
     derivatives,
     front_contact_velocity,
@@ -20,6 +19,7 @@ from drift_drake.vehicle.bicycle import (
     world_rates,
 )
 from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.tyre import tyre_force
 

@@ -6,7 +6,7 @@ from effect_cars import (
     driven_car,
 )
 
-from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE
+from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
 
 SLALOM = [(0.0, 0.0, 50.0), (0.2, 0.08, 150.0), (0.6, -0.08, 0.0), (1.0, 0.05, 100.0)]
 

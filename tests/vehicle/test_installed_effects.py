@@ -4,65 +4,11 @@ Each test runs in a process of its own, since effects are found once. All but on
 takes longer than what is tested.
 """
 
-import os
-import subprocess
-import sys
+import json
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[2]
-WIND = """
-from drift_drake import Effect
-from drift_drake.vehicle.scalar import cos, maximum, minimum, select, sin
-
-def push(r, v, beta, omega_r, psi, car, magnitude):
-    return -magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
-
-def limp(delta, tau, v, magnitude):
-    return delta, tau * (1.0 - magnitude)
-
-def drift(r, beta, omega_r, magnitude):
-    return magnitude * omega_r, 0.0, 0.0
-
-def boosted(delta, tau, v, magnitude, state):
-    return delta, select(0.0, magnitude, minimum(tau, state), tau)
-
-def build_up(r, v, beta, omega_r, delta, tau, car, magnitude, state):
-    return (tau - state) / maximum(magnitude, 0.02)
-
-def boost(r, v, beta, omega_r, delta, tau, car, magnitude):
-    return tau
-
-SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right pushes with q", needs=("psi",),
-                   shown_by="straight stretches there and back", force=push)
-LIMP_MODE = Effect("-", 0.05, 0.6, "torque falls by q", "actuator", needs=("tau_cmd",), actuation=limp)
-GYRO_SCALE = Effect("rad/m", -0.005, 0.005, "the yaw rate reads q omega_r more", "sensor", reading=drift)
-TURBO_LAG = Effect("s", 0.05, 0.5, "torque rises with a lag of q, and falls at once", "actuator",
-                   needs=("tau_cmd",), actuation=boosted, rate=build_up, start=boost)
-HALF = Effect("s", 0.05, 0.5, "a state without a start", "actuator", actuation=boosted, rate=build_up)
-ENDLESS = Effect("s", 0.05, 0.5, "a rate without a limit", "actuator", actuation=boosted, start=boost,
-                 rate=lambda r, v, beta, omega_r, delta, tau, car, q, state: (tau - state) / q)
-BROKEN = Effect("N", -1.0, 1.0, "always there", force=lambda r, v, beta, omega_r, psi, car, q: (1.0, 0.0, 0.0))
-"""
-EFFECTS = {"side_wind": "SIDE_WIND", "limp_mode": "LIMP_MODE", "gyro_scale": "GYRO_SCALE", "turbo_lag": "TURBO_LAG"}
-
-
-def install(folder: Path, effects: dict[str, str]) -> None:
-    (folder / "wind.py").write_text(WIND)
-    info = folder / "wind-1.0.dist-info"
-    info.mkdir(exist_ok=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wind\nVersion: 1.0\n")
-    points = "\n".join(f"{name} = wind:{attribute}" for name, attribute in effects.items())
-    (info / "entry_points.txt").write_text(f"[drift_drake.effects]\n{points}\n")
-
-
-def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {
-        "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder),
-    }  # fmt: skip
-    return subprocess.run([sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True)
-
+from other_package import DELAYS, EFFECTS, install, run
 
 PHYSICS = """
 import numpy as np
@@ -166,11 +112,15 @@ def test_plants_sensors_and_filter_know_them(tmp_path: Path) -> None:
 
 
 def test_the_command_line_knows_them(tmp_path: Path) -> None:
-    install(tmp_path, EFFECTS)
-    told = run(tmp_path, "-m", "drift_drake", "effects").stdout
+    install(tmp_path, EFFECTS | DELAYS)
+    told = run(tmp_path, "-m", "drift_drake", "effects", "--json", "effects.json").stdout
     line, *_ = (line for line in told.splitlines() if line.startswith("side_wind"))
     assert line.split()[1:5] == ["N", "-1.5e+03", "to", "1.5e+03"]
     assert "Shown by straight stretches there and back:\n  side_wind" in told
+    assert "Shown by throttle steps:\n  engine_delay" in told
+    data = json.loads((tmp_path / "effects.json").read_text())
+    assert data["engine_delay"]["installed"]
+    assert data["engine_delay"]["delays"] == "tau_cmd"
 
 
 def test_a_vehicle_file_may_have_them(tmp_path: Path) -> None:
@@ -195,6 +145,9 @@ write_vehicle("storm.yaml", VehicleParameters(), make_effects({"side_wind": 1e6}
         ({"push": "push"}, "effect push (wind:push): is no drift_drake.Effect"),
         ({"half": "HALF"}, "a state needs both rate and start"),
         ({"endless": "ENDLESS"}, "its rate or start fails"),
+        ({"early": "EARLY"}, "its range begins at -0.1 s; give a delay one above zero"),
+        ({"deaf": "DEAF"}, "effect deaf (wind:DEAF): delays the torque; let it need its column"),
+        ({"behind": "BEHIND"}, "delays 'delta_cmd' at stage 'actuator' with no functions; let a delay be of"),
         ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
         ({"aero_drag": "SIDE_WIND"}, "effect aero_drag: is in the catalogue already"),
     ],
@@ -221,10 +174,10 @@ car.to_yaml("car.yaml")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "magnitude"), [("side_wind", 900.0), ("turbo_lag", 0.25)])
+@pytest.mark.parametrize(("name", "magnitude"), [("side_wind", 900.0), ("turbo_lag", 0.25), ("engine_delay", 0.1)])
 def test_a_diagnosis_names_one(tmp_path: Path, name: str, magnitude: float) -> None:
     """Compiled: what a user gets."""
-    install(tmp_path, EFFECTS)
+    install(tmp_path, EFFECTS | {"engine_delay": DELAYS["engine_delay"]})
     (tmp_path / "logs").mkdir()
     made = run(tmp_path, "-c", DIAGNOSED, name, str(magnitude), jit=True)
     assert made.returncode == 0, made.stderr

@@ -7,8 +7,8 @@ import pytest
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression, Variable
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle import scalar
+from drift_drake.vehicle.compilation import compiled
 
 UNARY = {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "exp": math.exp, "tanh": math.tanh, "atan": math.atan}
 DERIVATIVE = {

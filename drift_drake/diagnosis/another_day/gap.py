@@ -8,7 +8,7 @@ from drift_drake.diagnosis.another_day.changed_car import changed_car, slopes_at
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.normal import LOST, WORST, Normal
-from drift_drake.estimation.reduction import FOLDS, RESAMPLES, Reduction
+from drift_drake.estimation.reduction import FOLDS, Reduction, resampled
 
 STATES = ("r", "v", "beta", "omega_r")
 
@@ -18,7 +18,7 @@ def squares(normal: Normal, e: np.ndarray, cap: float = WORST) -> np.ndarray:
     return normal.squares(e, cap)[..., : len(STATES)]
 
 
-def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) -> Reduction:
+def reduction(search: Search, h: Hypothesis, best: Hypothesis) -> Reduction:
     """The share 1 - (after - floor) / (before - floor) at the longest horizon, with a 95 % block-bootstrap interval.
 
     After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the mean squares of the
@@ -39,8 +39,7 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis, seed: int = 0) ->
     sums = np.zeros((day.blocks, 3))
     for i, part in enumerate((before, after, floor)):
         np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
-    draws = np.random.default_rng(seed).integers(0, len(sums), (RESAMPLES, len(sums)))
-    values = np.array([removed_share(*sums[d].sum(axis=0)) for d in draws])
+    values = np.array([removed_share(*drawn) for drawn in resampled(sums)])
     low, high = np.quantile(values, [0.025, 0.975])
     estimate = removed_share(*sums.sum(axis=0))
     whole = (before, after, floor)

@@ -24,7 +24,7 @@ from drift_drake.diagnosis.another_day.hypotheses import (
 from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther
-from drift_drake.estimation.reduction import FOLDS, Reduction
+from drift_drake.estimation.reduction import FOLDS, Reduction, resampled
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import thinned
 
@@ -228,7 +228,7 @@ def one_each(tried: Sequence[tuple[float, str, float]]) -> list[tuple[float, str
     return list(out.values())
 
 
-def held_out_reduction(search: Search, h: Hypothesis, draws: int = 400) -> Reduction:
+def held_out_reduction(search: Search, h: Hypothesis) -> Reduction:
     """Share of the misfit that a hypothesis removes on blocks that were not fitted, with a 95 % interval."""
     day = search.day
     if not h.names:
@@ -242,8 +242,7 @@ def held_out_reduction(search: Search, h: Hypothesis, draws: int = 400) -> Reduc
     sums = np.zeros((day.blocks, 2))
     for i, part in enumerate((before, after)):
         np.add.at(sums[:, i], day.block, part)
-    rows = np.random.default_rng(0).integers(0, len(sums), (draws, len(sums)))
-    values = [1.0 - float(left / there) for there, left in (sums[r].sum(axis=0) for r in rows)]
+    values = [1.0 - float(left / there) for there, left in resampled(sums)]
     estimate = 1.0 - float(after.sum() / before.sum())
     low, high = (float(x) for x in np.quantile(values, [0.025, 0.975]))
     return Reduction(estimate, min(low, estimate), max(high, estimate), {}, {day.ahead[0]: estimate},

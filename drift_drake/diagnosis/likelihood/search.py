@@ -33,6 +33,7 @@ EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
 ADEQUATE = 1.02  # mean square of the innovations up to which a single may be the whole story
 NEAR = 100.0  # [nats] behind the best, under coarse process noise, within which candidates get full fits
+RENEWALS = 2  # of a candidate's gains
 HOPELESS = 40.0  # [nats] by which an exact vehicle file may be predicted to be worse and yet be tried
 STEPPED_SINGLES, LEAST_SINGLES, FULL_SINGLES = 10, 3, 6  # additions that get re-linearised steps, full fits
 SEEDS, STEPPED_PAIRS, LEAST_PAIRS, FULL_PAIRS = 3, 5, 2, 4  # singles that pairs are grown from; as above
@@ -106,12 +107,12 @@ def predicted_candidates(
     return out
 
 
-def relinearise(problem: Problem, base: Base, candidate: Candidate, steps: int = 2) -> Candidate:
+def relinearise(problem: Problem, base: Base, candidate: Candidate) -> Candidate:
     """A few Gauss-Newton steps that renew the gains and the added effect's derivative, not the base's."""
     names, theta = candidate.names, candidate.theta
     gains = filter_case(problem, theta, names)
     filtered, cost = gains.filtered, cost_of(problem, gains.filtered, theta)
-    for _ in range(steps):
+    for _ in range(RENEWALS):
         e = flat(problem, filtered.innovations)
         last = last_derivative(problem, gains, theta, names, e)
         information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.compilation import say_if_it_compiles
 from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.answers.provenance import check_diagnosed
 from drift_drake.interruption import ended_at_once
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
+from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 

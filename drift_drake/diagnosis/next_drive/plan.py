@@ -36,6 +36,7 @@ from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
 from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.safe_files import write_table
+from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -289,10 +290,10 @@ def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
 def stand_ins(effects: Effects) -> Effects:
     """Effects that a one-step model can have: delays as lags, a road's grade as a resistance, no sensors."""
     q: Mapping[str, Any] = effects._asdict()
-    late = q["sensor_latency"]
+    late, (late_steering, late_torque) = q["sensor_latency"], command_delays(effects)
     return effects._replace(
-        steering_lag=q["steering_lag"] + q["steering_delay"] + late,
-        torque_lag=q["torque_lag"] + late,
+        steering_lag=q["steering_lag"] + late_steering + late,
+        torque_lag=q["torque_lag"] + late_torque + late,
         rolling_resistance=q["rolling_resistance"] + float(np.sin(q["road_grade"])),
         **dict.fromkeys(BEYOND, 0.0),
     )

@@ -12,6 +12,7 @@ from drift_drake.logs.importing.checks import TITLES, column_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
+from drift_drake.logs.importing.motion_capture import Stretch
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
@@ -20,7 +21,6 @@ from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
     MEASURED,
     VELOCITY,
-    Stretch,
     from_velocity,
     moving_stretches,
     stretch_of,

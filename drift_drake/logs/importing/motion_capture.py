@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
-class CapturedMotion:
-    """The log's columns (x, y, psi, r, v, beta, ax, ay) at the times t [n] [s] of the frames.
+class Stretch:
+    """All signals of the log's clock, and what is derived from them, at times t [n] [s]; at the centre of gravity.
 
-    `noise`: standard deviation of one reading of position [m] and heading [rad]; `std`: the columns' typical ones after
-    smoothing; `bandwidth` [Hz]: of the smoothers, up to which position and heading are taken for motion.
+    `noise`: standard deviation of one reading (SI), by signal; `std`: the columns' typical ones after smoothing;
+    `bandwidth` [Hz]: of the smoothers, up to which position and heading are taken for motion.
     """
 
     t: Array
@@ -29,8 +29,10 @@ class CapturedMotion:
 
 def captured_motion(
     t: Array, x: Array, y: Array, psi: Array, measured_point: tuple[float, float], highest: float = math.inf
-) -> CapturedMotion:
+) -> Stretch:
     """Differentiates a stretch of motion capture (NaN where a frame is missing) and moves it to the centre of gravity.
+
+    Its columns are x, y, psi, r, v, beta, ax, ay; its noise is of position [m] and heading [rad].
 
     highest: frequency [Hz] of motion; what is faster is taken for noise.
 
@@ -45,7 +47,7 @@ def captured_motion(
     v = np.hypot(centre.vx, centre.vy)
     speed_std = float(np.median(position.std[:, 1]))
     heading_std, r_std = (float(np.median(heading.std[:, i])) for i in (0, 1))
-    return CapturedMotion(
+    return Stretch(
         t=t,
         columns={
             "x": centre.x,

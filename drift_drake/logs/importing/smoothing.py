@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 
 Array = NDArray[np.float64]
 

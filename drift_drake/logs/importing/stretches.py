@@ -1,6 +1,5 @@
 """What is worth keeping of a recording: stretches in motion without gaps, each with the vehicle's motion."""
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -8,7 +7,7 @@ from numpy.typing import NDArray
 
 from drift_drake.logs.importing.frames import PlanarMotion, at_centre_of_gravity
 from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
-from drift_drake.logs.importing.motion_capture import captured_motion
+from drift_drake.logs.importing.motion_capture import Stretch, captured_motion
 from drift_drake.logs.importing.recording import Readings
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 
@@ -19,20 +18,6 @@ SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
 STOP = 0.1  # [s]; a shorter time below the speed of `moving` is no stop
 VELOCITY = {"vx", "vy", "r"}  # what speed and sideslip at the centre of gravity are made of
 MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise is worth an estimate
-
-
-@dataclasses.dataclass(frozen=True)
-class Stretch:
-    """All signals of the log's clock, and what is derived from them, at times t [n] [s]; at the centre of gravity.
-
-    noise: of one reading (SI), by signal; std: of the columns; bandwidth [Hz]: of smoothed position and heading.
-    """
-
-    t: Array
-    columns: dict[str, Array]
-    noise: dict[str, float]
-    std: dict[str, float]
-    bandwidth: dict[str, float]
 
 
 def moving_stretches(readings: Readings, mapping: RecorderMapping) -> list[slice]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
@@ -82,7 +82,7 @@ class DoubleTrackCarPlant(PathPlant):
     the car's own, `motion.OwnStates`. `state_view` names them.
 
     Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
-    plant acts on neither `steering_delay` nor the sensors' effects, and knows no limits of the actuator.
+    plant acts on neither delays nor the sensors' effects, and knows no limits of the actuator.
 
     Input and output ports: those of `VehiclePlant`, of the same meaning.
 

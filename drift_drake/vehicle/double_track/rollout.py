@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle import world_rates
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion
 from drift_drake.vehicle.double_track.settled import settled_states
@@ -32,29 +33,21 @@ def _rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
 
 
 @compiled
-def command_at(commands: Any, place: Any, last: Any) -> Any:
-    """The command at a place [rows], linear between rows; the first one before them."""
-    if place <= 0.0:
-        return commands[0]
-    row = min(int(place), last)
-    return commands[row] + (place - row) * (commands[min(row + 1, last)] - commands[row])
-
-
-@compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
     h, n = PERIOD / SUBSTEPS, len(z)
     k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    late = q.steering_delay / PERIOD
     last = row + 1
     for i in range(SUBSTEPS):
         a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
-        middle, end = command_at(delta, b - late, last), command_at(delta, c - late, last)
-        _rates(z, command_at(delta, a - late, last), command_at(tau, a, last), p, q, k1)
-        _rates(z + 0.5 * h * k1, middle, command_at(tau, b, last), p, q, k2)
-        _rates(z + 0.5 * h * k2, middle, command_at(tau, b, last), p, q, k3)
-        _rates(z + h * k3, end, command_at(tau, c, last), p, q, k4)
+        begin = commands_at(delta, tau, a, last, PERIOD, q)
+        middle = commands_at(delta, tau, b, last, PERIOD, q)
+        end = commands_at(delta, tau, c, last, PERIOD, q)
+        _rates(z, begin[0], begin[1], p, q, k1)
+        _rates(z + 0.5 * h * k1, middle[0], middle[1], p, q, k2)
+        _rates(z + 0.5 * h * k2, middle[0], middle[1], p, q, k3)
+        _rates(z + h * k3, end[0], end[1], p, q, k4)
         z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return _rates(z, command_at(delta, last - late, last), tau[last], p, q, k1)
+    return _rates(z, end[0], end[1], p, q, k1)
 
 
 @compiled
@@ -80,7 +73,7 @@ def advance(z: Array, row: int, delta: Array, tau: Array, p: DoubleTrackConstant
 
     Args:
         z: states [20] at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1, linear
-            between rows; the steering takes the transport delay `steering_delay`.
+            between rows; each is delayed here.
         p: the car; q: magnitudes, the sensors' unused.
     """
     later = z.copy()

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from drift_drake.control.step_model import NominalStepModel
 from drift_drake.logs.driving import slowest
 from drift_drake.reference.path import Path
-from drift_drake.simulation.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
-from drift_drake.compilation import compiled
 from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 Array = NDArray[np.float64]
 
+STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not told otherwise, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
 INPUT_DIFFERENCE = np.array([1e-5, 1e-3])
 MEMORY_DIFFERENCE = 1e-5  # of `memory_scale`
@@ -69,16 +70,16 @@ class NominalStepModel(StepModel):
     dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
     """
 
-    def __init__(self, parameters: VehicleParameters, dt: float = 0.1, substeps: int = 8) -> None:
+    def __init__(self, parameters: VehicleParameters, dt: float = STEP, substeps: int = SUBSTEPS) -> None:
         self.dt = dt
         self._substeps = substeps
         self._constants = parameters.constants()
 
     @classmethod
-    def of(cls, constants: Constants, dt: float, substeps: int) -> "NominalStepModel":
+    def of(cls, constants: Constants) -> "NominalStepModel":
         """The model of a car's constants."""
         model = cls.__new__(cls)
-        model.dt, model._substeps, model._constants = dt, substeps, constants
+        model.dt, model._substeps, model._constants = STEP, SUBSTEPS, constants
         return model
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

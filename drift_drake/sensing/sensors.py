@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import Multiplexer, RandomSource
 
 from drift_drake.errors import InvalidOptionError, shown
-from drift_drake.simulation.delay import TransportDelay
+from drift_drake.sensing.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects, measured
 

@@ -13,13 +13,13 @@ import numba
 from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
 
-from drift_drake.vehicle.installed import effect_functions, fingerprint
+from drift_drake.vehicle.installed import fingerprint
 from drift_drake.vehicle.tyre import installed_tyres
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parents[1]
 IMPORTS = re.compile(r"^[ \t]*(?:from|import) +(drift_drake[\w.]*)(?: +import +(\([^)]*\)|.*))?", re.MULTILINE)
 
 
@@ -61,7 +61,7 @@ def _drop_stale_caches() -> None:
 @cache
 def _cache_folder() -> str:
     """Where compiled functions are kept: numba's own choice, but where other packages' functions are compiled in."""
-    installed = fingerprint([*effect_functions(), *installed_tyres().items()])
+    installed = fingerprint(installed_tyres())
     if not installed:
         return str(numba.config.CACHE_DIR)
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.simulation.sensors import LOG_ROW, MEASURED_STATE, SIGNALS, NoiseLevels, Sensors
+from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, SIGNALS, NoiseLevels, Sensors
 from drift_drake.vehicle.effects import Effects
 
 SIZES = {"state": 6, "path_position": 1, "pose": 3, "acceleration": 2}

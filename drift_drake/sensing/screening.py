@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.simulation.innovation import Innovation
-from drift_drake.simulation.sensors import MEASURED_STATE
+from drift_drake.sensing.innovation import Innovation
+from drift_drake.sensing.sensors import MEASURED_STATE
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake import compilation
-from drift_drake.compilation import PACKAGE, rests_on
+from drift_drake.vehicle import compilation
+from drift_drake.vehicle.compilation import PACKAGE, rests_on
 
 SOURCE = """
 import sys
-from drift_drake.compilation import compiled
+from drift_drake.vehicle.compilation import compiled
 
 @compiled
 def inner(x):

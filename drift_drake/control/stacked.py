@@ -110,6 +110,10 @@ class StackedDynamics:
         residual = ((x_next - x[1:]) / self.layout.state_scale).ravel()
         return residual, np.concatenate([block.ravel(), np.full(self.size, -1.0)])
 
+    def by_stages(self, entries: Array) -> Array:
+        """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""
+        return entries[: -self.size].reshape(self.layout.horizon, self.layout.state_size, -1)
+
     def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
         """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
 

@@ -90,7 +90,7 @@ def dual_residual(gradient: Array, f: Array, columns: Index, rows: Rows, y: Arra
 
 @compiled
 def violations(residual: Array, rows: Rows, z: Array, low: Array, high: Array) -> tuple[float, float]:
-    """(sum, largest) violation of the dynamics, given by their residual, and of low <= rows z <= high; NaN if any is."""
+    """(sum, largest) violation of the dynamics, given their residual, and of low <= rows z <= high; NaN stays NaN."""
     total, largest = 0.0, 0.0
     for value in residual:
         total += abs(value)

@@ -11,10 +11,12 @@ from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
 from pydrake.systems.primitives import Multiplexer, RandomSource, Selector, SelectorParams
 
+from drift_drake.compilation import compiled
 from drift_drake.errors import InvalidOptionError, shown
 from drift_drake.simulation.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
-from drift_drake.vehicle.effects import Effects, measured
+from drift_drake.vehicle.effects import COUNT, Effects, measured
+from drift_drake.vehicle.scalar import fixed_tuple
 
 Array = NDArray[np.float64]
 
@@ -61,6 +63,19 @@ class NoiseLevels:
         return cls(*([0.0] * len(dataclasses.fields(cls))))
 
 
+@compiled
+def _sampled(t: float, signals: Array, levels: Array, noise: Array, magnitudes: Array) -> Array:
+    """(time, noisy and biased signals)."""
+    sample, q = np.empty(1 + signals.size), Effects(*fixed_tuple(magnitudes, COUNT))
+    sample[0] = t
+    sample[1:] = signals + levels * noise
+    beta = sample[_BETA]
+    sample[_R], sample[_BETA], sample[_OMEGA_R] = measured(sample[_R], beta, sample[_OMEGA_R], q)
+    # The course is the measured heading plus the measured sideslip, so it takes over the bias.
+    sample[_DPHI] += sample[_BETA] - beta
+    return sample
+
+
 class SampleAndHold(LeafSystem):
     """Takes a noisy sample of all signals each period and holds it, biased as the effects say.
 
@@ -73,7 +88,7 @@ class SampleAndHold(LeafSystem):
 
     def __init__(self, noise: NoiseLevels, effects: Effects, period: float) -> None:
         LeafSystem.__init__(self)
-        self._effects, self._period = effects, period
+        self._magnitudes, self._period = np.array(effects), period
         self._levels = np.array([getattr(noise, name) for name in SIGNALS])
         self._signals = self.DeclareVectorInputPort("signals", len(SIGNALS))
         self._noise = self.DeclareVectorInputPort("noise", len(SIGNALS))
@@ -98,14 +113,8 @@ class SampleAndHold(LeafSystem):
         if not math.isnan(held[0]) and self._samples_before(t) <= self._samples_before(held[0]):
             output.SetFromVector(held)
             return
-        sample = np.empty(len(_SAMPLE))
-        sample[0] = t
-        sample[1:] = self._signals.Eval(context) + self._levels * self._noise.Eval(context)
-        beta = sample[_BETA]
-        sample[_R], sample[_BETA], sample[_OMEGA_R] = measured(sample[_R], beta, sample[_OMEGA_R], self._effects)
-        # The course is the measured heading plus the measured sideslip, so it takes over the bias.
-        sample[_DPHI] += sample[_BETA] - beta
-        output.SetFromVector(sample)
+        signals, noise = self._signals.Eval(context), self._noise.Eval(context)
+        output.SetFromVector(_sampled(t, signals, self._levels, noise, self._magnitudes))
 
     def _update(self, context: Context, state: State) -> None:
         state.get_mutable_discrete_state().set_value(self._sample.Eval(context))

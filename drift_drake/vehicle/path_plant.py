@@ -122,13 +122,13 @@ class PathPlant:
 
     def DoCalcTimeDerivatives(self: Any, context: Any, derivatives: Any) -> None:  # noqa: N802
         x = context.get_continuous_state_vector().CopyToVector()
-        inputs = *self.inputs(context), self.path_curvature(context, x[6])
-        numbers = self.numbers(context)
+        u, wrench = self.inputs(context)
+        curvature, numbers = self.path_curvature(context, x[6]), self._numbers.Eval(context)
         if self.scalar is float:
-            self.check_finite(x, context.get_time())
-            rates = self.compiled_rates(x, *inputs, *numbers)
+            self.check_finite(x, context)
+            rates = self.compiled_rates(x, u, wrench, curvature, *numbers)
         else:
-            rates = self.rates(x, *inputs, *self.car(*numbers))
+            rates = self.rates(x, u, wrench, curvature, *self.car(*numbers))
         derivatives.get_mutable_vector().SetFromVector(rates)
 
     def _calc_acceleration(self: Any, context: Any, output: Any) -> None:
@@ -163,13 +163,13 @@ class PathPlant:
             pose = (0.0, e, dphi - beta)
         return (r, v, beta, omega_r, e, dphi, s, *pose)
 
-    def check_finite(self, x: Any, t: float) -> None:
+    def check_finite(self, x: Any, context: Any) -> None:
         """Ends a simulation that has lost its numbers, which an integrator would try to go on with for ever.
 
         Speed and path position say it for all: the others' rates enter theirs.
         """
         if not math.isfinite(x[1] + x[6]):
-            raise MotionError(f"the car's state is no longer finite at {t:g} s")
+            raise MotionError(f"the car's state is no longer finite at {context.get_time():g} s")
 
     def inputs(self: Any, context: Any) -> tuple[Any, Any]:
         """(actuation, disturbance) at a Context; no disturbance where its port is left open."""

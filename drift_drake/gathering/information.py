@@ -48,10 +48,10 @@ class InformationCost:
 
     def information(self, x: Array, u: Array, u_next: Array) -> float:
         """l_info [nat] of a trajectory."""
-        z = network_inputs(x, u, u_next)
+        phi = features(self._network, network_inputs(x, u, u_next))
         if not self._updated:
-            return float(information_gain(self._network, self._covariance, z)[0].sum())
-        after = covariance_after(self._precision, features(self._network, z))
+            return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
+        after = covariance_after(self._precision, phi)
         return float(-0.5 * (np.linalg.slogdet(after)[1] + np.linalg.slogdet(self._precision)[1]))
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:

@@ -5,7 +5,7 @@ stacks are called by Drake's solvers as float or AutoDiffXd; the line-search SQP
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,15 @@ class StageCost(Protocol):
         The function returned takes M = (any multiple of N) points, stage after stage, and gives [M, n+4]; at the
         arguments of `gradient_at` itself it is the total's gradient.
         """
+        ...
+
+
+@runtime_checkable
+class CurvedGradient(Protocol):
+    """What `StageCost.gradient_at` may return: a function that knows its derivatives."""
+
+    def curvature(self, x: Array, u: Array, u_next: Array) -> Array:
+        """The total's second derivatives within each stage [N, n+4, n+4], at the arguments of `gradient_at`."""
         ...
 
 
@@ -152,8 +161,10 @@ class StackedCost:
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
-        """Second derivatives within each stage [N, n+4, n+4]: differences of the exact gradient."""
-        gradient = self._gradient_at(z)
+        """Second derivatives within each stage [N, n+4, n+4]: the cost's own, or differences of the exact gradient."""
+        gradient, scale = self._gradient_at(z), self._layout.block_scale
+        if isinstance(gradient, CurvedGradient):
+            return gradient.curvature(*self._layout.stages(z)) * scale[:, None] * scale
         return self._layout.difference(gradient(*self._layout.shifted_stages(z)) * self._layout.block_scale)
 
     def _gradient_at(self, z: Array) -> Callable[[Array, Array, Array], Array]:

@@ -45,6 +45,11 @@ class CurvedGradient(Protocol):
         ...
 
 
+def block_scale(memory_scale: Array) -> Array:
+    """Of (x_k, u_k, u_{k+1}) [n+4] of a model with these further states."""
+    return np.concatenate([STATE_SCALE, memory_scale, INPUT_SCALE, INPUT_SCALE])
+
+
 class StageLayout:
     """Where the stages' variables lie in the decision vector."""
 
@@ -52,7 +57,7 @@ class StageLayout:
         self.horizon = horizon
         self.state_scale = np.concatenate([STATE_SCALE, memory_scale])
         self.state_size = self.state_scale.size
-        self.block_scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE])
+        self.block_scale = block_scale(memory_scale)
         n, stage = self.state_size, np.arange(horizon)[:, None]
         inputs = n * (horizon + 1) + 2 * stage + np.arange(4)
         self.block_columns = np.concatenate([n * stage + np.arange(n), inputs], axis=1)
@@ -126,13 +131,19 @@ class StackedDynamics:
     def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
         """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
 
-        Differences of the model's exact derivatives, all stages and directions in one batch.
+        The model's own, or differences of its exact derivatives, all stages and directions in one batch.
         """
-        points = self.layout.shifted_stages(z)
-        repeats = len(points[0]) // self.layout.horizon
-        weights = np.tile(multipliers.reshape(-1, self.layout.state_size) / self.layout.state_scale, (repeats, 1))
-        gradient = self.model.weighted_gradient(*points, np.tile(self.curvature, repeats), weights)
-        return self.layout.difference(gradient * self.layout.block_scale)
+        layout, scale = self.layout, self.layout.block_scale
+        weights = multipliers.reshape(-1, layout.state_size) / layout.state_scale
+        own = self.model.weighted_curvature(*layout.stages(z), self.curvature, weights)
+        if own is not None:
+            return own * scale[:, None] * scale
+        points = layout.shifted_stages(z)
+        repeats = len(points[0]) // layout.horizon
+        gradient = self.model.weighted_gradient(
+            *points, np.tile(self.curvature, repeats), np.tile(weights, (repeats, 1))
+        )
+        return layout.difference(gradient * scale)
 
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:

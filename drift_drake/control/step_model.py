@@ -54,6 +54,13 @@ class StepModel(Protocol):
         gradient: Array = (weights[:, None] @ np.concatenate([by_x, by_u, by_u_next], axis=2))[:, 0]
         return gradient
 
+    def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array | None:  # noqa: ARG002
+        """Second derivatives of weights [N, n] times x_next within each stage, by (x, u, u_next) [N, n+4, n+4].
+
+        None where a model has no better ones than differences of `weighted_gradient`.
+        """
+        return None
+
     def observer(self, period: float) -> LeafSystem | None:  # noqa: ARG002 (a model with further states needs it)
         """The system that follows the model's further states in closed loop, every `period` [s]; None without any.
 

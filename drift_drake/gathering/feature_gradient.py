@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.stacked import CURVATURE_STEP
-from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.feature_expansion import FeatureExpansion
-from drift_drake.model.features import INPUT_SCALE, STATE_COUNT, Network, features_and_pullback, network_inputs
+from drift_drake.model.features import INPUT_SCALE, Network, features_and_pullback, network_inputs, places_of_inputs
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ class FeatureGradient:
         phi, pullback = features_and_pullback(self._network, z.reshape(-1, self._stages, z.shape[-1]))
         by_z = pullback(self._by_features(phi)).reshape(z.shape)
         gradient = np.zeros((len(z), x.shape[1] + 4))
-        gradient[:, _places(x.shape[1])] = by_z
+        gradient[:, places_of_inputs(x.shape[1])] = by_z
         return gradient
 
     def curvature(self, x: Array, u: Array, u_next: Array) -> Array:
@@ -42,15 +41,10 @@ class FeatureGradient:
         change = np.moveaxis((by_phi[1:] - by_phi[0]) / steps[:, None, None, None], 0, 1)
         by_z = _flat(at.tangents) @ np.swapaxes(_flat(change), 1, 2)
         by_z = 0.5 * (by_z + np.swapaxes(by_z, 1, 2)) + at.second(by_phi[0])
-        result, places = np.zeros((len(x), x.shape[1] + 4, x.shape[1] + 4)), _places(x.shape[1])
+        result, places = np.zeros((len(x), x.shape[1] + 4, x.shape[1] + 4)), places_of_inputs(x.shape[1])
         result[:, places[:, None], places] = by_z
         return result
 
 
 def _flat(features: Array) -> Array:
     return features.reshape(*features.shape[:2], -1)
-
-
-def _places(size: int) -> NDArray[np.intp]:
-    """Where the numbers of z stand in (x, u, u_next) [size + 4]."""
-    return np.concatenate([np.arange(STATE_COUNT), size + np.arange(4), np.arange(LAGGED.start, LAGGED.stop)])

@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
+from drift_drake.control.stacked import CURVATURE_STEP, block_scale
 from drift_drake.control.step_model import StepModel
-from drift_drake.model.command_lag import LAGGED, CommandLag, lag_factors
+from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, linearized_steps, steps, trapezoid_path
-from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs
+from drift_drake.model.feature_expansion import FeatureExpansion
+from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
 
@@ -98,35 +100,36 @@ class BayesianStepModel(StepModel):
 
     def disturbance(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """How an error of the learnt states' step enters x_{k+1}: its derivative by g [n, 8, 4]."""
+        return self._by_learnt(x, self.step(x, u, u_next, curvature), curvature)
+
+    def _by_learnt(self, x: Array, x_next: Array, curvature: Array) -> Array:
+        """The derivative of x_{k+1} by the learnt part g [n, 8, 4]."""
         enters = np.zeros((len(x), 8, STATE_COUNT))
         enters[:, range(STATE_COUNT), range(STATE_COUNT)] = 1.0
         if self._trapezoid:
-            enters[:, 4:6] = trapezoid_path(x, self.step(x, u, u_next, curvature), curvature)[2]
+            enters[:, 4:6] = trapezoid_path(x, x_next, curvature)[2]
         return enters
 
-    def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
-        """See `StepModel`: one reverse pass through the network, where `linearize` needs one for each learnt state."""
-        learnt = STATE_COUNT
-        rates, by_x, by_u = linearize(x[:, :6], u, curvature, self._nominal)
-        g, pullback = self._mean.value_and_pullback(network_inputs(x, u, u_next))
-        body = weights[:, :6].copy()
-        gradient = np.zeros((len(x), 12))
-        if self._trapezoid:
-            x_next = np.empty((len(x), 6))
-            x_next[:, :learnt] = x[:, :learnt] + TIME_STEP * rates[:, :learnt]
-            x_next[:, 3] = 0.0
-            x_next[:, :learnt] += g
-            _, by_state, by_next = trapezoid_path(x, x_next, curvature)
-            path = weights[:, None, 4:6]
-            gradient[:, :6] = (path @ by_state)[:, 0]
-            body[:, :learnt] += (path @ by_next)[:, 0]
-            body[:, 4:] = 0.0
-        by_z = pullback(body[:, :learnt])
-        body[:, 3] = 0.0  # h_4 = 0
-        gradient[:, :6] += body + TIME_STEP * (body[:, None] @ by_x)[:, 0]
-        gradient[:, :learnt] += by_z[:, :learnt]
-        keep, by_now, by_end = (factor * weights[:, LAGGED] for factor in self._lag)
-        gradient[:, LAGGED] = keep + by_z[:, learnt + 4 :]
-        gradient[:, 8:10] = by_now + TIME_STEP * (body[:, None] @ by_u)[:, 0] + by_z[:, learnt : learnt + 2]
-        gradient[:, 10:] = by_end + by_z[:, learnt + 2 : learnt + 4]
-        return gradient
+    def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
+        """See `StepModel`.
+
+        The learnt part's own second derivatives are `FeatureExpansion`'s; all others are differences of the exact
+        derivatives with the learnt part linear, for which no network is asked.
+        """
+        count, theta = len(x), self._mean.theta
+        at = FeatureExpansion(self._mean.network, network_inputs(x, u, u_next))
+        g, by_z = np.sum(at.phi * theta, axis=-1), np.sum(at.tangents * theta, axis=-1).transpose(0, 2, 1)
+        steps, places = CURVATURE_STEP * block_scale(self.memory_scale), places_of_inputs(8)
+        shifts = np.concatenate([np.zeros((1, 12)), np.diag(steps)])
+        points = np.concatenate([x, u, u_next], axis=1) + shifts[:, None]  # [13, n, 12]
+        learnt = g + np.moveaxis(by_z @ shifts[:, places].T, 2, 0)
+        x_next, jacobian = np.empty((13 * count, 8)), np.zeros((13 * count, 8, 12))
+        linearized_steps(points.reshape(-1, 12), np.tile(curvature, 13), learnt.reshape(-1, STATE_COUNT),
+                         np.tile(by_z, (13, 1, 1)), self._nominal, self._lag, self._trapezoid, x_next,
+                         jacobian)  # fmt: skip
+        gradient = (weights[:, None] @ jacobian.reshape(13, count, 8, 12))[:, :, 0]
+        bent = np.moveaxis((gradient[1:] - gradient[0]) / steps[:, None, None], 0, 1)
+        bent = 0.5 * (bent + np.swapaxes(bent, 1, 2))
+        by_g = (weights[:, None] @ self._by_learnt(x, x_next[:count], curvature))[:, 0]
+        bent[:, places[:, None], places] += at.second(by_g[:, :, None] * theta)
+        return np.asarray(bent)

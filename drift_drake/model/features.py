@@ -59,6 +59,11 @@ def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
     return np.concatenate([x[..., :STATE_COUNT], u, u_next, x[..., LAGGED]], axis=-1)
 
 
+def places_of_inputs(size: int) -> NDArray[np.intp]:
+    """Where the numbers of z stand in (x, u, u_next) [size + 4]."""
+    return np.concatenate([np.arange(STATE_COUNT), size + np.arange(4), np.arange(LAGGED.start, LAGGED.stop)])
+
+
 def inputs_and_jacobian(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
     """The network's inputs [..., 8 or 18], and the derivative of the physical ones, if any, by z [..., 8, 10]."""
     if nominal is None:
@@ -178,12 +183,13 @@ class MeanFunction:
         self._w2, self._b2 = np.ascontiguousarray(network.w2), network.b2
         self._w1_t, self._w2_t = np.ascontiguousarray(self._w1.T), np.ascontiguousarray(self._w2.T)
         self._work: dict[int, tuple[Array, ...]] = {}
-        self._network = network
+        self.network = network
         self._fold(theta)
 
     def _fold(self, theta: Array) -> None:
-        self._w3 = np.matmul(self._network.w_out, theta[:, :, None])[:, :, 0]  # [4, 128]
-        self._b3 = np.sum(self._network.b_out * theta, axis=1)
+        self.theta = theta
+        self._w3 = np.matmul(self.network.w_out, theta[:, :, None])[:, :, 0]  # [4, 128]
+        self._b3 = np.sum(self.network.b_out * theta, axis=1)
 
     def with_theta(self, theta: Array) -> "MeanFunction":
         """The same features under another theta [4, 16]; shares the weights and the work arrays."""
@@ -210,12 +216,12 @@ class MeanFunction:
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 10]."""
-        h2 = self._forward(all_inputs(z, self._network.nominal))[1]
+        h2 = self._forward(all_inputs(z, self.network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
-        inputs, by_physics = inputs_and_jacobian(z, self._network.nominal)
+        inputs, by_physics = inputs_and_jacobian(z, self.network.nominal)
         h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
         value = h2 @ self._w3.T + self._b3
         np.multiply(h2, h2, out=slope2)
@@ -228,18 +234,3 @@ class MeanFunction:
         g1 *= slope1
         jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
         return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)
-
-    def value_and_pullback(self, z: Array) -> tuple[Array, Callable[[Array], Array]]:
-        """g [n, 4] at z [n, 10], and what turns weights [n, 4] into d (weights times g) / dz [n, 10]: one reverse pass.
-
-        The pullback is to be called before anything else is asked for, which would write over the work arrays.
-        """
-        inputs, by_physics = inputs_and_jacobian(z, self._network.nominal)
-        h1, h2 = self._forward(inputs)[:2]
-
-        def pullback(weights: Array) -> Array:
-            back = (weights @ self._w3) * (1.0 - h2 * h2)
-            back = (back @ self._w2_t) * (1.0 - h1 * h1)
-            return _by_z((back @ self._w1_t)[:, None], by_physics)[:, 0]
-
-        return h2 @ self._w3.T + self._b3, pullback

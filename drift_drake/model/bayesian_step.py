@@ -80,9 +80,9 @@ class BayesianStepModel(StepModel):
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
-        points, x_next = np.concatenate([x, u, u_next], axis=1), np.empty((len(x), 8))
+        points, x_next = _points(x, u, u_next, curvature), np.empty((len(x), 8))
         g = self._mean.value(network_inputs(x, u, u_next))
-        steps(points, np.array(curvature), g, self._nominal, self._lag, self._trapezoid, x_next)
+        steps(points, g, self._nominal, self._lag, self._trapezoid, x_next)
         return x_next
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
@@ -91,10 +91,10 @@ class BayesianStepModel(StepModel):
         Returns:
             (x_{k+1} [n, 8], A = d/dx [n, 8, 8], B = d/du_k [n, 8, 2], B_next = d/du_{k+1} [n, 8, 2]).
         """
-        points, x_next = np.concatenate([x, u, u_next], axis=1), np.empty((len(x), 8))
+        points, x_next = _points(x, u, u_next, curvature), np.empty((len(x), 8))
         jacobian = np.zeros((len(x), 8, 12))
         g, slope = self._mean.linearize(network_inputs(x, u, u_next))
-        linearized_steps(points, np.array(curvature), g, slope, self._nominal, self._lag, self._trapezoid, x_next,
+        linearized_steps(points, g, slope, self._nominal, self._lag, self._trapezoid, x_next,
                           jacobian)  # fmt: skip
         return x_next, jacobian[:, :, :8], jacobian[:, :, 8:10], jacobian[:, :, 10:]
 
@@ -121,10 +121,11 @@ class BayesianStepModel(StepModel):
         g, by_z = np.sum(at.phi * theta, axis=-1), np.sum(at.tangents * theta, axis=-1).transpose(0, 2, 1)
         steps, places = CURVATURE_STEP * block_scale(self.memory_scale), places_of_inputs(8)
         shifts = np.concatenate([np.zeros((1, 12)), np.diag(steps)])
-        points = np.concatenate([x, u, u_next], axis=1) + shifts[:, None]  # [13, n, 12]
+        points = np.tile(_points(x, u, u_next, curvature), (13, 1))
+        points[:, :12] += np.repeat(shifts, count, axis=0)
         learnt = g + np.moveaxis(by_z @ shifts[:, places].T, 2, 0)
         x_next, jacobian = np.empty((13 * count, 8)), np.zeros((13 * count, 8, 12))
-        linearized_steps(points.reshape(-1, 12), np.tile(curvature, 13), learnt.reshape(-1, STATE_COUNT),
+        linearized_steps(points, learnt.reshape(-1, STATE_COUNT),
                          np.tile(by_z, (13, 1, 1)), self._nominal, self._lag, self._trapezoid, x_next,
                          jacobian)  # fmt: skip
         gradient = (weights[:, None] @ jacobian.reshape(13, count, 8, 12))[:, :, 0]
@@ -133,3 +134,8 @@ class BayesianStepModel(StepModel):
         by_g = (weights[:, None] @ self._by_learnt(x, x_next[:count], curvature))[:, 0]
         bent[:, places[:, None], places] += at.second(by_g[:, :, None] * theta)
         return np.asarray(bent)
+
+
+def _points(x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+    """Rows (x, u, u_next, curvature) [n, 13], as `compiled_step` takes them."""
+    return np.concatenate([x, u, u_next, curvature[:, None]], axis=1)

@@ -1,7 +1,7 @@
 """The learnt model's step point after point, compiled: nominal car, learnt part, path and lagged commands together.
 
-A point is (x_k, u_k, u_{k+1}) [12]. `tests/model/test_bayesian_step.py` holds the step to the equations of motion and
-the features, and the derivatives to differences.
+A point is (x_k, u_k, u_{k+1}, the path's curvature) [13]. `tests/model/test_bayesian_step.py` holds the step to the
+equations of motion and the features, and the derivatives to differences.
 """
 
 from typing import Any, NamedTuple
@@ -88,37 +88,35 @@ def _no_slopes() -> Any:
 
 
 @jitable
-def _step_point(point: Any, curvature: Any, g: Any, p: Any, lag: Any, trapezoid: Any, rates: Any, slopes: Any,
+def _step_point(point: Any, g: Any, p: Any, lag: Any, trapezoid: Any, rates: Any, slopes: Any,
                 x_next: Any) -> None:  # fmt: skip
-    """Writes x_{k+1} [8] for (x, u, u_next) [12] and the learnt part g [4]; `rates` [6] is scratch."""
-    linearize_point(point[:6], point[8:10], curvature, p, rates, slopes.by_x, slopes.by_u)
+    """Writes x_{k+1} [8] for a point [13] and the learnt part g [4]; `rates` [6] is scratch."""
+    linearize_point(point[:6], point[8:10], point[12], p, rates, slopes.by_x, slopes.by_u)
     for i in range(6):
         x_next[i] = 0.0 if i == 3 else point[i] + TIME_STEP * rates[i]
         if i < STATE_COUNT:
             x_next[i] += g[i]
     if trapezoid:
-        x_next[4], x_next[5] = _trapezoid_point(point, x_next, curvature, slopes.path_by_x, slopes.path_by_next)
+        x_next[4], x_next[5] = _trapezoid_point(point, x_next, point[12], slopes.path_by_x, slopes.path_by_next)
     for i in range(2):
         x_next[6 + i] = lag[0][i] * point[6 + i] + lag[1][i] * point[8 + i] + lag[2][i] * point[10 + i]
 
 
 @compiled
-def steps(points: Array, curvature: Array, g: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool,
-           x_next: Array) -> None:  # fmt: skip
-    """`_step_point` at all points [n, 12]."""
+def steps(points: Array, g: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool, x_next: Array) -> None:
+    """`_step_point` at all points [n, 13]."""
     slopes, rates = _no_slopes(), np.empty(6)
     for n in range(len(points)):
-        _step_point(points[n], curvature[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
+        _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
 
 
 @compiled
-def linearized_steps(points: Array, curvature: Array, g: Array, by_z: Array, p: Constants,
-                      lag: tuple[Any, Any, Any], trapezoid: bool, x_next: Array,
-                      jacobian: Array) -> None:  # fmt: skip
+def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool,
+                     x_next: Array, jacobian: Array) -> None:  # fmt: skip
     """`steps`, and the derivatives by (x, u, u_next) into zeros [n, 8, 12]; by_z: the learnt part's [n, 4, 10]."""
     slopes, rates = _no_slopes(), np.empty(6)
     for n in range(len(points)):
-        _step_point(points[n], curvature[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
+        _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
         out = jacobian[n]
         for i in range(6):
             if i != 3:

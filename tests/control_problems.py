@@ -7,7 +7,7 @@ from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.stacked import StageCost
+from drift_drake.control.stacked import CurvedGradient, StageCost
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.lane import problem_data
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -50,6 +50,21 @@ def check_gradient(cost: StageCost, tolerance: float) -> None:
             values = [cost.value(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved]
             numeric = (values[0] - values[1]) / 2e-5
             assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=tolerance)
+
+
+def check_curvature(cost: StageCost) -> None:
+    """Second derivatives within each stage, against central differences of the gradient."""
+    x, u, u_next = stages(4, 2)
+    gradient = cost.gradient_at(x, u, u_next)
+    assert isinstance(gradient, CurvedGradient)
+    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
+    point, numeric = np.concatenate([x, u, u_next], axis=1), np.empty((4, 12, 12))
+    for j in range(12):
+        moved = point + np.array([1e-5, -1e-5])[:, None, None] * scale[j] * np.eye(12)[j]
+        up, down = (gradient(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved)
+        numeric[:, j] = (up - down) * scale / 2e-5
+    found = gradient.curvature(x, u, u_next) * scale[:, None] * scale
+    np.testing.assert_allclose(found, numeric, rtol=0, atol=1e-4 * np.abs(numeric).max())
 
 
 def lane_ocp(

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
 from drift_drake.control.plan import DT
-from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE, StackedCost, StackedDynamics, StageCost, StageLayout
+from drift_drake.control.stacked import StackedCost, StackedDynamics, StageCost, StageLayout
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import StepModel
+from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE, StepModel
 
 Array = NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
 from drift_drake.control.interior_point import FIRST_ATTEMPT
+from drift_drake.control.products import blocks_times
 from drift_drake.control.stacked import StackedDynamics
 from drift_drake.control.stagewise_qp import StagewiseQp
 from drift_drake.interruption import ctrl_c_waits
@@ -128,9 +129,7 @@ class BlockHessian:
 
     def times(self, blocks: Array, z: Array) -> Array:
         """The sum times a vector."""
-        columns = self._block_columns
-        products = (blocks @ z[columns][:, :, None])[:, :, 0]
-        return np.bincount(columns.ravel(), products.ravel(), self._size).astype(float)
+        return blocks_times(blocks, self._block_columns, z)
 
     def matrix(self, blocks: Array) -> sparse.csc_matrix:
         """The sum's upper triangle, its zeros stored."""
@@ -200,13 +199,17 @@ class QpWorkspace:
         )
         return solver
 
-    def set_jacobian(self, jacobian: Array) -> sparse.csc_matrix:
-        """Takes the dynamics' Jacobian entries and returns the matrix [dynamics; linear rows]."""
-        self._values[: self._count] = jacobian
+    @property
+    def matrix(self) -> sparse.csc_matrix:
+        """[dynamics; linear rows], with the Jacobian last set."""
         self._matrix.data = self._values[self._order]
+        return self._matrix
+
+    def set_jacobian(self, jacobian: Array) -> None:
+        """Takes the dynamics' Jacobian entries, in the order of `StackedDynamics.sparsity`."""
+        self._values[: self._count] = jacobian
         if self._stagewise is not None:
             self._stagewise.set_jacobian(jacobian)
-        return self._matrix
 
     def set_hessian(self, blocks: Array) -> None:
         """Takes the Hessian as the sum of positive semidefinite stage blocks [N, n+4, n+4]."""
@@ -238,7 +241,7 @@ class QpWorkspace:
 
     def _first_order(self, gradient: Array, low: Array, high: Array, z: Array, y: Array) -> QpSolution:
         assert self._solver is not None
-        self._solver.update(Ax=self._matrix.data, q=gradient, l=low, u=high)
+        self._solver.update(Ax=self.matrix.data, q=gradient, l=low, u=high)
         self._solver.warm_start(x=z, y=y)
         # OSQP answers Ctrl-C itself: with a line of its own, and as a QP that cannot be solved.
         with warnings.catch_warnings(), ctrl_c_waits():

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.products import Rows, dual_residual, dynamics_times, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
@@ -39,7 +40,8 @@ class SqpOptions:
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
-        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`).
+        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). None is made after
+        a QP that took both of its attempts, which bounds the time of a solve.
 
         OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
         thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.
@@ -113,13 +115,9 @@ class LineSearchSqp:
         self._dynamics = problem.dynamics
         self._part = LinearQuadraticPart(problem)
         block = problem.stage_hessian()
-        self._stage_hessian = np.broadcast_to(block, (problem.horizon, *block.shape))
-        self._workspace = QpWorkspace(
-            self._part,
-            problem.dynamics,
-            self._stage_hessian,
-            self.options.qp,
-        )
+        self._stage_hessian = np.tile(block, (problem.horizon, 1, 1))
+        self._workspace = QpWorkspace(self._part, problem.dynamics, self._stage_hessian, self.options.qp)
+        self._rows, self._hessian = Rows.of(self._part.matrix), Rows.of(self._part.hessian)
         self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
 
     def solve(self, z_guess: Array, y_guess: Array | None = None, most: int | None = None) -> SqpResult:
@@ -129,8 +127,8 @@ class LineSearchSqp:
         """
         part, options, extra = self._part, self.options, self.problem.extra_cost
         gradient_at_zero, constant, low, high = part.data()
-        z = np.asarray(z_guess, dtype=float)
-        y = np.zeros(self.multiplier_count) if y_guess is None else y_guess
+        z = np.array(z_guess, dtype=float)  # a copy: a view that is read only would be compiled for anew
+        y = np.zeros(self.multiplier_count) if y_guess is None else np.array(y_guess, dtype=float)
         penalty, status = 0.0, "iterations"
         iterations: list[SqpIteration] = []
         last = False
@@ -138,46 +136,46 @@ class LineSearchSqp:
             start = time.perf_counter()
             if not last:
                 residual, jacobian = self._dynamics.linearize(z)
-            bent = part.hessian @ z
+            bent = rows_times(self._hessian, z)
             gradient = bent + gradient_at_zero
             extra_cost = extra.value(z) if extra else 0.0
             if extra:
                 gradient += extra.gradient(z)
             cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
-            linear = part.matrix @ z
-            primal_residual = float(max(np.abs(residual).max(), _outside(linear, low, high).max()))
+            violation, primal_residual = violations(residual, self._rows, z, low, high)
             if last:
                 break
             if not np.isfinite(jacobian).all():
                 status = "not finite"
                 break
-            stacked = self._workspace.set_jacobian(jacobian)
+            self._workspace.set_jacobian(jacobian)
+            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
             # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
-            dual_residual = float(np.abs(gradient + stacked.T @ y).max() / max(1.0, np.abs(y).max()))
-            if max(primal_residual, dual_residual) < options.tolerance:
+            dual = dual_residual(gradient, f, columns, self._rows, y) / max(1.0, float(np.abs(y).max()))
+            if max(primal_residual, dual) < options.tolerance:
                 status = "converged"
                 break
             blocks = self._stage_hessian
             if not options.gauss_newton:
                 blocks = self._lagrangian_blocks(z, y)
                 self._workspace.set_hessian(blocks)
-            target = (stacked @ z)[: residual.size] - residual
+            target = dynamics_times(f, columns, z) - residual
             rows = np.concatenate([target, low]), np.concatenate([target, high])
-            violation = _violation(residual, linear, low, high)
             point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
             step, z, y, residual, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
-            iterations.append(
-                SqpIteration(step, cost, primal_residual, dual_residual, penalty, *qp[2:], seconds=seconds)
-            )
+            iterations.append(SqpIteration(step, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds))
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
             last = len(iterations) == (most or options.max_iterations)
-            if options.defect_tolerance is not None and np.abs(residual).max() <= options.defect_tolerance:
-                status, last = "feasible", True
+            if options.defect_tolerance is not None:
+                if np.abs(residual).max() <= options.defect_tolerance:
+                    status, last = "feasible", True
+                # In real time a QP that took both attempts is all the work that one solve may do.
+                last = last or qp.second_attempt
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
     def _step(
@@ -189,13 +187,13 @@ class LineSearchSqp:
             (step, z, y, residual of the dynamics there, penalty mu, the QP's solution); step 0 and the given point if
             no step will do.
         """
-        part, options, extra = self._part, self.options, self.problem.extra_cost
+        options, extra = self.options, self.problem.extra_cost
         offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
         qp = self._workspace.solve(offset, *point.rows, point.z, point.y, interior)
         if not qp.usable:
             return 0.0, point.z, point.y, point.residual, penalty, qp
         direction = qp.z - point.z
-        slope, bend = float(point.gradient @ direction), float(direction @ (part.hessian @ direction))
+        slope, bend = float(point.gradient @ direction), float(direction @ rows_times(self._hessian, direction))
         quadratic_slope = float(point.quadratic_gradient @ direction)
         model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
         if point.violation > 1e-12:
@@ -213,7 +211,7 @@ class LineSearchSqp:
             cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
             if extra:
                 cost += extra.value(trial) - point.extra_cost
-            trial_merit = cost + penalty * _violation(residual, part.matrix @ trial, low, high)
+            trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
                 return step, trial, point.y + step * (qp.y - point.y), residual, penalty, qp
             step *= SHRINK
@@ -227,12 +225,3 @@ class LineSearchSqp:
         values, vectors = np.linalg.eigh(blocks)
         projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return projected
-
-
-def _outside(values: Array, low: Array, high: Array) -> Array:
-    return np.maximum(np.maximum(low - values, values - high), 0.0)
-
-
-def _violation(residual: Array, linear: Array, low: Array, high: Array) -> float:
-    """l1 norm of all constraint violations."""
-    return float(np.abs(residual).sum() + _outside(linear, low, high).sum())

@@ -5,19 +5,15 @@ stacks are called by Drake's solvers as float or AutoDiffXd; the line-search SQP
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drift_drake.vehicle.step_model import StepModel
+from drift_drake.vehicle.step_model import CURVATURE_STEP, INPUT_SCALE, STATE_SCALE, StepModel, block_scale
 
 Array = NDArray[np.float64]
-
-STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])
-INPUT_SCALE = np.array([0.3, 100.0])
-CURVATURE_STEP = 1e-5  # of the scaled variables, for second derivatives
 
 
 class StageCost(Protocol):
@@ -36,6 +32,15 @@ class StageCost(Protocol):
         ...
 
 
+@runtime_checkable
+class CurvedGradient(Protocol):
+    """What `StageCost.gradient_at` may return: a function that knows its derivatives."""
+
+    def curvature(self, x: Array, u: Array, u_next: Array) -> Array:
+        """The total's second derivatives within each stage [N, n+4, n+4], at the arguments of `gradient_at`."""
+        ...
+
+
 class StageLayout:
     """Where the stages' variables lie in the decision vector."""
 
@@ -43,7 +48,7 @@ class StageLayout:
         self.horizon = horizon
         self.state_scale = np.concatenate([STATE_SCALE, memory_scale])
         self.state_size = self.state_scale.size
-        self.block_scale = np.concatenate([self.state_scale, INPUT_SCALE, INPUT_SCALE])
+        self.block_scale = block_scale(memory_scale)
         n, stage = self.state_size, np.arange(horizon)[:, None]
         inputs = n * (horizon + 1) + 2 * stage + np.arange(4)
         self.block_columns = np.concatenate([n * stage + np.arange(n), inputs], axis=1)
@@ -110,16 +115,26 @@ class StackedDynamics:
         residual = ((x_next - x[1:]) / self.layout.state_scale).ravel()
         return residual, np.concatenate([block.ravel(), np.full(self.size, -1.0)])
 
+    def by_stages(self, entries: Array) -> Array:
+        """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""
+        return entries[: -self.size].reshape(self.layout.horizon, self.layout.state_size, -1)
+
     def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
         """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
 
-        Differences of the model's exact derivatives, all stages and directions in one batch.
+        The model's own, or differences of its exact derivatives, all stages and directions in one batch.
         """
-        points = self.layout.shifted_stages(z)
-        repeats = len(points[0]) // self.layout.horizon
-        weights = np.tile(multipliers.reshape(-1, self.layout.state_size) / self.layout.state_scale, (repeats, 1))
-        gradient = self.model.weighted_gradient(*points, np.tile(self.curvature, repeats), weights)
-        return self.layout.difference(gradient * self.layout.block_scale)
+        layout, scale = self.layout, self.layout.block_scale
+        weights = multipliers.reshape(-1, layout.state_size) / layout.state_scale
+        own = self.model.weighted_curvature(*layout.stages(z), self.curvature, weights)
+        if own is not None:
+            return own * scale[:, None] * scale
+        points = layout.shifted_stages(z)
+        repeats = len(points[0]) // layout.horizon
+        gradient = self.model.weighted_gradient(
+            *points, np.tile(self.curvature, repeats), np.tile(weights, (repeats, 1))
+        )
+        return layout.difference(gradient * scale)
 
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:
@@ -148,8 +163,10 @@ class StackedCost:
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
-        """Second derivatives within each stage [N, n+4, n+4]: differences of the exact gradient."""
-        gradient = self._gradient_at(z)
+        """Second derivatives within each stage [N, n+4, n+4]: the cost's own, or differences of the exact gradient."""
+        gradient, scale = self._gradient_at(z), self._layout.block_scale
+        if isinstance(gradient, CurvedGradient):
+            return gradient.curvature(*self._layout.stages(z)) * scale[:, None] * scale
         return self._layout.difference(gradient(*self._layout.shifted_stages(z)) * self._layout.block_scale)
 
     def _gradient_at(self, z: Array) -> Callable[[Array, Array, Array], Array]:

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.command_lag import LAGGED
-from drift_drake.model.features import STATE_COUNT, Network, features, information_gain, network_inputs
+from drift_drake.gathering.feature_gradient import FeatureGradient
+from drift_drake.model.features import STATE_COUNT, Network, features, information_by_features, network_inputs
 from drift_drake.model.posterior import block_diagonal, spread_of_features
 
 Array = NDArray[np.float64]
@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 class InformationCost:
     """-alpha l_info as a `StageCost`, with exact gradients through features and covariance.
 
-    Its second derivatives within a stage (which the SQP takes by differences of the gradient) are mostly negative: the
-    SQP adds them to the cost's and the dynamics' and projects the sum, so that its QPs stay convex. Between stages the
-    variant with updates has second derivatives too; the SQP leaves those out.
+    Its second derivatives within a stage are mostly negative: the SQP adds them to the cost's and the dynamics' and
+    projects the sum, so that its QPs stay convex. Between stages the variant with updates has second derivatives too;
+    the SQP leaves those out.
 
     Args:
         network: the features.
@@ -48,10 +48,10 @@ class InformationCost:
 
     def information(self, x: Array, u: Array, u_next: Array) -> float:
         """l_info [nat] of a trajectory."""
-        z = network_inputs(x, u, u_next)
+        phi = features(self._network, network_inputs(x, u, u_next))
         if not self._updated:
-            return float(information_gain(self._network, self._covariance, z)[0].sum())
-        after = covariance_after(self._precision, features(self._network, z))
+            return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
+        after = covariance_after(self._precision, phi)
         return float(-0.5 * (np.linalg.slogdet(after)[1] + np.linalg.slogdet(self._precision)[1]))
 
     def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
@@ -60,14 +60,9 @@ class InformationCost:
         if self._updated:
             phi = features(self._network, network_inputs(x, u, u_next))
             covariance = after_others(covariance_after(self._precision, phi), phi)
-
-        def gradient(x: Array, u: Array, u_next: Array) -> Array:
-            z = network_inputs(x, u, u_next)
-            by_stage = z.reshape(-1, len(covariance), z.shape[-1]) if self._updated else z
-            by_z = information_gain(self._network, covariance, by_stage)[1]
-            return -self._alpha * stage_gradient(by_z, x.shape[1])
-
-        return gradient
+        return FeatureGradient(
+            self._network, len(x), lambda phi: -self._alpha * information_by_features(covariance, phi)
+        )
 
 
 def covariance_after(precision: Array, phi: Array) -> Array:
@@ -90,13 +85,3 @@ def others_factors(after: Array, phi: Array) -> tuple[Array, Array]:
     projected = projected.reshape(*projected.shape[:-2], -1)
     left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi A Phi'
     return projected, np.asarray(np.linalg.solve(left, projected), dtype=np.float64)
-
-
-def stage_gradient(by_z: Array, size: int) -> Array:
-    """By (x, u, u_next) [M, size + 4], x [M, size], from the gradients by the network's z [..., 10], M in all."""
-    by_z = by_z.reshape(-1, by_z.shape[-1])
-    result = np.zeros((len(by_z), size + 4))
-    result[:, :STATE_COUNT] = by_z[:, :STATE_COUNT]
-    result[:, LAGGED] = by_z[:, STATE_COUNT + 4 :]
-    result[:, size:] = by_z[:, STATE_COUNT : STATE_COUNT + 4]
-    return result

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem, described
 from drift_drake.control.plan import DT
-from drift_drake.control.stacked import STATE_SCALE
 from drift_drake.errors import InvalidOptionError
+from drift_drake.vehicle.step_model import STATE_SCALE
 
 Array = NDArray[np.float64]
 

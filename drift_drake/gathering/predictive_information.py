@@ -13,8 +13,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.gathering.information import covariance_after, others_factors, stage_gradient
-from drift_drake.model.features import Network, features, features_and_pullback, network_inputs
+from drift_drake.gathering.feature_gradient import FeatureGradient
+from drift_drake.gathering.information import covariance_after, others_factors
+from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.model.posterior import weighed
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 class PredictiveInformationCost:
     """-alpha l_pred as a `StageCost`, the covariance updated along the horizon.
 
-    The gradient is exact. The second derivatives within a stage, which the SQP takes by its differences, are those with
+    The gradient is exact. The second derivatives within a stage, are those with
     the points' weights 1 / v_t held where they are; between stages they are left out (see `InformationCost`).
 
     Args:
@@ -85,14 +86,10 @@ class PredictiveInformationCost:
             rest = told - _by_features(told, phi) @ shrink @ own
             return np.asarray((shrink @ rest).reshape(*phi.shape[:-1], *phi.shape[-2:])[:, states, states])
 
-        def gradient(x: Array, u: Array, u_next: Array) -> Array:
-            z = network_inputs(x, u, u_next)
-            phi, pullback = features_and_pullback(self._network, z.reshape(-1, len(projected), z.shape[-1]))
-            # One point of each stage after the other: their products then stay in the processor's cache.
-            by_phi = np.stack([by_features(point) for point in phi])
-            return -self._alpha * stage_gradient(pullback(by_phi), x.shape[1])
-
-        return gradient
+        # One point of each stage after the other: their products then stay in the processor's cache.
+        return FeatureGradient(
+            self._network, len(x), lambda phi: -self._alpha * np.stack([by_features(point) for point in phi])
+        )
 
 
 def feature_rows(phi: Array) -> Array:

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from drift_drake.model.bayesian_step import TIME_STEP, residual
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.features import (
     COVARIANCE_COUNT,
     FEATURE_COUNT,

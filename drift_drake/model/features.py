@@ -59,7 +59,12 @@ def network_inputs(x: Array, u: Array, u_next: Array) -> Array:
     return np.concatenate([x[..., :STATE_COUNT], u, u_next, x[..., LAGGED]], axis=-1)
 
 
-def _inputs(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
+def places_of_inputs(size: int) -> NDArray[np.intp]:
+    """Where the numbers of z stand in (x, u, u_next) [size + 4]."""
+    return np.concatenate([np.arange(STATE_COUNT), size + np.arange(4), np.arange(LAGGED.start, LAGGED.stop)])
+
+
+def inputs_and_jacobian(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
     """The network's inputs [..., 8 or 18], and the derivative of the physical ones, if any, by z [..., 8, 10]."""
     if nominal is None:
         return z[..., :PAPER_COUNT], None
@@ -69,23 +74,23 @@ def _inputs(z: Array, nominal: Constants | None) -> tuple[Array, Array | None]:
 
 def all_inputs(z: Array, nominal: Constants | None) -> Array:
     """The network's inputs: the paper's z [..., 8], or z [..., 10] and what the nominal car's tyres say of it."""
-    return _inputs(z, nominal)[0]
+    return inputs_and_jacobian(z, nominal)[0]
 
 
 def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
-    inputs, by_physics = _inputs(z, network.nominal)
+    inputs, by_physics = inputs_and_jacobian(z, network.nominal)
     scaled = (inputs - network.input_offset) / network.input_scale
     h1 = np.tanh(scaled @ network.w1 + network.b1)
     return h1, np.tanh(h1 @ network.w2 + network.b2), by_physics
 
 
-def _outputs(network: Network, h2: Array) -> Array:
+def feature_outputs(network: Network, h2: Array) -> Array:
     """phi [..., 4, 16] from the last hidden layer [..., 128]."""
-    outputs: Array = (h2 @ _output_rows(network).T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
+    outputs: Array = (h2 @ output_rows(network).T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
     return outputs
 
 
-def _output_rows(network: Network) -> Array:
+def output_rows(network: Network) -> Array:
     """What each feature takes from the last hidden layer [64, 128]."""
     return network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
 
@@ -112,15 +117,15 @@ def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
     h2 = _hidden(network, z)[1]
-    return _outputs(network, h2)
+    return feature_outputs(network, h2)
 
 
 def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
     """phi [..., 4, 16] and d phi / dz [..., 4, 16, 10]."""
     hidden = _hidden(network, z)
     h2 = hidden[1]
-    phi = _outputs(network, h2)
-    rows = _output_rows(network)
+    phi = feature_outputs(network, h2)
+    rows = output_rows(network)
     jacobian = _reverse(network, hidden, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
     return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
 
@@ -137,8 +142,17 @@ def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Arr
     """
     phi, pullback = features_and_pullback(network, z)
     projected, spread = spread_of_features(covariance, phi)
-    gain = 0.5 * np.linalg.slogdet(spread)[1]
-    return gain, pullback(np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True))
+    return 0.5 * np.linalg.slogdet(spread)[1], pullback(_gain_by_features(projected, spread))
+
+
+def information_by_features(covariance: Array, phi: Array) -> Array:
+    """The derivative of `information_gain` by the features [..., 4, 16]."""
+    return _gain_by_features(*spread_of_features(covariance, phi))
+
+
+def _gain_by_features(projected: Array, spread: Array) -> Array:
+    by_phi: Array = np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True)
+    return by_phi
 
 
 def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[Array], Array]]:
@@ -149,11 +163,11 @@ def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[
     hidden = _hidden(network, z)
 
     def pullback(by_phi: Array) -> Array:
-        rows = _output_rows(network)
+        rows = output_rows(network)
         seed = by_phi.reshape(-1, len(rows)) @ rows
         return _reverse(network, hidden, seed.reshape(*by_phi.shape[:-2], 1, HIDDEN_COUNT))[..., 0, :]
 
-    return _outputs(network, hidden[1]), pullback
+    return feature_outputs(network, hidden[1]), pullback
 
 
 class MeanFunction:
@@ -169,12 +183,13 @@ class MeanFunction:
         self._w2, self._b2 = np.ascontiguousarray(network.w2), network.b2
         self._w1_t, self._w2_t = np.ascontiguousarray(self._w1.T), np.ascontiguousarray(self._w2.T)
         self._work: dict[int, tuple[Array, ...]] = {}
-        self._network = network
+        self.network = network
         self._fold(theta)
 
     def _fold(self, theta: Array) -> None:
-        self._w3 = np.matmul(self._network.w_out, theta[:, :, None])[:, :, 0]  # [4, 128]
-        self._b3 = np.sum(self._network.b_out * theta, axis=1)
+        self.theta = theta
+        self._w3 = np.matmul(self.network.w_out, theta[:, :, None])[:, :, 0]  # [4, 128]
+        self._b3 = np.sum(self.network.b_out * theta, axis=1)
 
     def with_theta(self, theta: Array) -> "MeanFunction":
         """The same features under another theta [4, 16]; shares the weights and the work arrays."""
@@ -201,12 +216,12 @@ class MeanFunction:
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 10]."""
-        h2 = self._forward(all_inputs(z, self._network.nominal))[1]
+        h2 = self._forward(all_inputs(z, self.network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
-        inputs, by_physics = _inputs(z, self._network.nominal)
+        inputs, by_physics = inputs_and_jacobian(z, self.network.nominal)
         h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
         value = h2 @ self._w3.T + self._b3
         np.multiply(h2, h2, out=slope2)
@@ -219,18 +234,3 @@ class MeanFunction:
         g1 *= slope1
         jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
         return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)
-
-    def value_and_pullback(self, z: Array) -> tuple[Array, Callable[[Array], Array]]:
-        """g [n, 4] at z [n, 10], and what turns weights [n, 4] into d (weights times g) / dz [n, 10]: one reverse pass.
-
-        The pullback is to be called before anything else is asked for, which would write over the work arrays.
-        """
-        inputs, by_physics = _inputs(z, self._network.nominal)
-        h1, h2 = self._forward(inputs)[:2]
-
-        def pullback(weights: Array) -> Array:
-            back = (weights @ self._w3) * (1.0 - h2 * h2)
-            back = (back @ self._w2_t) * (1.0 - h1 * h1)
-            return _by_z((back @ self._w1_t)[:, None], by_physics)[:, 0]
-
-        return h2 @ self._w3.T + self._b3, pullback

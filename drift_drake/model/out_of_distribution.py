@@ -16,8 +16,9 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from scipy.stats import chi2
 
 from drift_drake.model.adapter import MEASURED_COUNT
-from drift_drake.model.bayesian_step import TIME_STEP, residual
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.features import (
     COVARIANCE_COUNT,
     FEATURE_COUNT,

@@ -6,6 +6,7 @@ for. Slips are squashed and forces are shares of the friction, so that none leav
 """
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -42,11 +43,15 @@ def physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Arra
     flat = np.ascontiguousarray(z, dtype=float).reshape(-1, z.shape[-1])
     values = np.zeros((len(flat), PHYSICAL_COUNT))
     gradient = np.zeros((len(flat), PHYSICAL_COUNT, flat.shape[1]))
-    # The road wheel's angle at either end of the step as a sum of the three angles in z.
-    keep, by_now, by_next = (float(factor[0]) for factor in lag_factors(dt))
-    wheel = np.array([[0.0, 0.0, 1.0], [by_now, by_next, keep]])
-    _physical(flat, nominal, wheel, values, gradient)
+    _physical(flat, nominal, _wheel(dt), values, gradient)
     return values.reshape(*z.shape[:-1], PHYSICAL_COUNT), gradient.reshape(*z.shape[:-1], *gradient.shape[1:])
+
+
+@cache
+def _wheel(dt: float) -> Array:
+    """The road wheel's angle at either end of the step as a sum of the three angles in z [2, 3]."""
+    keep, by_now, by_next = (float(factor[0]) for factor in lag_factors(dt))
+    return np.array([[0.0, 0.0, 1.0], [by_now, by_next, keep]])
 
 
 @jitable

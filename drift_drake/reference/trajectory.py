@@ -118,7 +118,8 @@ class Reference:
     def _lookup(self, s: ArrayLike) -> Array:
         within, _ = self._wrapped(np.asarray(s, dtype=float))
         position = within / self._spacing
-        index = np.minimum(np.nan_to_num(position).astype(np.intp), len(self.s) - 2)  # no place has no row: NaN
+        placed = np.where(np.isnan(position), 0.0, position)  # no place has no row: NaN
+        index = np.minimum(placed.astype(np.intp), len(self.s) - 2)
         weight = (position - index)[..., None]
         return (1.0 - weight) * self._table[index] + weight * self._table[index + 1]
 

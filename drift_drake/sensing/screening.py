@@ -98,9 +98,8 @@ class Screen(LeafSystem):
         self._before = self.DeclareDiscreteState(np.concatenate([[-np.inf], nothing, np.full(2, np.nan)]))
         self._counts = self.DeclareDiscreteState(np.zeros(len(ReadingKind)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self._judged = self.DeclareVectorOutputPort(
-            "judged", nothing.size, lambda context, output: output.SetFromVector(self._judge(context).vector())
-        )
+        self._made: tuple[bytes, Array] = b"", nothing  # scratch: see `_calc_judged`
+        self._judged = self.DeclareVectorOutputPort("judged", nothing.size, self._calc_judged)
         for name, length, calc in (
             ("screened_state", size, self._screened),
             ("reading", 1, lambda context: [float(self._verdict(context).kind)]),
@@ -120,6 +119,15 @@ class Screen(LeafSystem):
         last = context.get_discrete_state(self._last).value()
         same = np.array_equal(last[1:], self._measured.Eval(context))
         return float(last[0]) + 1.0 if same else 0.0
+
+    def _calc_judged(self, context: Context, output: Any) -> None:
+        """Kept for the next call: at each tick the log asks before the sensors' update and the controller after it."""
+        held = (context.get_discrete_state(index).value() for index in (self._good, self._last, self._before))
+        known = [[context.get_time()], self._measured.Eval(context), self._in_force(context), *held]
+        key = np.concatenate(known).tobytes()
+        if key != self._made[0]:
+            self._made = key, self._judge(context).vector()
+        output.SetFromVector(self._made[1])
 
     def _judge(self, context: Context) -> JudgedReading:
         x, t = np.array(self._measured.Eval(context)), context.get_time()

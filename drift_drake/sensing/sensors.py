@@ -2,19 +2,21 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomDistribution, RandomGenerator
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State, ValueProducer
-from pydrake.systems.primitives import Multiplexer, RandomSource
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
+from pydrake.systems.primitives import Multiplexer, RandomSource, Selector, SelectorParams
 
 from drift_drake.errors import InvalidOptionError, shown
 from drift_drake.sensing.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
-from drift_drake.vehicle.effects import Effects, measured
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.effects import COUNT, Effects, measured
+from drift_drake.vehicle.scalar import fixed_tuple
 
 Array = NDArray[np.float64]
 
@@ -25,9 +27,8 @@ MEASURED_STATE = (*STATES, "s")
 LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 """Columns of the log format, the commands aside (which are known exactly)."""
 
-_SAMPLE_AT = {name: 1 + i for i, name in enumerate(SIGNALS)} | {"t": 0}
-_MEASURED_STATE_AT = [_SAMPLE_AT[name] for name in MEASURED_STATE]
-_LOG_ROW_AT = [_SAMPLE_AT[name] for name in LOG_ROW]
+_SAMPLE = ("t", *SIGNALS)
+_R, _BETA, _OMEGA_R, _DPHI = (_SAMPLE.index(name) for name in ("r", "beta", "omega_r", "dphi"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,19 +63,32 @@ class NoiseLevels:
         return cls(*([0.0] * len(dataclasses.fields(cls))))
 
 
+@compiled
+def _sampled(t: float, signals: Array, levels: Array, noise: Array, magnitudes: Array) -> Array:
+    """(time, noisy and biased signals)."""
+    sample, q = np.empty(1 + signals.size), Effects(*fixed_tuple(magnitudes, COUNT))
+    sample[0] = t
+    sample[1:] = signals + levels * noise
+    beta = sample[_BETA]
+    sample[_R], sample[_BETA], sample[_OMEGA_R] = measured(sample[_R], beta, sample[_OMEGA_R], q)
+    # The course is the measured heading plus the measured sideslip, so it takes over the bias.
+    sample[_DPHI] += sample[_BETA] - beta
+    return sample
+
+
 class SampleAndHold(LeafSystem):
     """Takes a noisy sample of all signals each period and holds it, biased as the effects say.
 
-    The hold is continuous from the right: at a sampling time the outputs already are the sample taken then, for whoever
+    The hold is continuous from the right: at a sampling time the output already is the sample taken then, for whoever
     else acts at that time (a controller's update, a logger's publish), before Drake's updates and after them.
 
     Input ports: signals (`SIGNALS`); noise: as many standard normal numbers, new ones each period.
-    Output ports: measured_state (`MEASURED_STATE`); log_row (`LOG_ROW`; t is the time of sampling).
+    Output port: sample (the time of sampling, `SIGNALS`).
     """
 
     def __init__(self, noise: NoiseLevels, effects: Effects, period: float) -> None:
         LeafSystem.__init__(self)
-        self._effects, self._period = effects, period
+        self._magnitudes, self._period = np.array(effects), period
         self._levels = np.array([getattr(noise, name) for name in SIGNALS])
         self._signals = self.DeclareVectorInputPort("signals", len(SIGNALS))
         self._noise = self.DeclareVectorInputPort("noise", len(SIGNALS))
@@ -88,42 +102,22 @@ class SampleAndHold(LeafSystem):
             self.input_port_ticket(self._signals.get_index()),
             self.input_port_ticket(self._noise.get_index()),
         }
-        # Taken once for both outputs and the update.
-        producer = ValueProducer(allocate=lambda: AbstractValue.Make(np.empty(0)), calc=self._calc_sample)
-        self._sample = self.DeclareCacheEntry("sample", producer, sources)
-        sampled = {self._sample.ticket()}
-        self.DeclareVectorOutputPort(
-            "measured_state", len(MEASURED_STATE), self._calc_measured_state, prerequisites_of_calc=sampled
-        )
-        self.DeclareVectorOutputPort("log_row", len(LOG_ROW), self._calc_log_row, prerequisites_of_calc=sampled)
+        self._sample = self.DeclareVectorOutputPort("sample", len(_SAMPLE), self._calc_sample, sources)
 
     def _samples_before(self, t: float) -> int:
         return math.floor(t / self._period + 1e-6)
 
-    def _calc_sample(self, context: Context, value: Any) -> None:
-        """(time of sampling, signals): the sample held, or the one that is due at the Context's time."""
+    def _calc_sample(self, context: Context, output: Any) -> None:
+        """The sample held, or the one that is due at the Context's time."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if not math.isnan(held[0]) and self._samples_before(t) <= self._samples_before(held[0]):
-            value.set_value(held.copy())
+            output.SetFromVector(held)
             return
-        sample = np.concatenate(([t], self._signals.Eval(context) + self._levels * self._noise.Eval(context)))
-        at = _SAMPLE_AT
-        beta = sample[at["beta"]]
-        sample[at["r"]], sample[at["beta"]], sample[at["omega_r"]] = measured(
-            sample[at["r"]], beta, sample[at["omega_r"]], self._effects
-        )
-        # The course is the measured heading plus the measured sideslip, so it takes over the bias.
-        sample[at["dphi"]] += sample[at["beta"]] - beta
-        value.set_value(sample)
+        signals, noise = self._signals.Eval(context), self._noise.Eval(context)
+        output.SetFromVector(_sampled(t, signals, self._levels, noise, self._magnitudes))
 
     def _update(self, context: Context, state: State) -> None:
         state.get_mutable_discrete_state().set_value(self._sample.Eval(context))
-
-    def _calc_measured_state(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._sample.Eval(context)[_MEASURED_STATE_AT])
-
-    def _calc_log_row(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._sample.Eval(context)[_LOG_ROW_AT])
 
 
 class Sensors(Diagram):
@@ -165,8 +159,13 @@ class Sensors(Diagram):
             builder.Connect(latency.get_output_port(), sampler.GetInputPort("signals"))
         else:
             builder.Connect(signals.get_output_port(0), sampler.GetInputPort("signals"))
+        # Drake picks the ports' numbers, which calls no Python for them.
+        parts = builder.AddNamedSystem(
+            "sample_parts", Selector(_selection(measured_state=MEASURED_STATE, log_row=LOG_ROW))
+        )
+        builder.Connect(sampler.get_output_port(), parts.get_input_port())
         for name in ("measured_state", "log_row"):
-            builder.ExportOutput(sampler.GetOutputPort(name), name)
+            builder.ExportOutput(parts.GetOutputPort(name), name)
         builder.BuildInto(self)
 
     def set_seed(self, root_context: Context, seed: int) -> None:
@@ -179,3 +178,14 @@ class Sensors(Diagram):
             raise InvalidOptionError(f"the seed is {shown(seed)}; give a whole number, 0 or more")
         context = self.noise_source.GetMyMutableContextFromRoot(root_context)
         self.noise_source.SetRandomContext(context, RandomGenerator(int(seed)))
+
+
+def _selection(**ports: Sequence[str]) -> SelectorParams:
+    """Ports that give some of a sample's numbers."""
+    selected = [[SelectorParams.OutputSelection(input_port_index=0, input_offset=_SAMPLE.index(name)) for name in names]
+                for names in ports.values()]  # fmt: skip
+    outputs = [
+        SelectorParams.OutputPortParams(name=name, selections=chosen)
+        for name, chosen in zip(ports, selected, strict=True)
+    ]
+    return SelectorParams(inputs=[SelectorParams.InputPortParams(name="sample", size=len(_SAMPLE))], outputs=outputs)

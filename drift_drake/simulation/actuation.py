@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import Context, DiscreteValues, EventStatus, LeafSystem, ValueProducer
 
 from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
 from drift_drake.vehicle.bicycle import INPUTS
@@ -76,7 +76,7 @@ class LinearInterpolationActuator(LeafSystem):
                 raise ValueError(f"initial_command: {name} is {value:g}; keep it within {low:g} to {high:g}")
         self._initial_command = (float(initial_command[0]), float(initial_command[1]))
 
-        nothing = no_plan(steps)
+        self._nothing = nothing = no_plan(steps)
         self._port = self.DeclareVectorInputPort("plan", nothing.size)
         self._in_force = self.DeclareDiscreteState(nothing)  # the plan being followed
         self._waiting = self.DeclareDiscreteState(nothing)  # a newer one whose start lies ahead
@@ -97,49 +97,50 @@ class LinearInterpolationActuator(LeafSystem):
             "refused", 1, self._calc_refused, prerequisites_of_calc={self.discrete_state_ticket(self._refused)}
         )
 
-    def _take_plan(self, context: Context, discrete: DiscreteValues) -> None:
+    def _take_plan(self, context: Context, discrete: DiscreteValues) -> EventStatus:
         t = context.get_time()
-        waiting = context.get_discrete_state(self._waiting).value()
-        if waiting[0] <= t + TIME_TOLERANCE:
+        in_force, waiting = self._plans.Eval(context)
+        begun = waiting[0] <= t + TIME_TOLERANCE
+        plan = self._port.Eval(context) if self._port.HasValue(context) else self._nothing
+        news = not math.isnan(plan[0])
+        if not begun and not (news and (not math.isnan(waiting[0]) or (plan != in_force).any())):
+            return EventStatus.DidNothing()  # so that what was computed from the plans still holds
+        if begun:
             discrete.set_value(self._in_force, waiting)
-            discrete.set_value(self._waiting, np.full_like(waiting, np.nan))
-        if not self._port.HasValue(context):
-            return
-        plan = self._port.Eval(context)
-        if math.isnan(plan[0]):
-            return
-        newest = np.fmax(waiting[0], context.get_discrete_state(self._in_force).value()[0])
-        if not np.isfinite(plan).all() or plan[0] < newest - TIME_TOLERANCE:
-            discrete.get_mutable_vector(self._refused)[0] += 1.0
-        elif plan[0] <= t + TIME_TOLERANCE:
-            discrete.set_value(self._in_force, plan)
-        else:
-            discrete.set_value(self._waiting, plan)
+            discrete.set_value(self._waiting, self._nothing)
+        if news:
+            newest = np.fmax(waiting[0], in_force[0])
+            if not np.isfinite(plan).all() or plan[0] < newest - TIME_TOLERANCE:
+                discrete.get_mutable_vector(self._refused)[0] += 1.0
+            else:
+                discrete.set_value(self._in_force if plan[0] <= t + TIME_TOLERANCE else self._waiting, plan)
+        return EventStatus.Succeeded()
 
     def _copy_plans(self, context: Context, value: Any) -> None:
         """(plan followed, plan that waits), as arrays."""
         value.set_value(tuple(context.get_discrete_state(i).CopyToVector() for i in (self._in_force, self._waiting)))
 
-    def _plan(self, context: Context) -> Array | None:
-        """The plan in force now, if any."""
+    def _plan(self, context: Context, t: float) -> Array | None:
+        """The plan in force at the Context's time t, if any."""
         in_force, waiting = self._plans.Eval(context)
-        if waiting[0] <= context.get_time() + TIME_TOLERANCE:
+        if waiting[0] <= t + TIME_TOLERANCE:
             return waiting
         return None if math.isnan(in_force[0]) else in_force
 
     def _unsaturated(self, context: Context) -> tuple[float, float, float, float]:
-        plan = self._plan(context)
+        t = context.get_time()
+        plan = self._plan(context, t)
         if plan is None:
             return (*self._initial_command, 0.0, 0.0)
-        return interpolate_plan(plan, context.get_time(), self.dt)
+        return interpolate_plan(plan, t, self.dt)
 
     def _outside(self, command: tuple[float, ...]) -> list[bool]:
         return [not low <= value <= high for value, (low, high) in zip(command[:2], self.limits, strict=True)]
 
     def _calc_command(self, context: Context, output: Any) -> None:
-        command = self._unsaturated(context)
-        for i, (low, high) in enumerate(self.limits):
-            output[i] = min(max(command[i], low), high)
+        delta, tau, _, _ = self._unsaturated(context)
+        (delta_min, delta_max), (tau_min, tau_max) = self.limits
+        output[0], output[1] = min(max(delta, delta_min), delta_max), min(max(tau, tau_min), tau_max)
 
     def _calc_command_rate(self, context: Context, output: Any) -> None:
         command = self._unsaturated(context)
@@ -150,11 +151,12 @@ class LinearInterpolationActuator(LeafSystem):
         output.SetFromVector([float(outside) for outside in self._outside(self._unsaturated(context))])
 
     def _calc_status(self, context: Context, output: Any) -> None:
-        plan = self._plan(context)
+        t = context.get_time()
+        plan = self._plan(context, t)
         if plan is None:
             status = PlanStatus.MISSING
         else:
-            age = context.get_time() - plan[0]
+            age = t - plan[0]
             length = self.dt * ((len(plan) - 1) // 2 - 1)
             if age > length + TIME_TOLERANCE:
                 status = PlanStatus.ENDED
@@ -165,8 +167,9 @@ class LinearInterpolationActuator(LeafSystem):
         output[0] = float(status)
 
     def _calc_plan_age(self, context: Context, output: Any) -> None:
-        plan = self._plan(context)
-        output[0] = math.inf if plan is None else context.get_time() - plan[0]
+        t = context.get_time()
+        plan = self._plan(context, t)
+        output[0] = math.inf if plan is None else t - plan[0]
 
     def _calc_refused(self, context: Context, output: Any) -> None:
         output[0] = context.get_discrete_state(self._refused).value()[0]

@@ -129,12 +129,13 @@ class Drive:
         self.car.sensors.set_seed(context, seed)
 
         def reason(root: Context) -> str | None:
-            x = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-            if abs(x[2]) > limits.sideslip:
+            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            _, v, beta, omega_r, e = state[:5].tolist()  # plain numbers compare faster
+            if abs(beta) > limits.sideslip:
                 return "spin"
-            if min(x[1], x[3]) < limits.min_speed or x[1] > limits.max_speed:
+            if min(v, omega_r) < limits.min_speed or v > limits.max_speed:
                 return "speed"
-            return "left the road" if self._reference is not None and abs(x[4]) > limits.lane else None
+            return "left the road" if self._reference is not None and abs(e) > limits.lane else None
 
         simulator = make_simulator(self.diagram, context, (plant, reason))
         simulator.Initialize()

@@ -66,9 +66,11 @@ class PathPlant:
         """Declares numeric parameters and the continuous state `state_names` on numbers of the type T, and ports."""
         for values in parameters:
             self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
-        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_numbers)
-        self._numbers = self.DeclareCacheEntry("numbers", producer, {self.all_parameters_ticket()})
         self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
+        # What hardly ever changes is read once for all derivatives.
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_given)
+        sources = {self.all_parameters_ticket(), self.input_port_ticket(self._disturbance.get_index())}
+        self._given = self.DeclareCacheEntry("given", producer, sources)
 
     def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:
         """Input ports actuation, disturbance, curvature; output ports state, path_position, pose, acceleration,
@@ -96,10 +98,13 @@ class PathPlant:
 
     def numbers(self: Any, context: Any) -> tuple[Any, Any]:
         """(constants, magnitudes) in a Context."""
-        return self._numbers.Eval(context)
+        p, q = (context.get_numeric_parameter(i).CopyToVector() for i in (0, 1))
+        return p, q
 
-    def _copy_numbers(self, context: Any, value: Any) -> None:
-        value.set_value(tuple(context.get_numeric_parameter(i).CopyToVector() for i in (0, 1)))
+    def _copy_given(self: Any, context: Any, value: Any) -> None:
+        """(disturbance, none where its port is left open; constants; magnitudes)."""
+        wrench = self._disturbance.Eval(context) if self._disturbance.HasValue(context) else _NO_WRENCH
+        value.set_value((wrench, *self.numbers(context)))
 
     def set_initial(
         self: Any, context: Any, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None,
@@ -122,22 +127,22 @@ class PathPlant:
 
     def DoCalcTimeDerivatives(self: Any, context: Any, derivatives: Any) -> None:  # noqa: N802
         x = context.get_continuous_state_vector().CopyToVector()
-        inputs = *self.inputs(context), self.path_curvature(context, x[6])
-        numbers = self.numbers(context)
+        u, (wrench, p, q) = self._actuation.Eval(context), self._given.Eval(context)
+        curvature = self.path_curvature(context, x[6])
         if self.scalar is float:
-            self.check_finite(x, context.get_time())
-            rates = self.compiled_rates(x, *inputs, *numbers)
+            self.check_finite(x, context)
+            rates = self.compiled_rates(x, u, wrench, curvature, p, q)
         else:
-            rates = self.rates(x, *inputs, *self.car(*numbers))
-        derivatives.get_mutable_vector().SetFromVector(rates)
+            rates = self.rates(x, u, wrench, curvature, *self.car(p, q))
+        derivatives.SetFromVector(rates)
 
     def _calc_acceleration(self: Any, context: Any, output: Any) -> None:
         x = context.get_continuous_state_vector().CopyToVector()
-        inputs, numbers = self.inputs(context), self.numbers(context)
+        u, (wrench, p, q) = self._actuation.Eval(context), self._given.Eval(context)
         if self.scalar is float:
-            output.SetFromVector(self.compiled_acceleration(x, *inputs, *numbers))
+            output.SetFromVector(self.compiled_acceleration(x, u, wrench, p, q))
         else:
-            output.SetFromVector(self.acceleration(x, *inputs, *self.car(*numbers)))
+            output.SetFromVector(self.acceleration(x, u, wrench, *self.car(p, q)))
 
     def placed(self, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None) -> tuple[float, ...]:
         """Values of `PLANT_STATES` at one of the paper's six states, `s` [m] along the path.
@@ -163,18 +168,13 @@ class PathPlant:
             pose = (0.0, e, dphi - beta)
         return (r, v, beta, omega_r, e, dphi, s, *pose)
 
-    def check_finite(self, x: Any, t: float) -> None:
+    def check_finite(self, x: Any, context: Any) -> None:
         """Ends a simulation that has lost its numbers, which an integrator would try to go on with for ever.
 
         Speed and path position say it for all: the others' rates enter theirs.
         """
         if not math.isfinite(x[1] + x[6]):
-            raise MotionError(f"the car's state is no longer finite at {t:g} s")
-
-    def inputs(self: Any, context: Any) -> tuple[Any, Any]:
-        """(actuation, disturbance) at a Context; no disturbance where its port is left open."""
-        wrench = self._disturbance.Eval(context) if self._disturbance.HasValue(context) else _NO_WRENCH
-        return self._actuation.Eval(context), wrench
+            raise MotionError(f"the car's state is no longer finite at {context.get_time():g} s")
 
     def path_curvature(self: Any, context: Any, s: Any) -> Any:
         """Curvature [1/m] of the path at s: the port's, else the path's, else zero."""

@@ -16,6 +16,14 @@ STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not told otherwise, and its su
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
 INPUT_DIFFERENCE = np.array([1e-5, 1e-3])
 MEMORY_DIFFERENCE = 1e-5  # of `memory_scale`
+STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])  # sizes of the six states, which programs are scaled by
+INPUT_SCALE = np.array([0.3, 100.0])
+CURVATURE_STEP = 1e-5  # of the scaled variables, for second derivatives
+
+
+def block_scale(memory_scale: Array) -> Array:
+    """Of (x_k, u_k, u_{k+1}) [n+4] of a model with these further states."""
+    return np.concatenate([STATE_SCALE, memory_scale, INPUT_SCALE, INPUT_SCALE])
 
 
 class StepModel(Protocol):
@@ -54,6 +62,13 @@ class StepModel(Protocol):
         _, by_x, by_u, by_u_next = self.linearize(x, u, u_next, curvature)
         gradient: Array = (weights[:, None] @ np.concatenate([by_x, by_u, by_u_next], axis=2))[:, 0]
         return gradient
+
+    def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array | None:  # noqa: ARG002
+        """Second derivatives of weights [N, n] times x_next within each stage, by (x, u, u_next) [N, n+4, n+4].
+
+        None where a model has no better ones than differences of `weighted_gradient`.
+        """
+        return None
 
     def observer(self, period: float) -> LeafSystem | None:  # noqa: ARG002 (a model with further states needs it)
         """The system that follows the model's further states in closed loop, every `period` [s]; None without any.

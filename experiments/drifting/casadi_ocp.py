@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE
-from drift_drake.model.bayesian_step import TIME_STEP
 from drift_drake.model.command_lag import lag_factors
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.features import Network
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, MIN_SPEED, static_loads
 from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE
 
 with contextlib.suppress(ModuleNotFoundError):
     import casadi as ca

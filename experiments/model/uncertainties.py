@@ -10,8 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.model.bayesian_step import TIME_STEP, euler_step
+from drift_drake.model.bayesian_step import euler_step
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
 from drift_drake.safe_files import write_figure

@@ -11,7 +11,6 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.plan import interpolate_plan
 from drift_drake.control.sqp import SqpOptions
-from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import LAGGED, lag_factors
@@ -20,7 +19,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.vehicle.step_model import INPUT_SCALE, NominalStepModel
 
 PARAMETERS = VehicleParameters()
 HORIZON = 10

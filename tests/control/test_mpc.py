@@ -5,10 +5,9 @@ import pytest
 
 from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, NoPlanError
 from drift_drake.control.plan import Plan, no_plan
-from drift_drake.control.stacked import INPUT_SCALE
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.vehicle.step_model import INPUT_SCALE, NominalStepModel
 
 CAR = VehicleParameters()
 START = 20.0  # [m] along the figure-8

@@ -7,10 +7,9 @@ from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoD
 from pydrake.solvers import SnoptSolver, Solve
 
 from drift_drake.control.ocp import OptimalControlProblem, ocp
-from drift_drake.control.stacked import INPUT_SCALE, STATE_SCALE
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE, NominalStepModel
 
 PARAMETERS = VehicleParameters()
 HORIZON = 6

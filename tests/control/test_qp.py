@@ -97,7 +97,8 @@ def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tupl
         z = problem.first_guess(data)
         residual, jacobian = problem.dynamics.linearize(z)
         gradient, _, low, high = part.data()
-        target = (qps.set_jacobian(jacobian) @ z)[: residual.size] - residual
+        qps.set_jacobian(jacobian)
+        target = (qps.matrix @ z)[: residual.size] - residual
         start = np.zeros(part.size), np.zeros(target.size + low.size)
         arguments.append((jacobian, gradient, np.append(target, low), np.append(target, high), *start))
     return qps, arguments
@@ -121,7 +122,7 @@ def test_the_interior_point_method_meets_the_optimality_conditions(
         found = solve(qps, arguments, interior)
         assert found.status == "solved"
         assert method == "stagewise" or found.second_attempt
-        matrix = qps.set_jacobian(arguments[0])
+        matrix = qps.matrix
         gradient, low, high = arguments[1:4]
         rows = matrix @ found.z
         blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))

@@ -9,6 +9,7 @@ from control_problems import ocp_data
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.control.qp import QpWorkspace
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -135,6 +136,21 @@ def test_a_second_iteration_is_made_where_the_defect_asks_for_it(references: dic
     # From its own result one iteration will do.
     again = LineSearchSqp(exact.problem, options).solve(result.z, result.y)
     assert (again.status, len(again.iterations)) == ("feasible", 1)
+
+
+def test_in_real_time_a_qp_of_two_attempts_is_the_last(
+    references: dict[str, Reference], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It costs as much as a whole iteration, and the time of a solve has a bound."""
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    exact.problem.set(data)
+    guess = exact.problem.first_guess(data)
+    attempt = QpWorkspace.solve
+    monkeypatch.setattr(QpWorkspace, "solve", lambda *arguments: attempt(*arguments)._replace(second_attempt=True))
+    for options, count in ((SqpOptions.real_time(2), 1), (SqpOptions(max_iterations=2), 2)):
+        result = LineSearchSqp(exact.problem, options).solve(guess)
+        assert (result.status, len(result.iterations)) == ("iterations", count)
 
 
 def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[str, Reference]) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_problems import check_gradient, stages
+from control_problems import check_curvature, check_gradient, stages
 
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.tracking import lqr_gains
@@ -115,5 +115,6 @@ def test_the_value_is_by_how_much_the_expected_cost_falls(
     assert before > 1.2 * left
 
 
-def test_the_gradient_is_exact(cost: ControlInformationCost) -> None:
+def test_the_derivatives_are_exact(cost: ControlInformationCost) -> None:
     check_gradient(cost, 1e-6)
+    check_curvature(cost)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_problems import check_against_referees, check_gradient, lane_ocp, stages
+from control_problems import check_against_referees, check_curvature, check_gradient, lane_ocp, stages
 from scipy.linalg import block_diag
 
 from drift_drake.control.ocp import OptimalControlProblem
@@ -87,8 +87,9 @@ def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianMod
 
 
 @pytest.mark.parametrize("updated", [False, True])
-def test_the_gradient_is_exact(model: BayesianModel, updated: bool) -> None:
+def test_the_derivatives_are_exact(model: BayesianModel, updated: bool) -> None:
     check_gradient(cost(model, updated), 1e-5)
+    check_curvature(cost(model, updated))
 
 
 def test_a_models_further_states_carry_no_information(model: BayesianModel) -> None:

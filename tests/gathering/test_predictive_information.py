@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from control_problems import check_against_referees, check_gradient, lane_ocp, stages
+from control_problems import check_against_referees, check_curvature, check_gradient, lane_ocp, stages
 
 from drift_drake.gathering.information import InformationCost
 from drift_drake.gathering.predictive_information import PredictiveInformationCost
@@ -53,8 +53,9 @@ def test_of_itself_a_sample_tells_less_than_all_it_tells(model: BayesianModel) -
     assert told < information == pytest.approx(0.5 * np.log(1.0 + s), rel=1e-4)
 
 
-def test_the_gradient_is_exact(cost: PredictiveInformationCost) -> None:
+def test_the_derivatives_are_exact(cost: PredictiveInformationCost) -> None:
     check_gradient(cost, 1e-6)
+    check_curvature(cost)
 
 
 def test_curvature_is_taken_with_the_points_weights_held(

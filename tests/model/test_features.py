@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from drift_drake.model.feature_expansion import FeatureExpansion
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -75,6 +76,21 @@ def test_feature_jacobian_equals_finite_differences(network: Network, points: np
     np.testing.assert_allclose(phi, features(network, points), rtol=0, atol=1e-13)
     numeric = central_difference(lambda z: features(network, z), points)
     np.testing.assert_allclose(jacobian * INPUT_SCALE, numeric * INPUT_SCALE, rtol=0, atol=1e-8)
+
+
+def test_the_expansion_has_the_features_their_jacobian_and_its_differences(
+    network: Network, points: np.ndarray
+) -> None:
+    expansion, (phi, jacobian) = FeatureExpansion(network, points), feature_jacobian(network, points)
+    np.testing.assert_allclose(expansion.phi, phi, rtol=0, atol=1e-13)
+    tangents = np.moveaxis(expansion.tangents, 1, 3)
+    np.testing.assert_allclose(tangents * INPUT_SCALE, jacobian * INPUT_SCALE, rtol=0, atol=1e-12)
+    weights = np.random.default_rng(7).normal(size=phi.shape)
+    numeric = central_difference(lambda z: np.einsum("nif,nifz->nz", weights, feature_jacobian(network, z)[1]), points)
+    scale = INPUT_SCALE[:, None] * INPUT_SCALE
+    found = expansion.second(weights)
+    # Those of the physical inputs are one-sided differences.
+    np.testing.assert_allclose(found * scale, numeric * scale, rtol=0, atol=1e-4 * np.abs(numeric * scale).max())
 
 
 def test_mean_function_folds_theta(network: Network, points: np.ndarray) -> None:

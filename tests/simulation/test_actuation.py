@@ -217,6 +217,17 @@ def test_a_plan_older_than_the_one_in_force_is_refused():
     assert run.read("plan_age") == pytest.approx([0.1])
 
 
+def test_the_plan_in_force_sent_again_changes_nothing_and_is_refused_beside_a_newer_one():
+    changed = plan_at(0.0, np.add(COMMANDS, [0.01, 1.0]))
+    run = Run([(0.0, plan_at(0.0)), (0.03, changed), (0.05, plan_at(0.08)), (0.06, changed)])
+    assert run.at(0.02).command == pytest.approx(interpolate_plan(plan_at(0.0), 0.02, 0.1)[:2])
+    assert run.at(0.05).command == pytest.approx(interpolate_plan(changed, 0.05, 0.1)[:2])
+    assert run.read("refused") == [0.0]
+    assert run.at(0.07).read("refused") == [2.0]  # the newer one waits until 0.08 s
+    assert run.at(0.075).command == pytest.approx(interpolate_plan(changed, 0.075, 0.1)[:2])
+    assert run.at(0.085).command == pytest.approx(interpolate_plan(plan_at(0.08), 0.085, 0.1)[:2])
+
+
 def test_a_plan_that_is_lost_leaves_the_old_one_in_force():
     run = Run([(0.0, plan_at(0.0)), (0.05, NO_PLAN)])
     assert run.at(0.1).command == pytest.approx([0.1, 30.0])

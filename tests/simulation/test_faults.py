@@ -200,3 +200,15 @@ def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:
         ReadingKind.GOOD,
     ]
     np.testing.assert_array_equal(counts[-1], [99 - len(bad), 5, 0, 1, len(frozen), 0])
+
+
+def test_a_verdict_is_of_its_contexts_reading_whatever_was_judged_before() -> None:
+    screen = Screen()
+    contexts = [screen.CreateDefaultContext() for _ in range(2)]
+    readings = [reading(0.3), np.full(7, np.nan)]
+    for context, x in zip(contexts, readings, strict=True):
+        screen.GetInputPort("measured_state").FixValue(context, x)
+    for _ in range(2):
+        for context, x in zip(contexts, readings, strict=True):
+            context.SetTime(context.get_time() + PERIOD)  # asked anew
+            np.testing.assert_array_equal(screen.GetOutputPort("screened_state").Eval(context), x)

@@ -1,0 +1,143 @@
+"""The learnt model's step point after point, compiled: nominal car, learnt part, path and lagged commands together.
+
+A point is (x_k, u_k, u_{k+1}, the path's curvature) [13]. `tests/model/test_bayesian_step.py` holds the step to the
+equations of motion and the features, and the derivatives to differences.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.model.features import STATE_COUNT
+from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.compilation import compiled
+from drift_drake.vehicle.parameters import Constants
+from drift_drake.vehicle.scalar import jitable
+
+Array = NDArray[np.float64]
+
+TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
+
+
+def trapezoid_path(x: Array, x_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
+    """(e, dphi) [n, 2] at the end of a step whose first four states are known at both ends, and its derivatives.
+
+    Returns:
+        ((e, dphi) [n, 2], derivative by x at fixed x_next[:4] [n, 2, 6], derivative by x_next[:4] [n, 2, 4]).
+    """
+    count = x.shape[0]
+    path, by_state, by_next = np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
+    _trapezoid_points(np.ascontiguousarray(x), np.ascontiguousarray(x_next), np.ascontiguousarray(curvature), path,
+                      by_state, by_next)  # fmt: skip
+    return path, by_state, by_next
+
+
+@compiled
+def _trapezoid_points(x: Array, x_next: Array, curvature: Array, path: Array, by_state: Array,
+                      by_next: Array) -> None:  # fmt: skip
+    """Writes `trapezoid_path`'s results into zeroed arrays."""
+    for n in range(x.shape[0]):
+        path[n, 0], path[n, 1] = _trapezoid_point(x[n], x_next[n], curvature[n], by_state[n], by_next[n])
+
+
+@jitable
+def _trapezoid_point(x: Any, x_next: Any, k: Any, by_state: Any, by_next: Any) -> Any:
+    """(e, dphi) of one point; writes its derivatives, but for those that are always zero."""
+    e, dphi = x[4], x[5]
+    # The turn of the course comes from the body; what the path turns by in the meantime is taken from it at the
+    # mean speed and the course at the start.
+    v = 0.5 * (x[1] + x_next[1])
+    stretch = 1.0 - k * e
+    cos_start, sin_start = np.cos(dphi), np.sin(dphi)
+    s_dot = v * cos_start / stretch
+    turn = x_next[2] - x[2] + 0.5 * TIME_STEP * (x[0] + x_next[0])
+    dphi_next = dphi + turn - TIME_STEP * k * s_dot
+    mid = 0.5 * (dphi + dphi_next)
+    cos_mid, sin_mid = np.cos(mid), np.sin(mid)
+    by_speed = -0.5 * TIME_STEP * k * cos_start / stretch
+    d = by_state[1]  # of dphi_next
+    d[0], d[1], d[2] = 0.5 * TIME_STEP, by_speed, -1.0
+    d[4] = -TIME_STEP * k * k * s_dot / stretch
+    d[5] = 1.0 + TIME_STEP * k * v * sin_start / stretch
+    by_next[1, 0], by_next[1, 1], by_next[1, 2] = 0.5 * TIME_STEP, by_speed, 1.0
+    lever = 0.5 * TIME_STEP * v * cos_mid
+    for i in range(6):
+        by_state[0, i] = lever * d[i]
+    by_state[0, 1] += 0.5 * TIME_STEP * sin_mid
+    by_state[0, 4] += 1.0
+    by_state[0, 5] += lever
+    for i in range(4):
+        by_next[0, i] = lever * by_next[1, i]
+    by_next[0, 1] += 0.5 * TIME_STEP * sin_mid
+    return e + TIME_STEP * v * sin_mid, dphi_next
+
+
+class _Slopes(NamedTuple):
+    """Derivatives at one point."""
+
+    by_x: Array  # [6, 6], of the nominal car's rates
+    by_u: Array  # [6, 2]
+    path_by_x: Array  # [2, 6], of the trapezoid
+    path_by_next: Array  # [2, 4]
+
+
+@jitable
+def _no_slopes() -> Any:
+    return _Slopes(np.empty((6, 6)), np.empty((6, 2)), np.zeros((2, 6)), np.zeros((2, 4)))
+
+
+@jitable
+def _step_point(point: Any, g: Any, p: Any, lag: Any, trapezoid: Any, rates: Any, slopes: Any,
+                x_next: Any) -> None:  # fmt: skip
+    """Writes x_{k+1} [8] for a point [13] and the learnt part g [4]; `rates` [6] is scratch."""
+    linearize_point(point[:6], point[8:10], point[12], p, rates, slopes.by_x, slopes.by_u)
+    for i in range(6):
+        x_next[i] = 0.0 if i == 3 else point[i] + TIME_STEP * rates[i]
+        if i < STATE_COUNT:
+            x_next[i] += g[i]
+    if trapezoid:
+        x_next[4], x_next[5] = _trapezoid_point(point, x_next, point[12], slopes.path_by_x, slopes.path_by_next)
+    for i in range(2):
+        x_next[6 + i] = lag[0][i] * point[6 + i] + lag[1][i] * point[8 + i] + lag[2][i] * point[10 + i]
+
+
+@compiled
+def steps(points: Array, g: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool, x_next: Array) -> None:
+    """`_step_point` at all points [n, 13]."""
+    slopes, rates = _no_slopes(), np.empty(6)
+    for n in range(len(points)):
+        _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
+
+
+@compiled
+def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool,
+                     x_next: Array, jacobian: Array) -> None:  # fmt: skip
+    """`steps`, and the derivatives by (x, u, u_next) into zeros [n, 8, 12]; by_z: the learnt part's [n, 4, 10]."""
+    slopes, rates = _no_slopes(), np.empty(6)
+    for n in range(len(points)):
+        _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
+        out = jacobian[n]
+        for i in range(6):
+            if i != 3:
+                for j in range(6):
+                    out[i, j] = TIME_STEP * slopes.by_x[i, j]
+                out[i, i] += 1.0
+                for j in range(2):
+                    out[i, 8 + j] = TIME_STEP * slopes.by_u[i, j]
+        for i in range(STATE_COUNT):
+            for j in range(STATE_COUNT):
+                out[i, j] += by_z[n, i, j]
+            for j in range(4):
+                out[i, 8 + j] += by_z[n, i, STATE_COUNT + j]
+            for j in range(2):
+                out[i, 6 + j] = by_z[n, i, STATE_COUNT + 4 + j]
+        if trapezoid:
+            for i in range(2):
+                for j in range(12):
+                    total = slopes.path_by_x[i, j] if j < 6 else 0.0
+                    for m in range(STATE_COUNT):
+                        total += slopes.path_by_next[i, m] * out[m, j]
+                    out[4 + i, j] = total
+        for i in range(2):
+            out[6 + i, 6 + i], out[6 + i, 8 + i], out[6 + i, 10 + i] = lag[0][i], lag[1][i], lag[2][i]

@@ -1,0 +1,52 @@
+"""The compiled products of an SQP iteration against the same matrices written out."""
+
+import numpy as np
+import pytest
+from control_problems import ocp_data
+
+from drift_drake.control.ocp import OptimalControlProblem
+from drift_drake.control.products import Rows, blocks_times, dual_residual, dynamics_times, rows_times, violations
+from drift_drake.control.qp import LinearQuadraticPart, QpOptions, QpWorkspace
+from drift_drake.reference.trajectory import Reference
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import NominalStepModel
+
+HORIZON = 4
+TOLERANCE = {"rtol": 1e-12, "atol": 1e-11}
+
+
+def test_products_by_stages_are_those_of_the_whole_matrices(references: dict[str, Reference]) -> None:
+    vehicle, rng = VehicleParameters(), np.random.default_rng(3)
+    problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)
+    part, columns = LinearQuadraticPart(problem), problem.layout.block_columns
+    data = ocp_data(references["figure_8"], 20.0, HORIZON)
+    problem.set(data)
+    z = problem.first_guess(data) + 0.1 * rng.normal(size=problem.size)
+    residual, jacobian = problem.dynamics.linearize(z)
+    workspace = QpWorkspace(part, problem.dynamics, np.tile(problem.stage_hessian(), (HORIZON, 1, 1)), QpOptions())
+    workspace.set_jacobian(jacobian)
+    matrix, f = workspace.matrix.toarray(), problem.dynamics.by_stages(jacobian)
+    np.testing.assert_allclose(dynamics_times(f, columns, z), matrix[: residual.size] @ z, **TOLERANCE)
+    linear = Rows.of(part.matrix)
+    np.testing.assert_allclose(rows_times(linear, z), part.matrix.toarray() @ z, **TOLERANCE)
+
+    blocks, whole = rng.normal(size=(HORIZON, 10, 10)), np.zeros((problem.size, problem.size))
+    for block, place in zip(blocks, columns, strict=True):
+        whole[np.ix_(place, place)] += block
+    np.testing.assert_allclose(blocks_times(blocks, columns, z), whole @ z, **TOLERANCE)
+
+    gradient, y = rng.normal(size=z.size), rng.normal(size=len(matrix))
+    expected = np.abs(gradient + matrix.T @ y).max()
+    assert dual_residual(gradient, f, columns, linear, y) == pytest.approx(expected, rel=1e-12)
+
+
+def test_violations_are_those_of_both_sides_and_not_a_number_where_a_value_is_not() -> None:
+    rows, residual = Rows.of(np.eye(3)), np.array([0.25, -0.5])
+    low, high = np.array([0.0, -np.inf, -1.0]), np.array([0.0, 1.0, np.inf])
+    assert violations(residual, rows, np.array([-2.0, 4.0, -0.5]), low, high) == (5.75, 3.0)
+    assert violations(residual, rows, np.array([0.0, 1.0, 9.0]), low, high) == (0.75, 0.5)
+    for at in range(3):
+        z = np.zeros(3)
+        z[at] = np.nan
+        assert np.isnan(violations(residual, rows, z, low, high)).all()
+    assert np.isnan(violations(np.array([np.nan, 0.0]), rows, np.zeros(3), low, high)).all()

@@ -19,7 +19,7 @@ CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 class PosteriorConstants:
     """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap.blind calibrate`."""
 
-    temperature: float = 1.0  # log evidences are divided by it
+    temperature: float = 1.0  # log evidences are divided by it (of another day log posteriors: no order changes)
     prior_none: float = 0.3
     prior_single: float = 0.4  # shared by all single effects
     prior_pair: float = 0.15  # shared by all pairs

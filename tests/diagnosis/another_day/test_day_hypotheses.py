@@ -207,6 +207,16 @@ def test_probabilities_sum_to_one_and_name_what_fits():
     assert list(found.probabilities.values()) == sorted(found.probabilities.values(), reverse=True)
 
 
+def test_a_temperature_makes_all_less_certain_and_changes_no_order():
+    hypotheses = [NONE, single("mass_error", 0.1, 0.01, nats=44.0), single("gyro_bias", 0.02, 0.001, nats=45.0)]
+    cold, warm = (ranked(hypotheses, 28, dataclasses.replace(PRIORS, temperature=t)) for t in (1.0, 1.2))
+    assert list(warm.probabilities) == list(cold.probabilities)
+    assert warm.verdict == cold.verdict
+    names = list(cold.probabilities)
+    odds = [np.log(p.probabilities[names[0]] / p.probabilities[names[1]]) for p in (cold, warm)]
+    assert odds[1] == pytest.approx(odds[0] / 1.2)
+
+
 def test_nothing_is_named_where_none_fits_as_well():
     calm = dataclasses.replace(NONE, nats=3.0, log_evidence=-3.0)
     found = ranked([calm, single("mass_error", 0.1, 0.01, nats=2.5)], 28, PRIORS)

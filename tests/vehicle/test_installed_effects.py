@@ -1,6 +1,6 @@
 """Effects of another package, found by entry points: plant, sensors, filter, diagnosis and command line know them.
 
-Each test runs in a process of its own, since effects are found once. All but one run without numba, whose compilation
+Most tests run in processes of their own, since effects are found once. All but one run without numba, whose compilation
 takes longer than what is tested.
 """
 

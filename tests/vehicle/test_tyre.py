@@ -1,6 +1,6 @@
 """Tyres of another package, found by entry points: plant, Jacobian, controller, filter and vehicle files know them.
 
-Each test runs in a process of its own, since tyres are found once; all but one without numba.
+Most tests run in processes of their own, since tyres are found once; all but one without numba.
 """
 
 from pathlib import Path

@@ -36,35 +36,41 @@ MEASURE = """<script>setTimeout(() => {
              drawn: drawn(chart, "g.trace.scatter") + drawn(chart, ".hm") };
   });
   const tooWide = document.documentElement.scrollWidth - innerWidth;
-  parent.postMessage(JSON.stringify({ charts, cut, overlaps, tooWide }), "*");
+  parent.postMessage({ width: innerWidth, charts, cut, overlaps, tooWide }, "*");
 }, 1500)</script></body>"""
-FRAME = """<!doctype html><body style="margin: 0">
-<script>addEventListener("message", event => {{ document.title = event.data; }})</script>
-<iframe style="border: 0" width="{width}" height="900" src="page.html"></iframe></body>"""
+FRAMES = """<!doctype html><body style="margin: 0"><script>
+const pages = [];
+addEventListener("message", event => { pages.push(event.data); document.title = JSON.stringify(pages); });
+</script>""" + "".join(
+    f'<iframe style="border: 0; display: block" width="{width}" height="900" src="page.html"></iframe>'
+    for width in WIDTHS
+)  # in frames: a headless window has 500 px at least
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine: apt install chromium")
 
 
-def opened(path, width):
-    """What a page looks like at a width [px] (in a frame: a headless window has 500 at least), and its console."""
-    folder = path.parent / f"opened_{width}"
+def opened(path):
+    """What a page looks like at each of `WIDTHS`, and its console."""
+    folder = path.parent / "opened"
     folder.mkdir(exist_ok=True)
     (folder / "page.html").write_text(path.read_text(encoding="utf-8").replace("</body>", MEASURE), encoding="utf-8")
-    (folder / "frame.html").write_text(FRAME.format(width=width), encoding="utf-8")
+    (folder / "frames.html").write_text(FRAMES, encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000", "--enable-logging=stderr"]
     done = subprocess.run(
-        [BROWSER, *options, "--window-size=1400,1000", "--dump-dom", (folder / "frame.html").as_uri()],
+        [BROWSER, *options, "--window-size=1400,2000", "--dump-dom", (folder / "frames.html").as_uri()],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    return json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1])), console
+    pages = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))
+    assert sorted(page["width"] for page in pages) == sorted(WIDTHS)
+    return pages, console
 
 
 def check_charts(path):
     """Every chart of a page is drawn, no text of it is cut or covered, nothing is on the console or sticks out."""
-    for width in WIDTHS:
-        page, console = opened(path, width)
-        assert console == []
+    pages, console = opened(path)
+    assert console == []
+    for page in pages:
         assert page["tooWide"] <= 0
         assert page["cut"] == []
         assert page["overlaps"] == []

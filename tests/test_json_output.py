@@ -22,7 +22,10 @@ WORDS = {  # of each command, and keys that its JSON has
     "import": (["DIR/lap.csv", "--look"], {"file", "topics", "mapping", "missing"}),
     "check": (["DIR/car/day"], {"case", "runs", "remarks"}),
     "diagnose": (["DIR/car/day", "--vehicle", "CAR", "--effects", "aero_drag", "--quiet"], {"verdict", "causes"}),
-    "identify": (["DIR/car/day", "--vehicle", "CAR", "--quiet", "--effects", "aero_drag"], {"parameters"}),
+    "identify": (
+        ["DIR/car/day", "--vehicle", "CAR", "--quiet", "--effects", "aero_drag", "--criterion", "likelihood"],
+        {"parameters"},
+    ),
     "plan-next": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/plan.csv"], {"hypotheses", "nats"}),
     "apply": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/corrected.yaml"], {"out", "effects"}),
     "drive": (["figure_8", "--out", "DIR/drive"], {"out", "metrics", "events"}),

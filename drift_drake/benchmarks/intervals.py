@@ -1,6 +1,7 @@
 """95 % intervals of shares, and of statistics over cases or over vehicles."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -39,8 +40,12 @@ def by_vehicle(runs: pd.DataFrame, column: str, statistic: Callable[[np.ndarray]
     section 3.8), replayed from a fixed seed: a vehicle's attempts hang together, so vehicles are drawn, not runs."""
     groups = [group.to_numpy(dtype=float) for _, group in runs.groupby("vehicle")[column]]
     rng = np.random.default_rng(0)
-    draws = [statistic(np.concatenate([groups[i] for i in rng.integers(0, len(groups), len(groups))]))
-             for _ in range(RESAMPLES)]  # fmt: skip
+
+    @cache  # of few vehicles the same ones are drawn many times
+    def of_vehicles(*drawn: int) -> float:
+        return statistic(np.concatenate([groups[i] for i in drawn]))
+
+    draws = [of_vehicles(*np.sort(rng.integers(0, len(groups), len(groups)))) for _ in range(RESAMPLES)]
     # Members of the sample: none can be interpolated where some are infinite.
     low, high = np.quantile(draws, [0.025, 0.975], method="nearest")
     return float(low), float(high)

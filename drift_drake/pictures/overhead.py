@@ -19,7 +19,7 @@ from drift_drake.pictures.style import (
     LANE,
     REFERENCE,
     SIDES,
-    check_columns,
+    check_runs,
     colours_of,
     new_figure,
     styled,
@@ -53,12 +53,9 @@ def overhead(
         title: of the picture.
 
     Raises:
-        ValueError: a run lacks a column or has no row.
+        ValueError: there is no run; a run lacks a column or has no row.
     """
-    if not runs:
-        raise ValueError("no runs to draw; give at least one")
-    for name, run in runs.items():
-        check_columns(run, COLUMNS, name)
+    check_runs(runs, COLUMNS)
     shape = CarShape.of(parameters or VehicleParameters())
     low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low

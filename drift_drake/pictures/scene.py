@@ -12,7 +12,7 @@ from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drift_drake.pictures.car_shape import CarShape, model_scale
-from drift_drake.pictures.style import check_columns, colours_of
+from drift_drake.pictures.style import check_runs, colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -71,10 +71,7 @@ class Scene:
         Raises:
             ValueError: there is no run; a run lacks a column or has no row.
         """
-        if not runs:
-            raise ValueError("no runs to replay; give at least one")
-        for name, run in runs.items():
-            check_columns(run, COLUMNS, name)
+        check_runs(runs, COLUMNS)
         parameters = parameters or VehicleParameters()
         scale = model_scale(parameters)
         runs = {name: run.assign(x=run["x"] / scale, y=run["y"] / scale) for name, run in runs.items()}

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from drift_drake.pictures.style import DEGREES, KMH, check_columns, colours_of, legend_above, new_figure, styled
+from drift_drake.pictures.style import DEGREES, KMH, check_runs, colours_of, legend_above, new_figure, styled
 
 COLUMNS = ("t", "x", "y", "r", "v", "beta", "omega_r", "delta")
 SMALLEST_REACH = 1.0  # of the axes: that a simulated car may leave the real one's range by, at least
@@ -20,10 +20,9 @@ def side_by_side(runs: Mapping[str, pd.DataFrame]) -> Figure:
         runs: tables with t, x, y, r, v, beta, omega_r, delta (SI) by name, all with the same rows; NaN breaks a line.
 
     Raises:
-        ValueError: a run lacks a column or has no row.
+        ValueError: there is no run; a run lacks a column or has no row.
     """
-    for name, run in runs.items():
-        check_columns(run, COLUMNS, name)
+    check_runs(runs, COLUMNS)
     real, colours = next(iter(runs.values())), colours_of(runs)
     figure = new_figure(7.5, 5.4)
     grid = figure.subplots(3, 2, sharex=True)

@@ -1,7 +1,7 @@
 """The look that all pictures share: quiet, readable in print and by the colour-blind, units on every axis."""
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -111,6 +111,14 @@ def save(figure: Figure, path: str | Path) -> Path:
 def legend_above(axes: Axes, columns: int) -> None:
     """A legend in rows of that many columns above the axes, out of the way of the data."""
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.6)
+
+
+def check_runs(runs: Mapping[str, Any], columns: Iterable[str]) -> None:
+    """Raises a ValueError where there is no run, or that names a run and what it lacks."""
+    if not runs:
+        raise ValueError("no runs to draw; give at least one")
+    for name, run in runs.items():
+        check_columns(run, columns, name)
 
 
 def check_columns(run: Any, columns: Iterable[str], name: str) -> None:

@@ -16,7 +16,7 @@ from drift_drake.pictures.style import (
     KMH,
     REFERENCE,
     TRANSITION,
-    check_columns,
+    check_runs,
     colours_of,
     legend_above,
     new_figure,
@@ -54,12 +54,9 @@ def time_series(
         title: of the picture.
 
     Raises:
-        ValueError: a run lacks a column or has no row.
+        ValueError: there is no run; a run lacks a column or has no row.
     """
-    if not runs:
-        raise ValueError("no runs to draw; give at least one")
-    for name, run in runs.items():
-        check_columns(run, COLUMNS, name)
+    check_runs(runs, COLUMNS)
     against = against or ("t" if len(runs) == 1 else "s")
     figure = new_figure(7.5, 7.6)
     grid = figure.subplots(4, 2, sharex=True)

@@ -1,6 +1,7 @@
 """What every plant of a car shares: its first ten states, its ports, and its place on a path and in the world."""
 
 import math
+import sys
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -206,7 +207,8 @@ def plant_template(name: str, base: type[PathPlant]) -> Any:
     Their constructor takes the car's parameters, the magnitudes of its effects, and its path.
     """
 
-    @TemplateSystem.define(name)
+    # Told its module, Drake does not look for it through all callers' sources.
+    @TemplateSystem.define(name, scope=sys.modules[__name__])
     def template(T: Any) -> Any:
         class Impl(base, LeafSystem_[T]):  # type: ignore[misc, valid-type]
             def _construct(

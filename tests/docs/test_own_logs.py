@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     assert main(["init", str(folder / "car.yaml")]) == 0
     write_vehicle(folder / "real.yaml", read_vehicle(folder / "car.yaml")[0], make_effects({"steering_lag": LAG}))
     drive = ["simulate", "slalom", "--vehicle", str(folder / "real.yaml"), "--out", str(folder / "truth.csv")]
-    assert main([*drive, "--duration", "8"]) == 0
+    assert main([*drive, "--duration", "6"]) == 0
     return folder
 
 

@@ -30,7 +30,7 @@ def test_each_row_changes_one_thing() -> None:
 def test_the_chain_of_beliefs(
     here: ExecutorConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    course = dataclasses.replace(figure_8(VehicleParameters()), distance=32.0)
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=26.0)
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
     monkeypatch.setattr(ablations, "run_jobs", drift_runs.run_jobs)
     config = AblationsConfig(

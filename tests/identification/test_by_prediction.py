@@ -12,6 +12,7 @@ from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import held_out_windows, is_held, prior_of, row_by_row, split
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import write_report
+from drift_drake.identification.white import WHITE
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.cars import CARS
@@ -50,7 +51,7 @@ def test_runs_of_three_seconds_are_held_out_too(other_car):
 def test_judging_windows_start_in_every_row_between_two_of_a_held_out_block(runs):
     run = runs[0]
     _, judged = split(runs)
-    held = run.starts[is_held(run, run.starts)]  # of one block: the run is 8 s long
+    held = run.starts[is_held(run, run.starts)]  # of one block: the run is 6 s long
     assert np.array_equal(judged[0].starts, np.arange(held[0], held[-1] + 1))
     apart = dataclasses.replace(run, starts=run.starts[[0, 1, 5]])  # rows left out in between
     step = int(run.starts[1] - run.starts[0])
@@ -106,12 +107,23 @@ def test_a_delay_may_be_a_cars_every_day(other_car):
         assert prior_of(name, other_car.guess, frozenset()) >= CATALOGUE[name].high
 
 
-def test_logs_of_another_kind_of_car_choose_prediction(other_car):
+def test_logs_of_another_kind_of_car_choose_prediction(other_car, monkeypatch):
+    monkeypatch.setattr(identification, "FURTHER", ())
+    tried, by_likelihood = [], identification.identify_by_likelihood
+    monkeypatch.setattr(
+        identification, "identify_by_likelihood", lambda *given: tried.append(by_likelihood(*given)) or tried[0]
+    )
+    found = identify([run.rows(0, 300) for run in other_car.runs[:2]], other_car.guess, names=())
+    assert tried[0].calibration.row_weight < WHITE
+    assert found.calibration.criterion == "prediction"
+    assert "innovations are not white" in found.calibration.warnings[0]
+
+
+def test_a_calibration_by_prediction_states_parameters_and_tolerances(other_car):
     identified = other_car.found
     c = identified.calibration
     assert c.criterion == "prediction"
     assert c.normal is not None
-    assert "innovations are not white" in c.warnings[0]
     assert identified.vehicle.mass == other_car.guess.mass
     assert {"friction", "front_stiffness", "rear_stiffness"} <= set(c.parameters)
     for name, p in c.parameters.items():

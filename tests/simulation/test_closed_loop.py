@@ -91,13 +91,13 @@ def test_a_clone_of_a_context_goes_on_as_the_original_does(loop: ClosedLoop) -> 
 
 def test_the_oracle_holds_a_car_that_the_nominal_model_throws_about(reference: Reference) -> None:
     effects = make_effects({"friction_level": -0.15, "steering_lag": 0.1, "torque_lag": 0.2})
-    part = dataclasses.replace(reference, distance=75.0)
+    part = dataclasses.replace(reference, distance=55.0)
     outcomes = {}
     for name, model in (
         ("nominal", NominalStepModel(PARAMETERS)),
         ("oracle", EffectsStepModel(PARAMETERS, effects)),
     ):
-        loop = ClosedLoop(PARAMETERS, part, model, effects=effects, control=ControlConfig(period=0.02, delay=0.02))
+        loop = ClosedLoop(PARAMETERS, part, model, effects=effects, control=FAST)
         outcomes[name] = loop.run(loop.initial_context(0)).metrics()
     assert outcomes["oracle"].completed
     assert outcomes["oracle"].rms_e < 0.3

@@ -3,7 +3,12 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+
+import pytest
+
+from drift_drake.vehicle.installed import InvalidExtensionError
 
 ROOT = Path(__file__).parents[2]
 WIND = """
@@ -49,13 +54,18 @@ EFFECTS = {"side_wind": "SIDE_WIND", "limp_mode": "LIMP_MODE", "gyro_scale": "GY
 DELAYS = {"bus_delay": "BUS_DELAY", "engine_delay": "ENGINE_DELAY"}
 
 
-def install(folder: Path, effects: dict[str, str]) -> None:
-    (folder / "wind.py").write_text(WIND)
-    info = folder / "wind-1.0.dist-info"
+def install_package(folder: Path, name: str, source: str, group: str, points: dict[str, str]) -> None:
+    """A package of one module into a folder, with these attributes as entry points of drift_drake's."""
+    (folder / f"{name}.py").write_text(source)
+    info = folder / f"{name}-1.0.dist-info"
     info.mkdir(exist_ok=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wind\nVersion: 1.0\n")
-    points = "\n".join(f"{name} = wind:{attribute}" for name, attribute in effects.items())
-    (info / "entry_points.txt").write_text(f"[drift_drake.effects]\n{points}\n")
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = "\n".join(f"{point} = {name}:{attribute}" for point, attribute in points.items())
+    (info / "entry_points.txt").write_text(f"[drift_drake.{group}]\n{lines}\n")
+
+
+def install(folder: Path, effects: dict[str, str]) -> None:
+    install_package(folder, "wind", WIND, "effects", effects)
 
 
 def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.CompletedProcess[str]:
@@ -63,3 +73,13 @@ def run(folder: Path, *arguments: str, jit: bool = False) -> subprocess.Complete
         "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder),
     }  # fmt: skip
     return subprocess.run([sys.executable, *arguments], env=environment, cwd=folder, capture_output=True, text=True)
+
+
+def refusal(name: str, folder: Path, find: Callable[[], object]) -> str:
+    """What `find`, which looks for entry points, says of this folder's package, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        with pytest.raises(InvalidExtensionError) as error:
+            find()
+    sys.modules.pop(name, None)
+    return str(error.value)

@@ -80,7 +80,7 @@ FITTED = """
 from drift_drake.estimation.robust_fit import robust_fit
 from drift_drake.estimation.unknowns import unknown
 
-log = windowed(drive({"engine_delay": 0.09}, "power", 3.0))
+log = windowed(drive({"engine_delay": 0.09}, "power", 1.6))
 log = dataclasses.replace(log, starts=log.starts[::3])
 fit = robust_fit([log], car.constants(), Effects(), [unknown("engine_delay", car, frozenset())], evidence=1.0)
 print(fit.names[0], fit.theta[0])

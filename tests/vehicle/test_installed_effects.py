@@ -1,6 +1,6 @@
 """Effects of another package, found by entry points: plant, sensors, filter, diagnosis and command line know them.
 
-Each test runs in a process of its own, since effects are found once. All but one run without numba, whose compilation
+Most tests run in processes of their own, since effects are found once. All but one run without numba, whose compilation
 takes longer than what is tested.
 """
 
@@ -8,7 +8,9 @@ import json
 from pathlib import Path
 
 import pytest
-from other_package import DELAYS, EFFECTS, install, run
+from other_package import DELAYS, EFFECTS, install, refusal, run
+
+from drift_drake.vehicle.installed import installed_effects
 
 PHYSICS = """
 import numpy as np
@@ -140,7 +142,6 @@ write_vehicle("storm.yaml", VehicleParameters(), make_effects({"side_wind": 1e6}
 @pytest.mark.parametrize(
     ("effects", "says"),
     [
-        ({"storm": "STORM"}, "effect storm (wind:STORM): cannot be imported"),
         ({"number": "WIND"}, "effect number (wind:WIND): cannot be imported"),
         ({"push": "push"}, "effect push (wind:push): is no drift_drake.Effect"),
         ({"half": "HALF"}, "a state needs both rate and start"),
@@ -149,10 +150,23 @@ write_vehicle("storm.yaml", VehicleParameters(), make_effects({"side_wind": 1e6}
         ({"deaf": "DEAF"}, "effect deaf (wind:DEAF): delays the torque; let it need its column"),
         ({"behind": "BEHIND"}, "delays 'delta_cmd' at stage 'actuator' with no functions; let a delay be of"),
         ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
+    ],
+)
+def test_one_that_cannot_be_used_is_named(tmp_path: Path, effects: dict[str, str], says: str) -> None:
+    install(tmp_path, effects)
+    said = refusal("wind", tmp_path, installed_effects.__wrapped__)
+    assert says in said
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("effects", "says"),
+    [
+        ({"storm": "STORM"}, "effect storm (wind:STORM): cannot be imported"),
         ({"aero_drag": "SIDE_WIND"}, "effect aero_drag: is in the catalogue already"),
     ],
 )
-def test_one_that_cannot_be_used_is_one_sentence(tmp_path: Path, effects: dict[str, str], says: str) -> None:
+def test_the_command_line_says_so_in_one_sentence(tmp_path: Path, effects: dict[str, str], says: str) -> None:
     install(tmp_path, effects)
     done = run(tmp_path, "-m", "drift_drake", "effects")
     assert (done.returncode, done.stdout) == (2, "")

@@ -1,16 +1,15 @@
 """Tyres of another package, found by entry points: plant, Jacobian, controller, filter and vehicle files know them.
 
-Each test runs in a process of its own, since tyres are found once; all but one without numba.
+Most tests run in processes of their own, since tyres are found once; all but one without numba.
 """
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from other_package import install_package, refusal, run
 
-ROOT = Path(__file__).parents[2]
+from drift_drake.vehicle.tyre import installed_tyres
+
 TYRES = """
 from drift_drake.vehicle.scalar import atan, select, tanh
 
@@ -76,25 +75,13 @@ print("all hold")
 
 
 def install(folder: Path, name: str, attribute: str) -> None:
-    (folder / "rubber.py").write_text(TYRES)
-    info = folder / "rubber-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: rubber\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[drift_drake.tyres]\n{name} = rubber:{attribute}\n")
-
-
-def run(folder: Path, program: str, jit: bool = False) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {
-        "PYTHONPATH": f"{ROOT}:{folder}", "NUMBA_DISABLE_JIT": str(int(not jit)), "XDG_CACHE_HOME": str(folder),
-    }  # fmt: skip
-    arguments = [sys.executable, "-c", program]
-    return subprocess.run(arguments, env=environment, cwd=folder, capture_output=True, text=True)
+    install_package(folder, "rubber", TYRES, "tyres", {name: attribute})
 
 
 @pytest.mark.parametrize("jit", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_plant_jacobian_and_controller_take_it(tmp_path: Path, jit: bool) -> None:
     install(tmp_path, "smooth", "smooth")
-    done = run(tmp_path, PHYSICS, jit)
+    done = run(tmp_path, "-c", PHYSICS, jit=jit)
     assert done.stdout == "all hold\n", done.stderr
 
 
@@ -108,7 +95,7 @@ write_vehicle("car.yaml", car, Effects())
 assert read_vehicle("car.yaml")[0] == car
 assert vehicle_hash(car, Effects()) != vehicle_hash(VehicleParameters(), Effects())
 """
-    assert run(tmp_path, program).stderr == ""
+    assert run(tmp_path, "-c", program).stderr == ""
     assert "tyre: smooth" in (tmp_path / "car.yaml").read_text()
 
 
@@ -123,9 +110,16 @@ assert vehicle_hash(car, Effects()) != vehicle_hash(VehicleParameters(), Effects
         ("odd", "stiff", "tyre odd (rubber:stiff): its derivative at a slip of"),
     ],
 )
-def test_one_that_cannot_be_used_is_one_sentence(tmp_path: Path, name: str, attribute: str, says: str) -> None:
+def test_one_that_cannot_be_used_is_named(tmp_path: Path, name: str, attribute: str, says: str) -> None:
     install(tmp_path, name, attribute)
-    done = run(tmp_path, "from drift_drake.cli import main; raise SystemExit(main(['effects']))")
+    said = refusal("rubber", tmp_path, installed_tyres.__wrapped__)
+    assert says in said
+    assert "\n" not in said
+
+
+def test_the_command_line_says_so_in_one_sentence(tmp_path: Path) -> None:
+    install(tmp_path, "brush", "smooth")
+    done = run(tmp_path, "-m", "drift_drake", "effects")
     assert (done.returncode, done.stdout) == (2, "")
-    assert says in done.stderr
+    assert "brush is there already" in done.stderr
     assert done.stderr.count("\n") == 1

@@ -70,7 +70,7 @@ def test_shares_of_the_gap_sum_to_one(late_day):
     assert sum(where["states"].values()) == pytest.approx(1.0)
     assert sum(where["runs"].values()) == pytest.approx(1.0)
     assert list(where["runs"]) == ["run_0", "run_1", "run_2", "run_3"]
-    assert all(0.0 <= t <= 8.0 for t in where["onset"].values())
+    assert all(0.0 <= t <= 6.0 for t in where["onset"].values())
     assert list(late_day.answer.details["reduction_by_horizon"]) == ["0.1 s", "0.2 s", "0.3 s", "0.4 s", "0.5 s"]
 
 

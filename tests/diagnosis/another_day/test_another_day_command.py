@@ -21,9 +21,11 @@ def write_day(folder, runs):
 
 @pytest.fixture(scope="module")
 def files(other_car, tmp_path_factory):
-    """The calibrated car as `identify` writes it, and a late day's logs."""
+    """The calibrated car as `identify` writes it, and logs of a late day and of half of it."""
     folder = tmp_path_factory.mktemp("days")
-    write_day(folder / "late", other_car.day({"steering_delay": 0.08}, 1))
+    late = other_car.day({"steering_delay": 0.08}, 1)
+    write_day(folder / "late", late)
+    write_day(folder / "half", late[:2])
     write_vehicle(folder / "car.yaml", other_car.found.vehicle, other_car.found.effects)
     (folder / "car.json").write_text(to_json({"normal": other_car.normal}))
     return folder
@@ -50,8 +52,8 @@ def test_identify_takes_several_days_and_writes_what_is_normal(other_car, tmp_pa
     assert len(normal["modes"]) == 4  # runs of both days
 
 
-def diagnose(files, *more):
-    return main(["diagnose", str(files / "late"), "--vehicle", str(files / "car.yaml"), "--calibration",
+def diagnose(files, *more, logs="late"):
+    return main(["diagnose", str(files / logs), "--vehicle", str(files / "car.yaml"), "--calibration",
                  str(files / "car.json"), "--quiet", "--workers", "1", *more])  # fmt: skip
 
 
@@ -86,7 +88,7 @@ def test_diagnose_names_the_cause_and_apply_writes_it(files, tmp_path, capsys):
 def test_an_excluded_effect_is_not_considered(files, tmp_path):
     answer = tmp_path / "late.json"
     code = diagnose(files, "--json", str(answer), "--effects", "steering_delay", "mass_error", "--exclude",
-                    "steering_delay")  # fmt: skip
+                    "steering_delay", logs="half")  # fmt: skip
     assert code == 0
     data = json.loads(answer.read_text())
     assert list(data["details"]["detection"]) == ["mass_error"]
@@ -122,7 +124,7 @@ def test_a_calibration_of_another_shape_is_refused(files, other_car, tmp_path, c
 
 def test_check_says_what_a_day_could_show_beside_what_is_normal(files, monkeypatch, capsys):
     monkeypatch.setattr(check_limits, "seen_effects", lambda _runs, _names: (["steering_delay", "gyro_bias"], []))
-    code = main(["check", str(files / "late"), "--vehicle", str(files / "car.yaml"), "--calibration",
+    code = main(["check", str(files / "half"), "--vehicle", str(files / "car.yaml"), "--calibration",
                  str(files / "car.json"), "--json", "-", "--workers", "1"])  # fmt: skip
     assert code == 0
     detection = json.loads(capsys.readouterr().out)["detection"]

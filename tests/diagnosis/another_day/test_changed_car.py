@@ -18,7 +18,7 @@ def change(name, magnitude, beside=None):
 @pytest.fixture(scope="module")
 def offset_by(other_car, searched):
     """A function: an offset [rad] put into a day's steering commands to the offset that is fitted."""
-    day = other_car.day({}, 5)
+    day = other_car.day({}, 5)[:2]
 
     def fitted(q):
         search = searched([dataclasses.replace(run, delta_cmd=run.delta_cmd - q) for run in day], SINGLE)

@@ -60,7 +60,7 @@ def state_rates(
     )
 
 
-@compiled
+@jitable
 def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
     rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
     for i, rate in enumerate(rates):
@@ -82,7 +82,7 @@ def between(values: Any, place: Any) -> Any:
     return values[i] + (place - i) * (values[i + 1] - values[i])
 
 
-@compiled
+@jitable
 def runge_kutta(
     z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:

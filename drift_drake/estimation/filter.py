@@ -17,6 +17,7 @@ from drift_drake.estimation.filter_state import (
     MEASURED,
     MIN_FILTER_SPEED,
     SIZE,
+    UNRELAXED,
     advance_row,
     first_state,
     linearise,
@@ -27,6 +28,7 @@ from drift_drake.estimation.filter_state import (
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import depends_on_heading
 
+STATE_OF = (0, 1, 2, 3, -1, -1, 4, 5, 6)  # that a channel measures alone; accelerations depend on several
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
 
 
@@ -34,16 +36,13 @@ UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip
 def measurement_matrix(effects: Any, h: Any) -> Any:
     """Derivatives h [9, 9] of the channels by the corrected states; the accelerations' rows are left zero."""
     for i in range(MEASURED):
-        if i < 4:
-            h[i, i] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
-        elif i >= 6:
-            h[i, i - 2] = 1.0
+        if STATE_OF[i] >= 0:
+            h[i, STATE_OF[i]] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
 
 
 @compiled
-def propagate(f: Any, process: Any, period: Any, p: Any, t: Any) -> Any:
-    """Covariance p [9, 9] a row later, in place, under the transition f; t is scratch."""
-    n = CORRECTED
+def propagate(f: Any, process: Any, period: Any, n: Any, p: Any, t: Any) -> Any:
+    """Covariance p of the first n states a row later, in place, under the transition f; t is scratch."""
     for i in range(n):
         for j in range(n):
             total = 0.0
@@ -62,24 +61,43 @@ def propagate(f: Any, process: Any, period: Any, p: Any, t: Any) -> Any:
 
 @compiled
 def update_covariance(
-    h: Any, noise: Any, used: Any, p: Any, gain: Any, whitening: Any, ph: Any, s: Any, low: Any, t: Any, scratch: Any
+    h: Any,
+    noise: Any,
+    used: Any,
+    n: Any,
+    p: Any,
+    gain: Any,
+    whitening: Any,
+    ph: Any,
+    s: Any,
+    low: Any,
+    t: Any,
+    scratch: Any,
 ) -> Any:
-    """Fills gain and whitening matrix [9, 9] of a measurement, and p with the covariance after it; the rest is scratch.
+    """Fills gain and whitening [9, 9] of a measurement, and p with the covariance after it of the first n states.
 
-    The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
+    The rest is scratch. The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
     """
-    n, m = CORRECTED, MEASURED
-    for i in range(n):
-        for j in range(m):
+    m = MEASURED
+    for j in range(m):
+        state = STATE_OF[j]
+        for i in range(n):
             total = 0.0
-            for c in range(n):
-                total += p[i, c] * h[j, c]
+            if state >= 0:
+                total = p[i, state] * h[j, state]
+            else:
+                for c in range(n):
+                    total += p[i, c] * h[j, c]
             ph[i, j] = total if used[j] else 0.0
     for i in range(m):
-        for j in range(m):
+        state = STATE_OF[i]
+        for j in range(i + 1):
             total = 0.0
-            for c in range(n):
-                total += h[i, c] * ph[c, j]
+            if state >= 0:
+                total = h[i, state] * ph[state, j]
+            else:
+                for c in range(n):
+                    total += h[i, c] * ph[c, j]
             s[i, j] = total if used[i] else 0.0
         s[i, i] += noise[i] if used[i] else 1.0
     for i in range(m):
@@ -116,6 +134,7 @@ def update_covariance(
             for c in range(m):
                 total += t[i, c] * t[j, c]
             scratch[i, j] = total
+    gain[n:] = 0.0
     for i in range(n):
         for j in range(i + 1):
             p[i, j] -= scratch[i, j]
@@ -147,6 +166,7 @@ def filter_run(
     h, ph, s, low = np.zeros((m, n)), np.zeros((n, m)), np.zeros((m, m)), np.zeros((m, m))
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
+    moving = CORRECTED if relaxed else UNRELAXED
     graded = depends_on_heading(effects)
     measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
@@ -161,8 +181,8 @@ def filter_run(
     whitening[: first + 1] = 0.0
     linearise(z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, jacobian)
     for row in range(first + 1, rows):
-        transition(jacobian, period, f, t, scratch)
-        propagate(f, process, period, p, t)
+        transition(jacobian, period, moving, f, t, scratch)
+        propagate(f, process, period, moving, p, t)
         advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
@@ -171,7 +191,7 @@ def filter_run(
         for j in range(n):
             h[4, j] = jacobian[SIZE, j]
             h[5, j] = jacobian[SIZE + 1, j]
-        update_covariance(h, noise, used, p, gain[row], whitening[row], ph, s, low, t, scratch)
+        update_covariance(h, noise, used, moving, p, gain[row], whitening[row], ph, s, low, t, scratch)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
 
 

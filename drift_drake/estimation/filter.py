@@ -229,10 +229,12 @@ def observe_run(
     whitening: Any,
     innovations: Any,
     states: Any,
+    known: Any,
 ) -> Any:
     """Innovations [rows, 9] of one run under frozen gains; `states` [rows, SIZE] receives the corrected states.
 
     Args:
+        known: corrected state [SIZE] at `first`; with zero numbers it is what the row measures.
         pushes: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
             none with zero rows.
         states: left alone if it has zero rows.
@@ -243,7 +245,10 @@ def observe_run(
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     predicted, nu, push = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, pushed = states.shape[0] == rows, pushes.shape[0] == rows
-    first_state(y, first, used, delta, torque, constants, effects, z)
+    if known.shape[0] == SIZE:
+        z[:] = known
+    else:
+        first_state(y, first, used, delta, torque, constants, effects, z)
     innovations[: first + 1] = 0.0
     if keep:
         states[: first + 1] = z

@@ -27,6 +27,7 @@ from drift_drake.estimation.filter_state import (
 )
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import depends_on_heading
+from drift_drake.vehicle.scalar import jitable
 
 STATE_OF = (0, 1, 2, 3, -1, -1, 4, 5, 6)  # that a channel measures alone; accelerations depend on several
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
@@ -59,25 +60,9 @@ def propagate(f: Any, process: Any, period: Any, n: Any, p: Any, t: Any) -> Any:
         p[i, i] += process[i] * period
 
 
-@compiled
-def update_covariance(
-    h: Any,
-    noise: Any,
-    used: Any,
-    n: Any,
-    p: Any,
-    gain: Any,
-    whitening: Any,
-    ph: Any,
-    s: Any,
-    low: Any,
-    t: Any,
-    scratch: Any,
-) -> Any:
-    """Fills gain and whitening [9, 9] of a measurement, and p with the covariance after it of the first n states.
-
-    The rest is scratch. The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
-    """
+@jitable
+def innovation_covariance(h: Any, noise: Any, used: Any, n: Any, p: Any, ph: Any, s: Any) -> Any:
+    """Fills s, lower triangle, with the innovations' covariance under p of the first n states, and ph with p h'."""
     m = MEASURED
     for j in range(m):
         state = STATE_OF[j]
@@ -100,6 +85,12 @@ def update_covariance(
                     total += h[i, c] * ph[c, j]
             s[i, j] = total if used[i] else 0.0
         s[i, i] += noise[i] if used[i] else 1.0
+
+
+@jitable
+def inverse_root(s: Any, low: Any, out: Any) -> Any:
+    """Fills out with the inverse of the Cholesky factor of s [9, 9], and low with the factor."""
+    m = MEASURED
     for i in range(m):
         for j in range(i + 1):
             total = s[i, j]
@@ -109,14 +100,28 @@ def update_covariance(
     for j in range(m):
         for i in range(m):
             if i < j:
-                whitening[i, j] = 0.0
+                out[i, j] = 0.0
             elif i == j:
-                whitening[i, j] = 1.0 / low[i, i]
+                out[i, j] = 1.0 / low[i, i]
             else:
                 total = 0.0
                 for c in range(j, i):
-                    total += low[i, c] * whitening[c, j]
-                whitening[i, j] = -total / low[i, i]
+                    total += low[i, c] * out[c, j]
+                out[i, j] = -total / low[i, i]
+
+
+@compiled
+def update_covariance(
+    h: Any, noise: Any, used: Any, n: Any, p: Any, gain: Any, whitening: Any, ph: Any, s: Any, low: Any, t: Any,
+    scratch: Any,
+) -> Any:  # fmt: skip
+    """Fills gain and whitening [9, 9] of a measurement, and p with the covariance after it of the first n states.
+
+    The rest is scratch. The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
+    """
+    m = MEASURED
+    innovation_covariance(h, noise, used, n, p, ph, s)
+    inverse_root(s, low, whitening)
     for i in range(n):
         for j in range(m):
             total = 0.0

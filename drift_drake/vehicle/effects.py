@@ -203,11 +203,9 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     f_xr, f_yr = tyre_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
-    drag, climb = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    f_x = (
-        f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - switched(climb, cos, psi) + force_x + own_x
-    )
-    f_y = f_y - drag * sin(beta) + switched(climb, sin, psi) + force_y + own_y
+    drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
+    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - switched(uphill, cos, psi)
+    f_x, f_y = f_x + force_x + own_x, f_y - drag * sin(beta) + switched(uphill, sin, psi) + force_y + own_y
     m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass

@@ -42,6 +42,11 @@ class Derivatives:
             yield e[at : at + len(block)]
             at += len(block)
 
+    def rows(self, kept: Sequence[np.ndarray]) -> "Derivatives":
+        """Those of some of each run's innovations [its count] bool."""
+        blocks = [block[mask] for block, mask in zip(self.blocks, kept, strict=True)]
+        return Derivatives(blocks, self.columns, self.parameters)
+
     def bordered(self, last: np.ndarray) -> np.ndarray:
         """The information [parameters + 1, parameters + 1] with one more parameter, of derivatives `last` [count]."""
         cross = np.append(self.pull(last), last @ last)

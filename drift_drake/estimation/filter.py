@@ -17,6 +17,7 @@ from drift_drake.estimation.filter_state import (
     MEASURED,
     MIN_FILTER_SPEED,
     SIZE,
+    UNRELAXED,
     advance_row,
     first_state,
     linearise,
@@ -26,7 +27,9 @@ from drift_drake.estimation.filter_state import (
 )
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import depends_on_heading
+from drift_drake.vehicle.scalar import jitable
 
+STATE_OF = (0, 1, 2, 3, -1, -1, 4, 5, 6)  # that a channel measures alone; accelerations depend on several
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
 
 
@@ -34,16 +37,13 @@ UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip
 def measurement_matrix(effects: Any, h: Any) -> Any:
     """Derivatives h [9, 9] of the channels by the corrected states; the accelerations' rows are left zero."""
     for i in range(MEASURED):
-        if i < 4:
-            h[i, i] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
-        elif i >= 6:
-            h[i, i - 2] = 1.0
+        if STATE_OF[i] >= 0:
+            h[i, STATE_OF[i]] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
 
 
 @compiled
-def propagate(f: Any, process: Any, period: Any, p: Any, t: Any) -> Any:
-    """Covariance p [9, 9] a row later, in place, under the transition f; t is scratch."""
-    n = CORRECTED
+def propagate(f: Any, process: Any, period: Any, n: Any, p: Any, t: Any) -> Any:
+    """Covariance p of the first n states a row later, in place, under the transition f; t is scratch."""
     for i in range(n):
         for j in range(n):
             total = 0.0
@@ -60,28 +60,37 @@ def propagate(f: Any, process: Any, period: Any, p: Any, t: Any) -> Any:
         p[i, i] += process[i] * period
 
 
-@compiled
-def update_covariance(
-    h: Any, noise: Any, used: Any, p: Any, gain: Any, whitening: Any, ph: Any, s: Any, low: Any, t: Any, scratch: Any
-) -> Any:
-    """Fills gain and whitening matrix [9, 9] of a measurement, and p with the covariance after it; the rest is scratch.
-
-    The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
-    """
-    n, m = CORRECTED, MEASURED
-    for i in range(n):
-        for j in range(m):
+@jitable
+def innovation_covariance(h: Any, noise: Any, used: Any, n: Any, p: Any, ph: Any, s: Any) -> Any:
+    """Fills s, lower triangle, with the innovations' covariance under p of the first n states, and ph with p h'."""
+    m = MEASURED
+    for j in range(m):
+        state = STATE_OF[j]
+        for i in range(n):
             total = 0.0
-            for c in range(n):
-                total += p[i, c] * h[j, c]
+            if state >= 0:
+                total = p[i, state] * h[j, state]
+            else:
+                for c in range(n):
+                    total += p[i, c] * h[j, c]
             ph[i, j] = total if used[j] else 0.0
     for i in range(m):
-        for j in range(m):
+        state = STATE_OF[i]
+        for j in range(i + 1):
             total = 0.0
-            for c in range(n):
-                total += h[i, c] * ph[c, j]
+            if state >= 0:
+                total = h[i, state] * ph[state, j]
+            else:
+                for c in range(n):
+                    total += h[i, c] * ph[c, j]
             s[i, j] = total if used[i] else 0.0
         s[i, i] += noise[i] if used[i] else 1.0
+
+
+@jitable
+def inverse_root(s: Any, low: Any, out: Any) -> Any:
+    """Fills out with the inverse of the Cholesky factor of s [9, 9], and low with the factor."""
+    m = MEASURED
     for i in range(m):
         for j in range(i + 1):
             total = s[i, j]
@@ -91,14 +100,28 @@ def update_covariance(
     for j in range(m):
         for i in range(m):
             if i < j:
-                whitening[i, j] = 0.0
+                out[i, j] = 0.0
             elif i == j:
-                whitening[i, j] = 1.0 / low[i, i]
+                out[i, j] = 1.0 / low[i, i]
             else:
                 total = 0.0
                 for c in range(j, i):
-                    total += low[i, c] * whitening[c, j]
-                whitening[i, j] = -total / low[i, i]
+                    total += low[i, c] * out[c, j]
+                out[i, j] = -total / low[i, i]
+
+
+@compiled
+def update_covariance(
+    h: Any, noise: Any, used: Any, n: Any, p: Any, gain: Any, whitening: Any, ph: Any, s: Any, low: Any, t: Any,
+    scratch: Any,
+) -> Any:  # fmt: skip
+    """Fills gain and whitening [9, 9] of a measurement, and p with the covariance after it of the first n states.
+
+    The rest is scratch. The whitening matrix is the inverse of the Cholesky factor of the innovations' covariance s.
+    """
+    m = MEASURED
+    innovation_covariance(h, noise, used, n, p, ph, s)
+    inverse_root(s, low, whitening)
     for i in range(n):
         for j in range(m):
             total = 0.0
@@ -116,6 +139,7 @@ def update_covariance(
             for c in range(m):
                 total += t[i, c] * t[j, c]
             scratch[i, j] = total
+    gain[n:] = 0.0
     for i in range(n):
         for j in range(i + 1):
             p[i, j] -= scratch[i, j]
@@ -147,6 +171,7 @@ def filter_run(
     h, ph, s, low = np.zeros((m, n)), np.zeros((n, m)), np.zeros((m, m)), np.zeros((m, m))
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
+    moving = CORRECTED if relaxed else UNRELAXED
     graded = depends_on_heading(effects)
     measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
@@ -161,8 +186,8 @@ def filter_run(
     whitening[: first + 1] = 0.0
     linearise(z, delta[STAGES * first], torque[STAGES * first], constants, effects, relaxed, graded, probe, jacobian)
     for row in range(first + 1, rows):
-        transition(jacobian, period, f, t, scratch)
-        propagate(f, process, period, p, t)
+        transition(jacobian, period, moving, f, t, scratch)
+        propagate(f, process, period, moving, p, t)
         advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
@@ -171,7 +196,7 @@ def filter_run(
         for j in range(n):
             h[4, j] = jacobian[SIZE, j]
             h[5, j] = jacobian[SIZE + 1, j]
-        update_covariance(h, noise, used, p, gain[row], whitening[row], ph, s, low, t, scratch)
+        update_covariance(h, noise, used, moving, p, gain[row], whitening[row], ph, s, low, t, scratch)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
 
 
@@ -209,10 +234,12 @@ def observe_run(
     whitening: Any,
     innovations: Any,
     states: Any,
+    known: Any,
 ) -> Any:
     """Innovations [rows, 9] of one run under frozen gains; `states` [rows, SIZE] receives the corrected states.
 
     Args:
+        known: corrected state [SIZE] at `first`; with zero numbers it is what the row measures.
         pushes: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
             none with zero rows.
         states: left alone if it has zero rows.
@@ -223,7 +250,10 @@ def observe_run(
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     predicted, nu, push = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, pushed = states.shape[0] == rows, pushes.shape[0] == rows
-    first_state(y, first, used, delta, torque, constants, effects, z)
+    if known.shape[0] == SIZE:
+        z[:] = known
+    else:
+        first_state(y, first, used, delta, torque, constants, effects, z)
     innovations[: first + 1] = 0.0
     if keep:
         states[: first + 1] = z

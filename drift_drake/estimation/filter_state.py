@@ -29,6 +29,8 @@ HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
 SIZE = 7 + HELD  # of z
 CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
+UNRELAXED = 7  # of the corrected, that are left where tyres do not relax: none moves by the others, nor do these
+FREE = 5  # of them, by which others move: none does by the place
 
 STABLE = 2.5  # rate times step up to which Runge-Kutta steps and the transition are stable
 MOST_SPLITS, MOST_SQUARINGS = 15, 8
@@ -60,7 +62,7 @@ def state_rates(
     )
 
 
-@compiled
+@jitable
 def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
     rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
     for i, rate in enumerate(rates):
@@ -82,7 +84,7 @@ def between(values: Any, place: Any) -> Any:
     return values[i] + (place - i) * (values[i + 1] - values[i])
 
 
-@compiled
+@jitable
 def runge_kutta(
     z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
@@ -182,12 +184,12 @@ def linearise(
 
 
 @compiled
-def transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) -> Any:
-    """exp(A period) to fourth order, A the first nine rows of the Jacobian.
+def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: Any) -> Any:
+    """exp(A period) to fourth order, A the first n rows and columns of the Jacobian.
 
     Where the rim settles too fast for that, of a part of the period, and squared back to the whole.
     """
-    n = CORRECTED
+    by = n if n > UNRELAXED else FREE
     squarings = 0
     while -jacobian[3, 3] * period > STABLE and squarings < MOST_SQUARINGS:
         period *= 0.5
@@ -198,13 +200,13 @@ def transition(jacobian: Any, period: Any, f: Any, power: Any, scratch: Any) -> 
             power[i, j] = f[i, j]
     for order in range(1, 5):
         for i in range(n):
-            for j in range(n):
+            for j in range(by):
                 total = 0.0
-                for m in range(n):
+                for m in range(by):
                     total += jacobian[i, m] * power[m, j]
                 scratch[i, j] = total * period / order
         for i in range(n):
-            for j in range(n):
+            for j in range(by):
                 power[i, j] = scratch[i, j]
                 f[i, j] += power[i, j]
     for _ in range(squarings):

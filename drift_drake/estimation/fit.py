@@ -86,7 +86,7 @@ def sensitivity(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequen
 def run_sensitivity(
     problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Those of one run [its count, columns], and the parameters that the columns are by.
+    """Those of one run [its count, columns], and the parameters that the columns are by; `gains` are those at theta.
 
     Parameters that do nothing under these effects are left out: of the commands before the first row, of a limiter.
     """
@@ -96,7 +96,7 @@ def run_sensitivity(
         len(NUISANCES) + 2 * index + kind for kind, under in enumerate(START_MATTERS) if under.intersection(names)
     ]
     columns = [*shared, *starts, *range(problem.nuisances, len(theta))]
-    base, moved = _innovations(problem, gains, theta, names, index), []
+    base, moved = counted(problem, problem.runs[index], gains.innovations[index]).ravel(), []
     for column in columns:
         there, step = _moved(problem, theta, names, column)
         moved.append((_innovations(problem, gains, there, names, index) - base) / step)

@@ -16,7 +16,7 @@ import numpy as np
 
 from drift_drake.estimation.filter_state import SIZE
 from drift_drake.estimation.fit import prior_precision, run_sensitivity
-from drift_drake.estimation.problem import Gains, Problem, car, counted, filter_case, observe
+from drift_drake.estimation.problem import NO_STATE, Gains, Problem, car, counted, filter_case, first_row, observe
 from drift_drake.estimation.regression import SENSORS, Regression, Responses, equations, regress
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
@@ -101,12 +101,15 @@ def pulses(rows: int, period: float) -> np.ndarray:
     return np.maximum(1.0 - np.abs(t[:, None] - centres) / width, 0.0)
 
 
-def pushed(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+def pushed(
+    problem: Problem, gains: Gains, fit: Fitted, index: int, states: np.ndarray, shapes: np.ndarray
+) -> np.ndarray:
     """Derivatives of one run's innovations that count by the weights of shapes in time [rows, shapes] in each channel.
 
-    The columns [count, channels * shapes] are those of the first channel, then of the next.
+    Where a shape has not begun nothing has changed: each rollout starts from there, from the fit's corrected states
+    [rows, SIZE]. The columns [count, channels * shapes] are those of the first channel, then of the next.
     """
-    run, units = problem.runs[index], force_units(problem)
+    run, units, base = problem.runs[index], force_units(problem), gains.innovations[index]
     out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
     for column, (channel, shape) in enumerate(itertools.product(range(len(FORCE_CHANNELS)), shapes.T)):
         push = np.zeros((len(base), 3))
@@ -115,8 +118,12 @@ def pushed(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.nda
             push[:, channel] = units[channel] * shape
         else:
             torque = units[channel] / problem.nominal.gear_ratio * shape
-        e = observe(problem, gains, fit.theta, fit.names, index, push=push, extra_torque=torque)
-        out[:, column] = counted(problem, run, e - base).ravel()
+        since = int(np.argmax(shape != 0.0)) - 1
+        since, known = (since, states[since]) if since > first_row(run, fit.names) else (0, NO_STATE)
+        e = observe(problem, gains, fit.theta, fit.names, index, push, torque, since=since, known=known)
+        change = np.zeros_like(base)
+        change[since + 1 :] = e[1:] - base[since + 1 :]
+        out[:, column] = counted(problem, run, change).ravel()
     return out
 
 
@@ -144,7 +151,7 @@ def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
         base = gains.innovations[i]
         states = filtered_states(problem, gains, fit, i)
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states, i)
-        d = pushed(problem, gains, fit, i, base, shapes)
+        d = pushed(problem, gains, fit, i, states, shapes)
         channel_of = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
         if kind == "functions":
             offsets = offset_responses(problem, gains, fit, i, base)

@@ -64,16 +64,25 @@ def roll_out(
 
 
 def predictions(
-    problem: Problem, theta: np.ndarray, names: Sequence[str], index: int, gains: Gains | None = None
+    problem: Problem,
+    theta: np.ndarray,
+    names: Sequence[str],
+    index: int,
+    gains: Gains | None = None,
+    starts: np.ndarray | None = None,
 ) -> Predictions:
-    """Prediction errors of one run under a hypothesis, restarted every tenth of a second from its own filter."""
+    """Prediction errors of one run under a hypothesis, restarted from its own filter.
+
+    Args:
+        gains: at theta, if they are known; starts: first rows, every tenth of a second by default.
+    """
     gains = gains if gains is not None else filter_case(problem, theta, names)
     run = problem.runs[index]
     constants, effects = car(problem, theta, names)
     states = np.empty((len(run.y), SIZE))
     observe(problem, gains, theta, names, index, states=states)
     delta, torque = run_commands(problem, index, theta, effects)
-    starts = start_rows(run)
+    starts = start_rows(run) if starts is None else starts
     steps = np.array([max(round(h / run.period), 1) for h in HORIZONS])
     out = np.empty((len(starts), len(steps), MEASURED))
     roll_out(states, starts, steps, delta, torque, run.period, constants, without_actuators(effects), out)

@@ -271,18 +271,22 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
 
 
 NO_ROWS = np.empty((0, SIZE))
+NO_STATE = np.empty(0)
 NO_PUSH = np.empty((0, 3))
 
 
 def observe(
     problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
     push: np.ndarray = NO_PUSH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
+    since: int = 0, known: np.ndarray = NO_STATE,
 ) -> np.ndarray:  # fmt: skip
     """Whitened innovations [rows, 9] of one run under frozen gains.
 
     Args:
         push: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
-        states: filled with the corrected states, if it has a row for each of the run's.
+        states: filled with the corrected states, if it has a row for each of the run's;
+        since, known: row that it starts from, and the corrected state [SIZE] there; innovations are those from it on,
+            the first zero.
     """
     run = problem.runs[index]
     constants, effects = car(problem, theta, names)
@@ -290,12 +294,13 @@ def observe(
     if extra_torque is not None:
         grid = np.arange(len(torque)) / STAGES
         torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
-    e = np.empty((len(run.y), MEASURED))
+    e = np.empty((len(run.y) - since, MEASURED))
     observe_run(
-        run.y, first_row(run, names), run.used, delta, torque, run.period, constants, without_actuators(effects), push,
-        gains.gain[index], gains.whitening[index], e, states,
+        run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
+        torque[STAGES * since :], run.period, constants, without_actuators(effects), push[since:],
+        gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
     )  # fmt: skip
-    return e if run.trace is None else e + run.trace
+    return e if run.trace is None else e + run.trace[since:]
 
 
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:

@@ -1,12 +1,12 @@
 """How far the gap shrinks on parts of runs that were not used to fit, with an interval."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from drift_drake.estimation.everyday import with_more_process_noise
-from drift_drake.estimation.fit import Fit, fit
+from drift_drake.estimation.fit import Fit, minimise, sensitivity
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
 from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations
@@ -65,28 +65,42 @@ def with_folds(sums: Sequence[Equations], run: RunData, measured: Responses, par
     return [summed_equations(pair) for pair in zip(sums, parts, strict=True)] if sums else parts
 
 
-def held_out_fit(problem: Problem, fitted: Fit, fold: int) -> Fit:
-    """The fit without one fold's rows, all runs' blocks of which go uncounted."""
-    runs = [dataclasses.replace(run, counted=run.counted & (fold_of(run) != fold)) for run in problem.runs]
-    kept = problem.replace(runs=runs, exactness=fitted.exactness)
-    return fit(kept, fitted.names, fitted.theta, iterations=3)
+def held_out_thetas(problem: Problem, fitted: Fit) -> Iterator[np.ndarray]:
+    """For each fold the parameters fitted without its rows, all runs' blocks of which go uncounted."""
+    held, names = problem.replace(exactness=fitted.exactness), fitted.names
+    # A fit's derivatives do not depend on which rows count: those at the start are made once for all folds.
+    jacobian = sensitivity(held, filter_case(held, fitted.theta, names), fitted.theta, names)
+    for fold in range(FOLDS):
+        runs = [dataclasses.replace(run, counted=run.counted & (fold_of(run) != fold)) for run in problem.runs]
+        kept = jacobian.rows([measured_fold(run) != fold for run in problem.runs])
+        yield minimise(held.replace(runs=runs), names, fitted.theta, iterations=3, jacobian=kept).theta
 
 
-def errors_of(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> list[np.ndarray]:
-    """Squared prediction errors [starts, horizons, states] of each run, capped."""
+def errors_of(
+    problem: Problem, theta: np.ndarray, names: Sequence[str], starts: Sequence[np.ndarray] | None = None
+) -> list[np.ndarray]:
+    """Squared prediction errors [starts, horizons, states] of each run, capped.
+
+    Args:
+        starts: first rows of each run's predictions; `start_rows` by default.
+    """
     rough = with_more_process_noise(problem)
     gains = filter_case(rough, theta, names)
-    return [np.minimum(predictions(rough, theta, names, i, gains).squares, WORST) for i in range(len(problem.runs))]
+    starts = [start_rows(run) for run in problem.runs] if starts is None else starts
+    return [
+        np.minimum(predictions(rough, theta, names, i, gains, some).squares, WORST) for i, some in enumerate(starts)
+    ]
 
 
 def held_out_errors(problem: Problem, fitted: Fit) -> list[np.ndarray]:
     """The same, each start predicted by the fit that its fold was held out of."""
-    out = errors_of(problem, fitted.theta, fitted.names)
-    for fold in range(FOLDS):
-        again = errors_of(problem, held_out_fit(problem, fitted, fold).theta, fitted.names)
-        for run, into, errors in zip(problem.runs, out, again, strict=True):
-            held = fold_of(run)[start_rows(run)] == fold
-            into[held] = errors[held]
+    starts = [start_rows(run) for run in problem.runs]
+    out = [np.empty((len(rows), len(HORIZONS), len(STATES))) for rows in starts]
+    for fold, theta in enumerate(held_out_thetas(problem, fitted)):
+        held = [fold_of(run)[rows] == fold for run, rows in zip(problem.runs, starts, strict=True)]
+        own = [rows[mask] for rows, mask in zip(starts, held, strict=True)]
+        for into, mask, errors in zip(out, held, errors_of(problem, theta, fitted.names, own), strict=True):
+            into[mask] = errors
     return out
 
 

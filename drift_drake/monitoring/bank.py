@@ -150,8 +150,8 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     predicted, nu = np.zeros(m), np.zeros(m)
     state.commands[:-1] = state.commands[1:].copy()
     state.commands[-1] = command
-    transition(state.jacobian, bank.period, f, t, scratch)
-    propagate(f, bank.process, bank.period, state.p, t)
+    transition(state.jacobian, bank.period, n, f, t, scratch)
+    propagate(f, bank.process, bank.period, n, state.p, t)
     for j in range(len(state.z)):
         effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
@@ -162,7 +162,7 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
             _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)
             measurement_matrix(effects, h)
             h[4, :n], h[5, :n] = state.jacobian[SIZE], state.jacobian[SIZE + 1]
-            update_covariance(h, bank.noise, used, state.p, gain, whitening, ph, s, low, t, scratch)
+            update_covariance(h, bank.noise, used, n, state.p, gain, whitening, ph, s, low, t, scratch)
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
 
 

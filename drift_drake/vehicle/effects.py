@@ -22,7 +22,7 @@ from drift_drake.vehicle.bicycle import (
 from drift_drake.vehicle.installed import installed_effects
 from drift_drake.vehicle.joined import joined_physics
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, tanh
+from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh
 from drift_drake.vehicle.tyre import tyre_force
 
 SLIDING_SPEED_SCALE = 3.0  # [m/s] over which sliding friction drops
@@ -136,9 +136,15 @@ def steering_rate(steering: Any, delta: Any, q: Effects) -> Any:
 
 
 @jitable
+def sliding_share(sliding_speed: Any) -> Any:
+    """Share of the sliding friction's drop that is there at a sliding speed [m/s]."""
+    return 1.0 - exp(-sliding_speed / SLIDING_SPEED_SCALE)
+
+
+@jitable
 def tyre_friction(friction: Any, sliding_speed: Any, heat: Any, a_y: Any, p: Constants, q: Effects) -> Any:
     """Friction of an axle after sliding, heat and lateral load transfer."""
-    sliding = 1.0 - q.sliding_friction_drop * (1.0 - exp(-sliding_speed / SLIDING_SPEED_SCALE))
+    sliding = 1.0 - switched(q.sliding_friction_drop, sliding_share, sliding_speed)
     lateral = 1.0 - q.lateral_load_transfer * (a_y / p.gravity) * (a_y / p.gravity)
     return maximum(friction * sliding * lateral * (1.0 - q.tyre_thermal_fade * heat), 0.05)
 
@@ -198,13 +204,13 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - uphill * cos(psi) + force_x + own_x
-    f_y = f_y - drag * sin(beta) + uphill * sin(psi) + force_y + own_y
+    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - switched(uphill, cos, psi)
+    f_x, f_y = f_x + force_x + own_x, f_y - drag * sin(beta) + switched(uphill, sin, psi) + force_y + own_y
     m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
-    axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
+    axle_torque = p.gear_ratio * torque - switched(q.drivetrain_friction, tanh, omega_r)
     omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
     rates = (

@@ -14,8 +14,12 @@ from numba.extending import overload, register_jitable
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from pydrake.symbolic import Expression, if_then_else
 
-jitable = register_jitable
-"""Marks a plain Python function as callable from compiled code; the function itself is left as it is."""
+jitable = register_jitable(forceinline=True)
+"""Marks a plain Python function as callable from compiled code; the function itself is left as it is.
+
+It is compiled into what calls it, however long it is: the equations take some fifty numbers, which cost as much to hand
+over as to compute with, and what the caller does not use of the results is not computed.
+"""
 
 
 def _on_objects(x: Any, ufunc: np.ufunc) -> Any:
@@ -68,7 +72,7 @@ def _compile_as(function: Any, ufunc: Any, complex_step: Any) -> None:
     The imaginary part of a complex step is so small that its square is nothing beside the real part: there the
     function's value and slope at the real part are exact, and several times faster than the complex function.
     """
-    stepped = register_jitable(complex_step)
+    stepped = jitable(complex_step)
 
     def choose(x):  # type: ignore[no-untyped-def]
         return (lambda x: stepped(x)) if isinstance(x, types.Complex) else (lambda x: ufunc(x))
@@ -156,3 +160,13 @@ def absolute(x: Any) -> Any:
 def norm2(x: Any, y: Any) -> Any:
     """Length of (x, y), smooth at the origin: the 1e-9 keeps the derivative finite there and changes no value."""
     return sqrt(x * x + y * y + 1e-18)
+
+
+def switched(factor: Any, function: Any, x: Any) -> Any:
+    """factor * function(x), of which compiled code leaves the function out where the factor is zero."""
+    return factor * function(x)
+
+
+@overload(switched)
+def _switched(factor, function, x):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    return lambda factor, function, x: factor * function(x) if factor != 0.0 else factor * (0.0 * x)

@@ -1,13 +1,15 @@
 """Free-form forces: silent beside the right hypothesis, loud beside a wrong one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.fit import fit
-from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.freeform import filtered_states, force_units, misfit, pulses, pushed
+from drift_drake.estimation.problem import counted, filter_case, make_problem, observe
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -24,3 +26,16 @@ def test_a_crosswind_is_left_beside_the_nominal_car():
     problem = make_problem(runs, VehicleParameters())
     nothing = fit(problem, (), np.zeros(problem.nuisances))
     assert misfit(problem, nothing, "pulses").gain > 50.0
+
+
+def test_a_push_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffness_case):
+    problem = make_problem(stiffness_case[1], VehicleParameters())
+    theta = np.zeros(problem.nuisances)
+    nominal, gains = SimpleNamespace(names=(), theta=theta), filter_case(problem, theta, ())
+    shapes = pulses(len(problem.runs[0].y), problem.runs[0].period)[:, [0, 4]]
+    found = pushed(problem, gains, nominal, 0, filtered_states(problem, gains, nominal, 0), shapes)
+    for column, shape in enumerate(shapes.T):
+        push = np.zeros((len(shape), 3))
+        push[:, 0] = force_units(problem)[0] * shape
+        change = observe(problem, gains, theta, (), 0, push=push) - gains.innovations[0]
+        np.testing.assert_array_equal(found[:, column], counted(problem, problem.runs[0], change).ravel())

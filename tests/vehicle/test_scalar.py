@@ -76,3 +76,14 @@ def test_norm_is_smooth_at_the_origin_and_exact_away_from_it():
     at_origin = scalar.norm2(AutoDiffXd(0.0, np.array([1.0])), AutoDiffXd(0.0, np.array([0.0])))
     assert at_origin.derivatives()[0] == 0.0
     assert at_origin.value() == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.0, 2.0, complex(0.0, 1e-20)])
+def test_switched_is_the_product_also_where_compiled_code_leaves_the_function_out(factor):
+    @compiled
+    def run(factor, x):
+        return scalar.switched(factor, scalar.tanh, x)
+
+    for x in (0.7, complex(0.7, 1e-20)):
+        assert run(factor, x) == pytest.approx(scalar.switched(factor, scalar.tanh, x), rel=1e-15, abs=1e-40)
+    assert run(0.0, 0.7) == 0.0

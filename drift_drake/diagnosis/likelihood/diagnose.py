@@ -29,6 +29,7 @@ from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.usable import usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
+from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -51,6 +52,7 @@ class Diagnosis:
     lacking: Regression  # pulses that the car without effects lacks
 
 
+@one_blas_thread()
 def diagnose(
     runs: Sequence[Run],
     vehicle: VehicleParameters,

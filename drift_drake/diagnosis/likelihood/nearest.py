@@ -13,7 +13,7 @@ from drift_drake.estimation.fit import Fit, prior_precision
 from drift_drake.estimation.freeform import responses
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import Problem, filter_case, flat
-from drift_drake.estimation.reduction import folds, held_out_fit, with_folds
+from drift_drake.estimation.reduction import folds, held_out_thetas, with_folds
 from drift_drake.estimation.regression import Equations, left_over, regress, solve_equations, summed_equations
 
 
@@ -39,8 +39,8 @@ def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dic
     """
     before = squares(problem, np.zeros(problem.nuisances), (), all_rows(problem))
     known = sum(
-        squares(problem, held_out_fit(problem, fit, fold).theta, fit.names, rows)
-        for fold, rows in enumerate(folds(problem))
+        squares(problem, theta, fit.names, rows)
+        for theta, rows in zip(held_out_thetas(problem, fit), folds(problem), strict=True)
     )
     return Nearest(name, magnitudes, 1.0 - known / before, 1.0 - free_squares(problem, nothing) / before)
 

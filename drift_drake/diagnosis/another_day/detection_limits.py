@@ -50,7 +50,7 @@ def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, Detec
 def shifts_of(curve: Curve, at_zero: np.ndarray, root: np.ndarray, r: Range) -> Shifts:
     """A curve's shifts, whitened, within its effect's range."""
     q, s = curve.fine()
-    allowed = (np.abs(q) >= r.least * (1.0 - 1e-9)) & (q >= r.low) & (q <= r.high)
+    allowed = r.allows(q)
     return Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root)
 
 

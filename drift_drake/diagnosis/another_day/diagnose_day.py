@@ -89,7 +89,6 @@ def diagnose_day(
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     none, others = hypotheses_of(search, tell)
-    others += not_excluded(search)
     tell("how far it shrinks", 0.8)
     found, shrinks = ranked_hypotheses(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
@@ -121,18 +120,19 @@ def diagnose_day(
 
 
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
-    """The car as it was calibrated, and the leading single changes and pairs of them, judged at the changed car."""
+    """The car as it was calibrated; leading changes, judged at the changed car, and singles that are not excluded."""
     none = search.none()
     singles = search.singles(lambda share: tell("single effects", 0.1 + 0.3 * share))
+    unshown = not_excluded(search, singles)
     leading = judged(search, [h for h in singles if tells_from_zero(h)][:SINGLES])
     tell("single effects", 0.5)
     if min(h.nats for h in (none, *leading)) <= WORTH_A_PAIR:
-        return none, leading
+        return none, [*leading, *unshown]
     first = [h.names for h in leading]
     singles = [*leading, *(h for h in singles if h.names not in first)]
     pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.5 + 0.2 * share))
     pairs = judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])
-    return none, [*leading, *(h for h in pairs if tells_from_zero(h))]
+    return none, [*leading, *(h for h in pairs if tells_from_zero(h)), *unshown]
 
 
 def details_of(

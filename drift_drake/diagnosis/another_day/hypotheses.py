@@ -264,9 +264,7 @@ class Curve:
     def best(self, search: Search) -> tuple[float, float]:
         """Most likely magnitude that is a gap, and its nats."""
         q, s = self.fine()
-        r = search.ranges[self.name]
-        allowed = (np.abs(q) >= r.least * (1.0 - 1e-9)) & (q >= r.low) & (q <= r.high)
-        nats = np.where(allowed, search.nats(s), np.inf)
+        nats = np.where(search.ranges[self.name].allows(q), search.nats(s), np.inf)
         i = int(np.argmin(nats))
         return float(q[i]), float(nats[i])
 

@@ -5,6 +5,7 @@ is believed to be is part of the probabilities, of `none` and of the ambiguity s
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,16 +13,12 @@ from drift_drake.diagnosis.another_day.hypotheses import Curve, Hypothesis, Sear
 from drift_drake.diagnosis.another_day.posterior import tells_from_zero
 
 
-def not_excluded(search: Search) -> list[Hypothesis]:
-    """Those of the search's curves, each effect at its best, with their evidence over all magnitudes."""
-    best: dict[str, tuple[Curve, Hypothesis]] = {}
-    for curve in search.curves:
-        h = curve.hypothesis(search)
-        if curve.name not in best or h.log_evidence > best[curve.name][1].log_evidence:
-            best[curve.name] = curve, h
+def not_excluded(search: Search, singles: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Those of the search's single effects, with their evidence over all magnitudes."""
+    curves = {(curve.name, curve.follows): curve for curve in search.curves}
     return [
-        dataclasses.replace(h, log_evidence=evidence_over(curve, search))
-        for curve, h in best.values()
+        dataclasses.replace(h, log_evidence=evidence_over(curves[h.names[0], h.follows_load], search))
+        for h in singles
         if not tells_from_zero(h)
     ]
 
@@ -33,7 +30,6 @@ def evidence_over(curve: Curve, search: Search) -> float:
     """
     r = search.ranges[curve.name]
     q, s = curve.fine()
-    allowed = (np.abs(q) >= r.least * (1.0 - 1e-9)) & (q >= r.low) & (q <= r.high)
-    log_density = np.where(allowed, -search.nats(s) - unusual(q, r) - np.log(r.width), -np.inf)
+    log_density = np.where(r.allows(q), -search.nats(s) - unusual(q, r) - np.log(r.width), -np.inf)
     top = float(np.max(log_density))
     return top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))

@@ -34,6 +34,10 @@ class Range:
         below = max(-self.low - self.least, 0.0) if self.low < 0.0 else 0.0
         return max(self.high - self.least, 0.0) + below
 
+    def allows(self, q: np.ndarray) -> np.ndarray:
+        """Which magnitudes [m] are within bounds and a gap [m] (bool)."""
+        return np.asarray((np.abs(q) >= self.least * (1.0 - 1e-9)) & (q >= self.low) & (q <= self.high))
+
 
 def range_of(name: str, vehicle: VehicleParameters) -> Range:
     """Magnitudes of an effect that would be a gap, and are believed possible."""

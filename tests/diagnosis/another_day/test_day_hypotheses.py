@@ -155,10 +155,10 @@ def test_evidence_of_what_is_not_excluded_is_integrated_over_its_magnitudes(trut
 def test_what_logs_show_is_not_among_what_they_do_not_exclude():
     blunt, sharp = Linear([3.0, 4.0], 0.05), Linear([30.0, 40.0], 0.1)
     blunt.curves, sharp.curves = [blunt_curve(blunt)], [blunt_curve(sharp)]
-    (h,) = not_excluded(blunt)
+    (h,) = not_excluded(blunt, [curve.hypothesis(blunt) for curve in blunt.curves])
     assert h.names == ("mass_error",)
     assert not tells_from_zero(h)
-    assert not_excluded(sharp) == []
+    assert not_excluded(sharp, [curve.hypothesis(sharp) for curve in sharp.curves]) == []
 
 
 def test_what_is_not_excluded_makes_none_less_certain_and_is_not_named():
@@ -166,7 +166,7 @@ def test_what_is_not_excluded_makes_none_less_certain_and_is_not_named():
     search.curves = [blunt_curve(search)]
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 0.0, 0.0)
     alone = ranked([none], 1, PRIORS).probabilities
-    found = ranked([none, *not_excluded(search)], 1, PRIORS)
+    found = ranked([none, *not_excluded(search, [curve.hypothesis(search) for curve in search.curves])], 1, PRIORS)
     assert found.verdict == "none"
     assert found.probabilities["none"] < alone["none"]
     # A single effect's whole prior beside that of none: the logs say nothing of either.

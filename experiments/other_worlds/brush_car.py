@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.delays import commands_at
+from drift_drake.vehicle.double_track.rollout import runge_kutta_row
 from drift_drake.vehicle.effects import Effects, steering_rate
 from drift_drake.vehicle.scalar import jitable
 
-PERIOD = 0.01  # [s] of the rows
-SUBSTEPS = 10  # RK4 steps a row; rear wheels settle in their tyres within 1.5 ms or more
 STATES = ("u", "w", "r", "psi", "x", "y", "rim_left", "rim_right", "steering", "torque", "a_x", "a_y", "a_y_rate",
           "slip_front", "slip_rear")  # fmt: skip
 LEAST_SPEED, LEAST_LOAD, DEFINITE = 0.3, 1e-3, 1e-9  # [m/s], share of a static load, [-]
@@ -159,20 +157,7 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
 
 @compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    """States z a row later, in place, by RK4; returns (a_x, a_y) there."""
-    h, n, last = PERIOD / SUBSTEPS, len(z), row + 1
-    k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    for i in range(SUBSTEPS):
-        a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
-        begin = commands_at(delta, tau, a, last, PERIOD, q)
-        middle = commands_at(delta, tau, b, last, PERIOD, q)
-        end = commands_at(delta, tau, c, last, PERIOD, q)
-        rates(z, begin[0], begin[1], p, q, k1)
-        rates(z + 0.5 * h * k1, middle[0], middle[1], p, q, k2)
-        rates(z + 0.5 * h * k2, middle[0], middle[1], p, q, k3)
-        rates(z + h * k3, end[0], end[1], p, q, k4)
-        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return rates(z, end[0], end[1], p, q, k1)
+    return runge_kutta_row(rates, z, row, delta, tau, p, q)
 
 
 Array = NDArray[np.float64]

@@ -14,9 +14,10 @@ from scipy.signal import lfilter
 from drift_drake.benchmarks.compiled_cases import NOISE, sensed
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
+from drift_drake.vehicle.double_track.rollout import PERIOD
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.other_worlds.brush_car import PERIOD, STATES, BrushCar, advance
+from experiments.other_worlds.brush_car import STATES, BrushCar, advance
 from experiments.other_worlds.drivers import SLOWEST, SPIN, ScaledDriver
 
 BRUSH_CARS = {

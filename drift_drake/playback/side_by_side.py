@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, Leaf
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.logs.driving import SPUN, driven, slowest
+from drift_drake.logs.driving import SPUN, driven, slowest, spans
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
@@ -250,10 +250,8 @@ def windows(driven: NDArray[np.bool_], rows: int) -> list[tuple[int, int]]:
 
     Within a driven stretch each begins where the last one ended.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], driven, [False]]).astype(int)))
     found = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        starts = range(begin, end - 1, rows) if rows > 0 else [begin]
-        found += [(int(first), int(min(first + rows, end - 1) if rows > 0 else end - 1)) for first in starts
-                  if end - begin > 1]  # fmt: skip
+    for begin, end in spans(driven):
+        step = rows if rows > 0 else len(driven)
+        found += [(first, min(first + step, end - 1)) for first in range(begin, end - 1, step)]
     return found

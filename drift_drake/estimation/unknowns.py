@@ -11,7 +11,7 @@ import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, changed_constants
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
 FIELDS = {  # of the vehicle file, that an effect is a deviation of
@@ -19,17 +19,18 @@ FIELDS = {  # of the vehicle file, that an effect is a deviation of
     "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
     "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
 }  # fmt: skip
-BROAD = {  # standard deviations where the vehicle file states no tolerance
-    "mass_error": 0.2,
-    "yaw_inertia_error": 0.3,
-    "cg_shift": 0.05,  # of the wheelbase
-    "drivetrain_inertia_error": 0.5,
-    "torque_gain_error": 0.2,
-    "friction_level": 0.3,
-    "front_stiffness_error": 0.5,
-    "rear_stiffness_error": 0.5,
-    "steering_offset": 0.02,
-}
+BROAD = Tolerance(  # standard deviations where the vehicle file states no tolerance
+    mass=0.2,
+    yaw_inertia=0.3,
+    front_axle_distance=0.05,  # of the wheelbase here
+    wheel_radius=0.05,
+    rear_axle_inertia=0.5,
+    torque=0.2,
+    friction=0.3,
+    front_stiffness=0.5,
+    rear_stiffness=0.5,
+    steering_offset=0.02,
+)
 CAUTION = 2.0  # stated tolerances that a first guess may be off, as one standard deviation
 LEAST = -0.8  # relative deviation, below which a mass, an inertia or a stiffness makes no car
 LEAST_SHARE = 0.15  # of the wheelbase, between an axle and the centre of gravity
@@ -63,7 +64,7 @@ def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str], own: 
     size = max(abs(bottom), abs(top))
     if info.tolerance:
         wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-        prior = BROAD[name] * (wheelbase if name == "cg_shift" else 1.0)
+        prior = getattr(BROAD, info.tolerance) * (wheelbase if name == "cg_shift" else 1.0)
         if info.tolerance in stated:
             prior = CAUTION * max(float(getattr(vehicle.tolerance, info.tolerance)), 1e-6)
         low, high = LEAST, -5.0 * LEAST

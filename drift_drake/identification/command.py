@@ -15,7 +15,7 @@ from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
 from drift_drake.progress import progress_bar
-from drift_drake.safe_files import try_outputs
+from drift_drake.safe_files import try_outputs, write_text
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
@@ -88,14 +88,15 @@ def run_identify(command: Identify) -> None:
     if command.json is not None:
         write_results(command.json, with_normal_scores(found, days.runs))
     if command.report is not None:
-        from drift_drake.identification.report import write_report  # plotly is slow to import
+        from drift_drake.identification.report import report_html  # plotly is slow to import
         from drift_drake.pages.page import Source
 
         said = command_line("identify", command, "logs")
         calibration = None if command.json == STANDARD_OUTPUT else command.json
         vehicle_file = command.out or command.vehicle
         folder = command.logs[0] if len(command.logs) == 1 else None  # of several, the command says which
-        write_report(found, command.report, Source(said, folder, vehicle_file, calibration))
+        source = Source(said, folder, vehicle_file, calibration)
+        write_text(command.report, report_html(found, source))
 
 
 def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":

@@ -25,7 +25,7 @@ from experiments.gathering import beliefs
 from experiments.settings import OtherExperimentError
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
-SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)
+SHORT = GatheringConfig(steps=10, v_end=9.0, starts=1)
 
 
 def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
@@ -44,7 +44,7 @@ def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
 
 @pytest.fixture(autouse=True)
 def short_course(monkeypatch: pytest.MonkeyPatch) -> None:
-    course = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=12.0)
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
+from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
@@ -111,8 +111,8 @@ def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path
 
 def test_a_missing_engine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(NoClusterError, match="pip install"), make_executor(ExecutorConfig(executor="dask")):
-        pass
+    with pytest.raises(NoClusterError, match="pip install"):
+        run_jobs(ExecutorConfig(executor="dask"), abs, [1], lambda _job, _result: None, "job")
 
 
 def test_as_in_the_paper_is_the_papers_model_and_gathering() -> None:

@@ -52,12 +52,11 @@ class Unknown:
     start: float
 
 
-def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str], own: float = 0.0) -> Unknown:
+def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> Unknown:
     """What is believed of one effect before the logs.
 
     Args:
-        vehicle: the first guess; stated: tolerances that its file states (`Tolerance`'s names), believed with caution;
-        own: the first guess's magnitude of this effect.
+        vehicle: the first guess; stated: tolerances that its file states (`Tolerance`'s names), believed with caution.
     """
     info = CATALOGUE[name]
     bottom, top = info.range_for(vehicle)
@@ -73,11 +72,11 @@ def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str], own: 
             high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase
         elif name == "steering_offset":
             low, high = -FURTHEST * size, FURTHEST * size
-        return Unknown(name, min(size, prior), prior, low, high, own)
+        return Unknown(name, min(size, prior), prior, low, high, 0.0)
     low = -FURTHEST * size if info.signed else 0.0
     if name == "tyre_relaxation":
         low = SHORTEST_RELAXATION * (vehicle.front_axle_distance + vehicle.rear_axle_distance)
-    start = own if info.signed or own > 0.0 else max(FIRST_SHARE * size, low)
+    start = 0.0 if info.signed else max(FIRST_SHARE * size, low)
     return Unknown(name, size, size, low, FURTHEST * size, start)
 
 

@@ -52,7 +52,6 @@ def time_series(
     reference: Reference,
     parameters: VehicleParameters,
     against: Literal["t", "s"] | None = None,
-    title: str = "",
 ) -> Figure:
     """Draws states against the reference, inputs with their bounds, and tracking errors; transitions in grey.
 
@@ -61,7 +60,6 @@ def time_series(
         reference: looked up at each run's path position.
         parameters: for the inputs' limits.
         against: time, or path position, which lines several runs up; by default time for one run, else position.
-        title: of the picture.
 
     Raises:
         ValueError: there is no run; a run lacks a column or has no row.
@@ -93,8 +91,6 @@ def time_series(
         axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
     legend_above(grid[0, 0], min(len(runs) + 1, LEGEND_COLUMNS))
     _legend_of_bounds(grid[0, 1], faults)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
     return figure
 
 

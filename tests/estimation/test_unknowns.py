@@ -37,8 +37,7 @@ def test_stated_tolerances_are_believed_with_caution():
     assert stated.prior == pytest.approx(CAUTION * CAR.tolerance.mass)
 
 
-def test_an_unsigned_effect_of_the_first_guess_starts_from_there():
-    assert unknown("steering_lag", CAR, frozenset(), own=0.07).start == 0.07
+def test_an_unsigned_effect_starts_a_little_way_into_its_range():
     assert unknown("steering_lag", CAR, frozenset()).start > 0.0  # where it has a derivative
 
 

@@ -121,14 +121,13 @@ def summary(found: "Identification", json: Path | None = None) -> str:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
     lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+    where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
     if c.normal is not None:
-        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
         lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
         return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.everyday is not None:
-        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
         lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its persistent model mismatch: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])

@@ -9,7 +9,7 @@ from typing import Any
 from drift_drake.digits import significant
 from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.estimation.interval import Interval
-from drift_drake.plain_files import number, parse_json, read_text
+from drift_drake.plain_files import named_number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
@@ -300,10 +300,7 @@ def _number(key: str, value: Any, finite: bool = True) -> float:
     """A number; where it need not be finite, it may be missing too (NaN)."""
     if not finite and value is None:
         return math.nan
-    try:
-        return number(value)
-    except ValueError as error:
-        raise ValueError(f"{key}: {error}") from None
+    return named_number(key, value)
 
 
 def _interval(key: str, value: Any, finite: bool = True) -> Interval:

@@ -51,9 +51,9 @@ def run_plan_next(command: PlanNext) -> None:
         from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
         from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer
 
+    lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
     say_if_it_compiles(attempt, "the plans' solver")
-    lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))

@@ -1,7 +1,7 @@
 """The features to second order about points z: values, derivatives, and the second derivatives of weighted sums.
 
-The network's are in closed form: with a tanh layer h = tanh(a), d2h = -2 h (1 - h^2) da da'. Those of the physical
-inputs, whose Jacobian is exact and cheap, are differences of it.
+The network's are in closed form: with a tanh layer h = tanh(a), d2h = -2 h (1 - h^2) da da'. For those of the physical
+inputs see `physical_curvature`.
 """
 
 import numpy as np
@@ -10,33 +10,31 @@ from numpy.typing import NDArray
 from drift_drake.model.features import (
     HIDDEN_COUNT,
     INPUT_COUNT,
-    INPUT_SCALE,
     Network,
     feature_outputs,
     inputs_and_jacobian,
     output_rows,
 )
+from drift_drake.model.physical_inputs import physical_curvature
 
 Array = NDArray[np.float64]
-
-STEP = 1e-5  # of `INPUT_SCALE`, for differences of the physical inputs' Jacobian
 
 
 class FeatureExpansion:
     """Features at points z [N, 10].
 
     Attributes:
-        phi: [N, 4, 16]; tangents: d phi / dz [N, 10, 4, 16].
+        z: the points; phi: [N, 4, 16]; tangents: d phi / dz [N, 10, 4, 16].
     """
 
     def __init__(self, network: Network, z: Array) -> None:
-        inputs, self._by_physics = inputs_and_jacobian(z, network.nominal)
+        inputs, by_physics = inputs_and_jacobian(z, network.nominal)
         by_z = np.zeros((len(z), INPUT_COUNT, inputs.shape[1]))
         places = range(min(INPUT_COUNT, inputs.shape[1]))
         by_z[:, places, places] = 1.0
-        if self._by_physics is not None:
-            by_z[:, :, INPUT_COUNT:] = np.swapaxes(self._by_physics, 1, 2)
-        self._network, self._z = network, z
+        if by_physics is not None:
+            by_z[:, :, INPUT_COUNT:] = np.swapaxes(by_physics, 1, 2)
+        self._network, self.z = network, z
         self._h1 = np.tanh((inputs - network.input_offset) / network.input_scale @ network.w1 + network.b1)
         self._h2 = np.tanh(self._h1 @ network.w2 + network.b2)
         self._slope1, self._slope2 = 1.0 - self._h1**2, 1.0 - self._h2**2
@@ -53,20 +51,27 @@ class FeatureExpansion:
         by_h2 = weights.reshape(len(weights), -1) @ output_rows(network) * self._slope2
         by_h1 = by_h2 @ network.w2.T * self._slope1
         found = _bent(self._a2, -2.0 * self._h2 * by_h2) + _bent(self._a1, -2.0 * self._h1 * by_h1)
-        if self._by_physics is not None:
+        if network.nominal is not None:
             by_inputs = by_h1 @ network.w1.T / network.input_scale
-            found += self._bent_physics(by_inputs[:, INPUT_COUNT:], self._by_physics)
+            found += physical_curvature(self.z, by_inputs[:, INPUT_COUNT:], network.nominal)
         return found
 
-    def _bent_physics(self, weights: Array, jacobian: Array) -> Array:
-        """Second derivatives by z [N, 10, 10] of the physical inputs' sums with weights [N, 8]."""
-        steps = STEP * INPUT_SCALE
-        moved = self._z + np.diag(steps)[:, None]  # [10, N, 10]
-        _, jacobians = inputs_and_jacobian(moved, self._network.nominal)
-        assert jacobians is not None
-        change = (weights[:, None] @ (jacobians - jacobian))[:, :, 0] / steps[:, None, None]
-        bent = np.moveaxis(change, 0, 1)
-        return np.asarray(0.5 * (bent + np.swapaxes(bent, 1, 2)))
+
+class Expansions:
+    """The expansion last asked for, kept: a model and a cost of one horizon ask for the same one.
+
+    What is kept is scratch, not state: a result depends on the arguments only.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self._last: FeatureExpansion | None = None
+
+    def at(self, z: Array) -> FeatureExpansion:
+        """That at points z [N, 10]."""
+        if self._last is None or not np.array_equal(self._last.z, z):
+            self._last = FeatureExpansion(self.network, z)
+        return self._last
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:

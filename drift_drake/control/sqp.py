@@ -130,6 +130,7 @@ class LineSearchSqp:
         z = np.array(z_guess, dtype=float)  # a copy: a view that is read only would be compiled for anew
         y = np.zeros(self.multiplier_count) if y_guess is None else np.array(y_guess, dtype=float)
         penalty, status = 0.0, "iterations"
+        extra_cost = extra.value(z) if extra else 0.0
         iterations: list[SqpIteration] = []
         last = False
         while True:
@@ -138,7 +139,6 @@ class LineSearchSqp:
                 residual, jacobian = self._dynamics.linearize(z)
             bent = rows_times(self._hessian, z)
             gradient = bent + gradient_at_zero
-            extra_cost = extra.value(z) if extra else 0.0
             if extra:
                 gradient += extra.gradient(z)
             cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
@@ -164,7 +164,7 @@ class LineSearchSqp:
             point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
-            step, z, y, residual, penalty, qp = self._step(point, penalty, interior)
+            step, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
             iterations.append(SqpIteration(step, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds))
             if step == 0.0:
@@ -180,18 +180,18 @@ class LineSearchSqp:
 
     def _step(
         self, point: _Point, penalty: float, interior: bool
-    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
+    ) -> tuple[float, Array, Array, Array, float, float, QpSolution]:
         """The step to the QP's solution, halved until the merit function falls enough.
 
         Returns:
-            (step, z, y, residual of the dynamics there, penalty mu, the QP's solution); step 0 and the given point if
-            no step will do.
+            (step, z, y, residual of the dynamics and extra cost there, penalty mu, the QP's solution); step 0 and the
+            given point if no step will do.
         """
         options, extra = self.options, self.problem.extra_cost
         offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
         qp = self._workspace.solve(offset, *point.rows, point.z, point.y, interior)
         if not qp.usable:
-            return 0.0, point.z, point.y, point.residual, penalty, qp
+            return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
         direction = qp.z - point.z
         slope, bend = float(point.gradient @ direction), float(direction @ rows_times(self._hessian, direction))
         quadratic_slope = float(point.quadratic_gradient @ direction)
@@ -209,19 +209,18 @@ class LineSearchSqp:
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
             cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
-            if extra:
-                cost += extra.value(trial) - point.extra_cost
+            extra_cost = extra.value(trial) if extra else 0.0
+            cost += extra_cost - point.extra_cost
             trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
-                return step, trial, point.y + step * (qp.y - point.y), residual, penalty, qp
+                return step, trial, point.y + step * (qp.y - point.y), residual, extra_cost, penalty, qp
             step *= SHRINK
-        return 0.0, point.z, point.y, point.residual, penalty, qp
+        return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""
-        blocks = self._stage_hessian + self._dynamics.curvature_blocks(z, y[: self._dynamics.size])
-        if self.problem.extra_cost:
-            blocks = blocks + self.problem.extra_cost.curvature_blocks(z)
+        curved = self._dynamics.curvature_blocks(z, y[: self._dynamics.size], self.problem.extra_cost)
+        blocks = self._stage_hessian + curved
         values, vectors = np.linalg.eigh(blocks)
         projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return projected

@@ -11,21 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drift_drake.vehicle.step_model import CURVATURE_STEP, INPUT_SCALE, STATE_SCALE, StepModel, block_scale
+from drift_drake.vehicle.step_model import (
+    CURVATURE_STEP,
+    INPUT_SCALE,
+    STATE_SCALE,
+    CostExpansion,
+    StepModel,
+    block_scale,
+)
 
 Array = NDArray[np.float64]
-
-
-class CostExpansion(Protocol):
-    """A cost over all stages about one trajectory."""
-
-    def gradient(self) -> Array:
-        """The total's derivative by each stage's (x, u, u_next) [N, n+4] (SI)."""
-        ...
-
-    def curvature(self) -> Array:
-        """Its second derivatives within each stage, the other stages held where they are [N, n+4, n+4]."""
-        ...
 
 
 class StageCost(Protocol):
@@ -134,17 +129,20 @@ class StackedDynamics:
         """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""
         return entries[: -self.size].reshape(self.layout.horizon, self.layout.state_size, -1)
 
-    def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
-        """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
+    def curvature_blocks(self, z: Array, multipliers: Array, cost: "StackedCost | None" = None) -> Array:
+        """Second derivatives of multipliers' residuals, and of a cost, by each stage's variables [N, n+4, n+4].
 
         The model's own, or differences of its exact derivatives, all stages and directions in one batch.
         """
         layout, scale = self.layout, self.layout.block_scale
         weights = multipliers.reshape(-1, layout.state_size) / layout.state_scale
         stages = layout.stages(z)
-        found = self.model.weighted_curvature(*stages, self.curvature, weights)
+        at = (*stages, self.curvature, weights)
+        expansion = cost.expansion(z) if cost else None
+        found = self.model.curvature_with(*at, expansion) if expansion else self.model.weighted_curvature(*at)
         if found is None:
             found = DifferencedExpansion(self._weighted(weights), *stages, scale).curvature()
+            found = found + expansion.curvature() if expansion else found
         return found * scale[:, None] * scale
 
     def _weighted(self, weights: Array) -> Callable[[Array, Array, Array], Array]:
@@ -170,7 +168,7 @@ class StackedCost:
     def __init__(self, cost: StageCost, layout: StageLayout) -> None:
         self._cost = cost
         self._layout = layout
-        self._last: tuple[Array, CostExpansion] | None = None  # scratch: see `_expansion`
+        self._last: tuple[Array, CostExpansion] | None = None  # scratch: see `expansion`
 
     def value(self, z: Array) -> float:
         """The cost."""
@@ -178,15 +176,15 @@ class StackedCost:
 
     def gradient(self, z: Array) -> Array:
         """Its derivative by the decision vector (all of it: variables behind the stages' have none)."""
-        by_stage = self._expansion(z).gradient() * self._layout.block_scale
+        by_stage = self.expansion(z).gradient() * self._layout.block_scale
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
         """Second derivatives within each stage [N, n+4, n+4]."""
         scale = self._layout.block_scale
-        return self._expansion(z).curvature() * scale[:, None] * scale
+        return self.expansion(z).curvature() * scale[:, None] * scale
 
-    def _expansion(self, z: Array) -> CostExpansion:
+    def expansion(self, z: Array) -> CostExpansion:
         """The cost to second order, kept for the next call: an iterate's curvature is asked for after its gradient."""
         if self._last is None or not np.array_equal(self._last[0], z):
             self._last = z.copy(), self._cost.expansion(*self._layout.stages(z))

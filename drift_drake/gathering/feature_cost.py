@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
-from drift_drake.model.features import Network, features, network_inputs, places_of_inputs
+from drift_drake.model.features import Network, network_inputs, places_of_inputs
 
 Array = NDArray[np.float64]
 
@@ -20,24 +20,33 @@ class ByFeatures(NamedTuple):
 
 
 class InformationExpansion:
-    """A `CostExpansion` of -alpha times an information."""
+    """A `CostExpansion`, of -alpha times an information, that is one `OfFeatures`."""
 
-    def __init__(self, at: FeatureExpansion, by_features: ByFeatures, size: int, alpha: float) -> None:
-        self._at, self._by_features, self._size, self._alpha = at, by_features, size, alpha
+    def __init__(self, at: FeatureExpansion, derivatives: ByFeatures, size: int, alpha: float) -> None:
+        self.at, self._derivatives, self._size, self._alpha = at, derivatives, size, alpha
 
     def gradient(self) -> Array:
         """See `CostExpansion`."""
-        found = np.zeros((len(self._at.z), self._size + 4))
-        by_z = _flat(self._at.tangents) @ self._by_features.first.reshape(len(found), -1, 1)
-        found[:, places_of_inputs(self._size)] = -self._alpha * by_z[:, :, 0]
+        found = np.zeros((len(self.at.z), self._size + 4))
+        by_z = _flat(self.at.tangents) @ _flat(self.by_features())[:, :, None]
+        found[:, places_of_inputs(self._size)] = by_z[:, :, 0]
         return found
 
     def curvature(self) -> Array:
         """See `CostExpansion`."""
-        size = self._size + 4
-        found, places = np.zeros((len(self._at.z), size, size)), places_of_inputs(self._size)
-        by_z = self._by_features.second + self._at.second(self._by_features.first)
-        found[:, places[:, None], places] = -self._alpha * by_z
+        found, places = self.along_features(), places_of_inputs(self._size)
+        found[:, places[:, None], places] += self.at.second(self.by_features())
+        return found
+
+    def by_features(self) -> Array:
+        """See `OfFeatures`."""
+        return -self._alpha * self._derivatives.first
+
+    def along_features(self) -> Array:
+        """See `OfFeatures`."""
+        size, places = self._size + 4, places_of_inputs(self._size)
+        found = np.zeros((len(self.at.z), size, size))
+        found[:, places[:, None], places] = -self._alpha * self._derivatives.second
         return found
 
 
@@ -53,7 +62,7 @@ class InformationCost(ABC):
     """
 
     def __init__(self, network: Network, alpha: float, expansions: Expansions | None = None) -> None:
-        self._network, self._alpha = network, alpha
+        self._alpha = alpha
         self._expansions = expansions or Expansions(network)
 
     @abstractmethod
@@ -66,7 +75,7 @@ class InformationCost(ABC):
 
     def information(self, x: Array, u: Array, u_next: Array) -> float:
         """The information [nat] of a trajectory."""
-        return self.of_features(features(self._network, network_inputs(x, u, u_next)))
+        return self.of_features(self._expansions.at(network_inputs(x, u, u_next)).phi)
 
     def value(self, x: Array, u: Array, u_next: Array) -> float:
         """-alpha times the information."""
@@ -78,5 +87,6 @@ class InformationCost(ABC):
         return InformationExpansion(at, self.by_features(at), x.shape[1], self._alpha)
 
 
-def _flat(tangents: Array) -> Array:
-    return tangents.reshape(*tangents.shape[:2], -1)
+def _flat(features: Array) -> Array:
+    """[..., 64] of features, or of their derivatives, [..., 4, 16]."""
+    return features.reshape(*features.shape[:-2], -1)

@@ -19,11 +19,11 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
-from drift_drake.model.feature_expansion import Expansions
+from drift_drake.model.feature_expansion import Expansions, FeatureExpansion, OfFeatures
 from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.step_model import CURVATURE_STEP, StepModel, block_scale
+from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
 
 Array = NDArray[np.float64]
 PathStep = Literal["euler", "trapezoid"]
@@ -113,16 +113,34 @@ class BayesianStepModel(StepModel):
         The learnt part's own second derivatives are `FeatureExpansion`'s; all others are differences of the exact
         derivatives with the learnt part linear, for which no network is asked.
         """
-        theta = self._mean.theta
         at = self.expansions.at(network_inputs(x, u, u_next))
+        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        return _with_features(bent, at, by_features)
+
+    def curvature_with(
+        self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
+    ) -> Array:
+        """See `StepModel`: the features' second derivatives are taken once, by the sum's derivative by them."""
+        at = self.expansions.at(network_inputs(x, u, u_next))
+        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        if not isinstance(cost, OfFeatures) or cost.at is not at:
+            return _with_features(bent, at, by_features) + cost.curvature()
+        return _with_features(bent + cost.along_features(), at, by_features + cost.by_features())
+
+    def _curvature(self, at: FeatureExpansion, points: Array, weights: Array) -> tuple[Array, Array]:
+        """(second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
+        theta, count = self._mean.theta, len(points)
         g, by_z = np.sum(at.phi * theta, axis=-1), np.sum(at.tangents * theta, axis=-1).transpose(0, 2, 1)
-        bent, by_g = np.empty((len(x), 12, 12)), np.empty((len(x), STATE_COUNT))
-        curved_steps(_points(x, u, u_next, curvature), g, np.ascontiguousarray(by_z), np.ascontiguousarray(weights),
-                     self._nominal, self._lag, self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent,
-                     by_g)  # fmt: skip
-        places = places_of_inputs(8)
-        bent[:, places[:, None], places] += at.second(by_g[:, :, None] * theta)
-        return bent
+        bent, by_g = np.empty((count, 12, 12)), np.empty((count, STATE_COUNT))
+        curved_steps(points, g, np.ascontiguousarray(by_z), np.ascontiguousarray(weights), self._nominal, self._lag,
+                     self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent, by_g)  # fmt: skip
+        return bent, by_g[:, :, None] * theta
+
+
+def _with_features(bent: Array, at: FeatureExpansion, by_features: Array) -> Array:
+    places = places_of_inputs(8)
+    bent[:, places[:, None], places] += at.second(by_features)
+    return bent
 
 
 def _points(x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

@@ -4,6 +4,9 @@ The network's are in closed form: with a tanh layer h = tanh(a), d2h = -2 h (1 -
 inputs see `physical_curvature`.
 """
 
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,40 +24,64 @@ Array = NDArray[np.float64]
 
 
 class FeatureExpansion:
-    """Features at points z [N, 10].
+    """Features at points z [N, 10], and what is asked for of their derivatives.
 
     Attributes:
-        z: the points; phi: [N, 4, 16]; tangents: d phi / dz [N, 10, 4, 16].
+        z: the points; phi: [N, 4, 16].
     """
 
     def __init__(self, network: Network, z: Array) -> None:
-        inputs, by_physics = inputs_and_jacobian(z, network.nominal)
-        by_z = np.zeros((len(z), INPUT_COUNT, inputs.shape[1]))
-        places = range(min(INPUT_COUNT, inputs.shape[1]))
-        by_z[:, places, places] = 1.0
-        if by_physics is not None:
-            by_z[:, :, INPUT_COUNT:] = np.swapaxes(by_physics, 1, 2)
+        inputs, self._by_physics = inputs_and_jacobian(z, network.nominal)
         self._network, self.z = network, z
         self._h1 = np.tanh((inputs - network.input_offset) / network.input_scale @ network.w1 + network.b1)
         self._h2 = np.tanh(self._h1 @ network.w2 + network.b2)
-        self._slope1, self._slope2 = 1.0 - self._h1**2, 1.0 - self._h2**2
-        # Derivatives before each tanh, as products of two matrices.
-        self._a1 = _rows_times(by_z / network.input_scale, network.w1)
-        self._a2 = _rows_times(self._a1 * self._slope1[:, None], network.w2)
         self.phi = feature_outputs(network, self._h2)
-        tangents = _rows_times(self._a2 * self._slope2[:, None], output_rows(network).T)
-        self.tangents: Array = tangents.reshape(len(z), INPUT_COUNT, *self.phi.shape[1:])
+
+    @cached_property
+    def tangents(self) -> Array:
+        """d phi / dz [N, 10, 4, 16]."""
+        slope = 1.0 - self._h2**2
+        tangents = _rows_times(self._before_tanh[1] * slope[:, None], output_rows(self._network).T)
+        return tangents.reshape(len(self.z), INPUT_COUNT, *self.phi.shape[1:])
+
+    @cached_property
+    def _before_tanh(self) -> tuple[Array, Array]:
+        """Derivatives by z [N, 10, 128] of what each tanh is taken of."""
+        network = self._network
+        by_z = np.zeros((len(self.z), INPUT_COUNT, network.input_scale.size))
+        places = range(min(INPUT_COUNT, by_z.shape[2]))
+        by_z[:, places, places] = 1.0
+        if self._by_physics is not None:
+            by_z[:, :, INPUT_COUNT:] = np.swapaxes(self._by_physics, 1, 2)
+        # As products of two matrices: NumPy would make one of each point's few rows.
+        first = _rows_times(by_z / network.input_scale, network.w1)
+        return first, _rows_times(first * (1.0 - self._h1**2)[:, None], network.w2)
 
     def second(self, weights: Array) -> Array:
         """Second derivatives by z [N, 10, 10] of the features' sums with weights [N, 4, 16]."""
-        network = self._network
-        by_h2 = weights.reshape(len(weights), -1) @ output_rows(network) * self._slope2
-        by_h1 = by_h2 @ network.w2.T * self._slope1
-        found = _bent(self._a2, -2.0 * self._h2 * by_h2) + _bent(self._a1, -2.0 * self._h1 * by_h1)
+        network, (first, second) = self._network, self._before_tanh
+        by_h2 = weights.reshape(len(weights), -1) @ output_rows(network) * (1.0 - self._h2**2)
+        by_h1 = by_h2 @ network.w2.T * (1.0 - self._h1**2)
+        found = _bent(second, -2.0 * self._h2 * by_h2) + _bent(first, -2.0 * self._h1 * by_h1)
         if network.nominal is not None:
             by_inputs = by_h1 @ network.w1.T / network.input_scale
             found += physical_curvature(self.z, by_inputs[:, INPUT_COUNT:], network.nominal)
         return found
+
+
+@runtime_checkable
+class OfFeatures(Protocol):
+    """A cost about points z that is one of the features there: a `CostExpansion` that a model may share work with."""
+
+    at: FeatureExpansion
+
+    def by_features(self) -> Array:
+        """Its derivative by the features [N, 4, 16]."""
+        ...
+
+    def along_features(self) -> Array:
+        """Its second derivatives by (x, u, u_next) [N, n+4, n+4], as if the features were linear in z."""
+        ...
 
 
 class Expansions:

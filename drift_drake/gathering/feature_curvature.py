@@ -14,33 +14,29 @@ Array = NDArray[np.float64]
 
 def bent(tangents: Array, left: Array, matrix: Array) -> Array:
     """tr(L D_a A D_b') [N, 10, 10]; tangents [N, 10, 4, 16], left: L [N, 4, 4], matrix: A; both symmetric."""
-    count, directions, states, width = tangents.shape
-    found = np.empty((count, directions, directions))
-    through = np.empty((count, directions, states, width))
-    _through(tangents, left, matrix, through)
-    flat = (count, directions, states * width)
-    np.matmul(through.reshape(flat), tangents.reshape(flat).swapaxes(1, 2), out=found)
+    states, width = tangents.shape[2:]
+    by_state = np.ascontiguousarray(np.moveaxis(tangents, 2, 0)).reshape(states, -1, width)
+    products = by_state @ matrix.reshape(states, width, -1)  # row j of D_a A [4, 10 N, 64]
+    flat = (*tangents.shape[:2], states * width)
+    mixed = np.empty(flat)
+    _mixed(products, left, width, mixed.reshape(-1, states * width))
+    found: Array = mixed @ tangents.reshape(flat).swapaxes(1, 2)
     return found
 
 
 @compiled
-def _through(tangents: Array, left: Array, matrix: Array, out: Array) -> None:
+def _mixed(products: Array, left: Array, width: int, out: Array) -> None:
     """What of L D_a A stands where D_b has entries."""
-    count, directions, states, width = tangents.shape
-    row = np.empty(states * width)
-    for n in range(count):
-        for a in range(directions):
-            here = out[n, a]
-            here[:] = 0.0
-            for j in range(states):
-                row[:] = 0.0
-                for f in range(width):
-                    factor, through = tangents[n, a, j, f], matrix[j * width + f]
-                    for m in range(states * width):
-                        row[m] += factor * through[m]
-                for i in range(states):
-                    for g in range(width):
-                        here[i, g] += left[n, i, j] * row[i * width + g]
+    states, count = products.shape[0], out.shape[0]
+    each = count // left.shape[0]
+    for m in range(count):
+        factors, row = left[m // each], out[m]
+        for j in range(states):
+            through = products[j, m]
+            for i in range(states):
+                factor, first = factors[i, j], i * width
+                for g in range(first, first + width):
+                    row[g] = factor * through[g] if j == 0 else row[g] + factor * through[g]
 
 
 @compiled

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.config import GatheringConfig, Objective
@@ -24,6 +25,7 @@ from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
+QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
@@ -73,7 +75,7 @@ def plan_drive(
 
 def sqp_options(config: GatheringConfig) -> SqpOptions:
     """To convergence, as plans are solved."""
-    return SqpOptions(max_iterations=config.max_iterations, tolerance=config.tolerance)
+    return SqpOptions(config.max_iterations, config.tolerance, QpOptions(interior_tolerance=QP_TOLERANCE))
 
 
 def _first_guesses(

@@ -48,13 +48,11 @@ class FeatureExpansion:
     def _before_tanh(self) -> tuple[Array, Array]:
         """Derivatives by z [N, 10, 128] of what each tanh is taken of."""
         network = self._network
-        by_z = np.zeros((len(self.z), INPUT_COUNT, network.input_scale.size))
-        places = range(min(INPUT_COUNT, by_z.shape[2]))
-        by_z[:, places, places] = 1.0
+        by_inputs = network.w1 / network.input_scale[:, None]
+        first = np.zeros((len(self.z), INPUT_COUNT, HIDDEN_COUNT))
+        first[:, : len(by_inputs)] = by_inputs[:INPUT_COUNT]
         if self._by_physics is not None:
-            by_z[:, :, INPUT_COUNT:] = np.swapaxes(self._by_physics, 1, 2)
-        # As products of two matrices: NumPy would make one of each point's few rows.
-        first = _rows_times(by_z / network.input_scale, network.w1)
+            first += _rows_times(np.ascontiguousarray(np.swapaxes(self._by_physics, 1, 2)), by_inputs[INPUT_COUNT:])
         return first, _rows_times(first * (1.0 - self._h1**2)[:, None], network.w2)
 
     def second(self, weights: Array) -> Array:
@@ -102,7 +100,7 @@ class Expansions:
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:
-    """Rows [N, 10, m] times a matrix [m, k]."""
+    """Rows [N, 10, m] times a matrix [m, k], as a product of two: NumPy would make one of each point's few rows."""
     return np.asarray((rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], -1))
 
 

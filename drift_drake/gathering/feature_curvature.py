@@ -12,21 +12,22 @@ from drift_drake.vehicle.compilation import compiled
 Array = NDArray[np.float64]
 
 
-def bent(tangents: Array, left: Array, matrix: Array) -> Array:
-    """tr(L D_a A D_b') [N, 10, 10]; tangents [N, 10, 4, 16], left: L [N, 4, 4], matrix: A; both symmetric."""
+def bent(tangents: Array, *terms: tuple[Array, Array]) -> Array:
+    """Sum of tr(L D_a A D_b') [N, 10, 10]; tangents [N, 10, 4, 16], terms: (L [N, 4, 4], A), all symmetric."""
     states, width = tangents.shape[2:]
     by_state = np.ascontiguousarray(np.moveaxis(tangents, 2, 0)).reshape(states, -1, width)
-    products = by_state @ matrix.reshape(states, width, -1)  # row j of D_a A [4, 10 N, 64]
     flat = (*tangents.shape[:2], states * width)
-    mixed = np.empty(flat)
-    _mixed(products, left, width, mixed.reshape(-1, states * width))
+    mixed = np.zeros(flat)
+    for left, matrix in terms:
+        products = by_state @ matrix.reshape(states, width, -1)  # row j of D_a A [4, 10 N, 64]
+        _mix(products, left, width, mixed.reshape(-1, states * width))
     found: Array = mixed @ tangents.reshape(flat).swapaxes(1, 2)
     return found
 
 
 @compiled
-def _mixed(products: Array, left: Array, width: int, out: Array) -> None:
-    """What of L D_a A stands where D_b has entries."""
+def _mix(products: Array, left: Array, width: int, out: Array) -> None:
+    """Adds what of L D_a A stands where D_b has entries."""
     states, count = products.shape[0], out.shape[0]
     each = count // left.shape[0]
     for m in range(count):
@@ -36,7 +37,7 @@ def _mixed(products: Array, left: Array, width: int, out: Array) -> None:
             for i in range(states):
                 factor, first = factors[i, j], i * width
                 for g in range(first, first + width):
-                    row[g] = factor * through[g] if j == 0 else row[g] + factor * through[g]
+                    row[g] += factor * through[g]
 
 
 @compiled

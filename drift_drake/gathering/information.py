@@ -52,7 +52,7 @@ class StageInformation(InformationCost):
         shrink = np.linalg.inv(spread)
         gained = shrink @ projected
         unshrunk, shrunk = met(at.tangents, projected), met(at.tangents, gained)  # D_a C Phi', D_a C Phi' G
-        second = bent(at.tangents, shrink, self._covariance) - crossed(shrunk, shrunk)
+        second = bent(at.tangents, (shrink, self._covariance)) - crossed(shrunk, shrunk)
         second -= crossed(shrink[:, None] @ shrunk, unshrunk.swapaxes(2, 3))
         return ByFeatures(own_blocks(gained), second)
 
@@ -74,7 +74,7 @@ class UpdatedInformation(InformationCost):
         after = np.linalg.inv(precision_after(self._precision, at.phi))
         rows, seen = rows_and_products(after, at.phi)
         ends = met(at.tangents, rows)
-        second = bent(at.tangents, np.eye(STATE_COUNT) - seen, after) - crossed(ends, ends)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, after)) - crossed(ends, ends)
         return ByFeatures(own_blocks(rows), second)
 
 

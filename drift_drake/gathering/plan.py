@@ -139,7 +139,7 @@ def info_ocp(
     """
     alpha = config.alpha if alpha is None else alpha
     informative = alpha > 0.0
-    believed = step_model(model, belief, config.path_step)
+    believed = step_model(model, belief, config.path_step).expanded()
     cost = None
     if informative:
         cost = information_cost(model, belief, config.objective, alpha, believed.expansions)

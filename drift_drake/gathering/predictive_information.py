@@ -56,6 +56,7 @@ class NarrowingCost(InformationCost):
         before = weighed(covariance, sample_weight)
         self._precision: Array = np.linalg.inv(before).astype(np.float64)
         self._before = self.spread(before)
+        self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
 
     @abstractmethod
     def spread(self, covariance: Array) -> Array:
@@ -67,17 +68,23 @@ class NarrowingCost(InformationCost):
 
     def of_features(self, phi: Array) -> float:
         """See `InformationCost`."""
-        left = self.spread(np.linalg.inv(precision_after(self._precision, phi)))
-        return float(0.5 * np.log(self._before / left).sum() / self.count)
+        return float(0.5 * np.log(self._before / self._left(phi)[1]).sum() / self.count)
+
+    def _left(self, phi: Array) -> tuple[Array, Array]:
+        """(What is left of the covariance A [64, 64], v under it), kept for the same features' derivatives."""
+        if self._last is None or self._last[0] is not phi:
+            after = np.linalg.inv(precision_after(self._precision, phi))
+            self._last = phi, (after, self.spread(after))
+        return self._last[1]
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
         """See `InformationCost`."""
-        left = np.linalg.inv(precision_after(self._precision, at.phi))  # A
-        told = left @ self.wanted(self.spread(left)) @ left  # B
+        left, spread = self._left(at.phi)
+        told = left @ self.wanted(spread) @ left  # B
         rows, seen = rows_and_products(left, at.phi)
         told_rows, told_seen = rows_and_products(told, at.phi)
         ends, told_ends = met(at.tangents, rows), met(at.tangents, told_rows)
-        second = bent(at.tangents, np.eye(STATE_COUNT) - seen, told) - bent(at.tangents, told_seen, left)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, told), (-told_seen, left))
         across = crossed(ends, told_ends)
         return ByFeatures(own_blocks(told_rows), second - across - across.swapaxes(1, 2))
 

@@ -19,7 +19,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
-from drift_drake.model.feature_expansion import Expansions, FeatureExpansion, OfFeatures
+from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
 from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
@@ -62,7 +62,7 @@ class BayesianStepModel(StepModel):
         path_step: PathStep = "trapezoid",
     ) -> None:
         """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
-        self._mean = MeanFunction(network, theta)
+        self._mean: MeanFunction | ExpandedMean = MeanFunction(network, theta)
         self.expansions = Expansions(network)
         self._nominal = nominal
         self._lag = lag_factors(TIME_STEP)
@@ -73,6 +73,13 @@ class BayesianStepModel(StepModel):
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
         other._mean = self._mean.with_theta(np.reshape(theta, (4, -1)))
+        return other
+
+    def expanded(self) -> "BayesianStepModel":
+        """The same model for programs that ask for second derivatives at each point: one expansion serves them all."""
+        other = object.__new__(BayesianStepModel)
+        other.__dict__.update(self.__dict__)
+        other._mean = ExpandedMean(self.expansions, self._mean.theta)
         return other
 
     def observer(self, period: float) -> LeafSystem:
@@ -129,12 +136,12 @@ class BayesianStepModel(StepModel):
 
     def _curvature(self, at: FeatureExpansion, points: Array, weights: Array) -> tuple[Array, Array]:
         """(second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
-        theta, count = self._mean.theta, len(points)
-        g, by_z = np.sum(at.phi * theta, axis=-1), np.sum(at.tangents * theta, axis=-1).transpose(0, 2, 1)
+        count, mean = len(points), ExpandedMean(self.expansions, self._mean.theta)
+        g, by_z = mean.linearize(at.z)
         bent, by_g = np.empty((count, 12, 12)), np.empty((count, STATE_COUNT))
-        curved_steps(points, g, np.ascontiguousarray(by_z), np.ascontiguousarray(weights), self._nominal, self._lag,
+        curved_steps(points, g, by_z, np.ascontiguousarray(weights), self._nominal, self._lag,
                      self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent, by_g)  # fmt: skip
-        return bent, by_g[:, :, None] * theta
+        return bent, by_g[:, :, None] * mean.theta
 
 
 def _with_features(bent: Array, at: FeatureExpansion, by_features: Array) -> Array:

@@ -99,6 +99,26 @@ class Expansions:
         return self._last
 
 
+class ExpandedMean:
+    """What `MeanFunction` is, by the expansion at the points: where second derivatives will be asked for there."""
+
+    def __init__(self, expansions: Expansions, theta: Array) -> None:
+        self.network, self.theta, self._expansions = expansions.network, theta, expansions
+
+    def with_theta(self, theta: Array) -> "ExpandedMean":
+        """The same features under another theta [4, 16]."""
+        return ExpandedMean(self._expansions, theta)
+
+    def value(self, z: Array) -> Array:
+        """g [n, 4] at z [n, 10]."""
+        return np.asarray(np.sum(self._expansions.at(z).phi * self.theta, axis=-1))
+
+    def linearize(self, z: Array) -> tuple[Array, Array]:
+        """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10]."""
+        slopes = np.sum(self._expansions.at(z).tangents * self.theta, axis=-1)
+        return self.value(z), np.ascontiguousarray(slopes.swapaxes(1, 2))
+
+
 def _rows_times(rows: Array, matrix: Array) -> Array:
     """Rows [N, 10, m] times a matrix [m, k], as a product of two: NumPy would make one of each point's few rows."""
     return np.asarray((rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], -1))

@@ -34,8 +34,9 @@ class InformationExpansion:
 
     def curvature(self) -> Array:
         """See `CostExpansion`."""
-        found, places = self.along_features(), places_of_inputs(self._size)
-        found[:, places[:, None], places] += self.at.second(self.by_features())
+        size, places = self._size + 4, places_of_inputs(self._size)
+        found = np.zeros((len(self.at.z), size, size))
+        found[:, places[:, None], places] = self.along_features() + self.at.second(self.by_features())
         return found
 
     def by_features(self) -> Array:
@@ -44,10 +45,7 @@ class InformationExpansion:
 
     def along_features(self) -> Array:
         """See `OfFeatures`."""
-        size, places = self._size + 4, places_of_inputs(self._size)
-        found = np.zeros((len(self.at.z), size, size))
-        found[:, places[:, None], places] = -self._alpha * self._derivatives.second
-        return found
+        return -self._alpha * self._derivatives.second
 
 
 class InformationCost(ABC):

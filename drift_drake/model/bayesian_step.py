@@ -122,7 +122,7 @@ class BayesianStepModel(StepModel):
         """
         at = self.expansions.at(network_inputs(x, u, u_next))
         bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
-        return _with_features(bent, at, by_features)
+        return _with_features(bent, at.second(by_features))
 
     def curvature_with(
         self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
@@ -131,8 +131,8 @@ class BayesianStepModel(StepModel):
         at = self.expansions.at(network_inputs(x, u, u_next))
         bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
         if not isinstance(cost, OfFeatures) or cost.at is not at:
-            return _with_features(bent, at, by_features) + cost.curvature()
-        return _with_features(bent + cost.along_features(), at, by_features + cost.by_features())
+            return _with_features(bent, at.second(by_features)) + cost.curvature()
+        return _with_features(bent, cost.along_features() + at.second(by_features + cost.by_features()))
 
     def _curvature(self, at: FeatureExpansion, points: Array, weights: Array) -> tuple[Array, Array]:
         """(second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
@@ -144,9 +144,9 @@ class BayesianStepModel(StepModel):
         return bent, by_g[:, :, None] * mean.theta
 
 
-def _with_features(bent: Array, at: FeatureExpansion, by_features: Array) -> Array:
+def _with_features(bent: Array, by_z: Array) -> Array:
     places = places_of_inputs(8)
-    bent[:, places[:, None], places] += at.second(by_features)
+    bent[:, places[:, None], places] += by_z
     return bent
 
 

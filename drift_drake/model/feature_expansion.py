@@ -78,7 +78,7 @@ class OfFeatures(Protocol):
         ...
 
     def along_features(self) -> Array:
-        """Its second derivatives by (x, u, u_next) [N, n+4, n+4], as if the features were linear in z."""
+        """Its second derivatives by z [N, 10, 10], as if the features were linear in z."""
         ...
 
 

@@ -41,11 +41,17 @@ def physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Arra
     Returns:
         (inputs [..., 8], d inputs / dz [..., 8, 10]): slips as sigma / sqrt(1 + sigma^2), forces over mu F_z.
     """
+    inputs, gradient = with_physical_inputs(z, nominal, dt)
+    return inputs[..., z.shape[-1] :], gradient
+
+
+def with_physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Array, Array]:
+    """(z and `physical_inputs` behind it [..., 18], d inputs / dz of these [..., 8, 10])."""
     flat = np.ascontiguousarray(z, dtype=float).reshape(-1, z.shape[-1])
-    values = np.zeros((len(flat), PHYSICAL_COUNT))
-    gradient = np.zeros((len(flat), PHYSICAL_COUNT, flat.shape[1]))
-    _physical(flat, nominal, _wheel(dt), values, gradient)
-    return values.reshape(*z.shape[:-1], PHYSICAL_COUNT), gradient.reshape(*z.shape[:-1], *gradient.shape[1:])
+    inputs, gradient = _physical(flat, nominal, _wheel(dt))
+    if z.ndim == 2:
+        return inputs, gradient
+    return inputs.reshape(*z.shape[:-1], -1), gradient.reshape(*z.shape[:-1], *gradient.shape[1:])
 
 
 @cache
@@ -97,19 +103,23 @@ def _asked_of(z: Any, angles: Any, at: Any) -> None:
 
 
 @compiled
-def _physical(z: Array, p: Constants, wheel: Array, values: Array, gradient: Array) -> None:
+def _physical(z: Array, p: Constants, wheel: Array) -> tuple[Array, Array]:
+    count, size = z.shape
+    inputs, gradient = np.empty((count, size + PHYSICAL_COUNT)), np.zeros((count, PHYSICAL_COUNT, size))
     at, slip, dslip, found, slopes = np.empty(5), np.empty(4), np.empty((4, 5)), np.empty(6), np.empty((6, 5))
-    for n in range(z.shape[0]):
+    for n in range(count):
+        inputs[n, :size] = z[n]
         for turn in range(2):  # at the step's end the front alone is asked
             _asked_of(z[n], wheel[turn], at)
             _asked(at, turn == 1, p, slip, dslip, found, slopes)
             for i in range(2 if turn else 6):
                 place = 6 * turn + i
-                values[n, place] = found[i]
+                inputs[n, size + place] = found[i]
                 for j in range(4):
                     gradient[n, place, j] = slopes[i, j]
                 for j in range(3):
                     gradient[n, place, _DELTAS[j]] = slopes[i, 4] * wheel[turn, j]
+    return inputs, gradient
 
 
 def physical_curvature(z: Array, weights: Array, nominal: Constants, dt: float = 0.1) -> Array:

@@ -71,6 +71,18 @@ def dynamics_times(f: Array, columns: Index, z: Array) -> Array:
 
 
 @compiled
+def largest(values: Array) -> float:
+    """The largest magnitude; NaN stays NaN."""
+    found = 0.0
+    for value in values:
+        if not abs(value) <= found:
+            found = abs(value)
+            if np.isnan(found):
+                break
+    return found
+
+
+@compiled
 def dual_residual(gradient: Array, f: Array, columns: Index, rows: Rows, y: Array) -> float:
     """The largest entry of the Lagrangian's gradient; y: multipliers of the dynamics and of the linear rows."""
     out = gradient.copy()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.products import Rows, dual_residual, dynamics_times, rows_times, violations
+from drift_drake.control.products import Rows, dual_residual, dynamics_times, largest, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
@@ -138,20 +138,19 @@ class LineSearchSqp:
             if not last:
                 residual, jacobian = self._dynamics.linearize(z)
             bent = rows_times(self._hessian, z)
-            gradient = bent + gradient_at_zero
-            if extra:
-                gradient += extra.gradient(z)
+            quadratic = bent + gradient_at_zero
+            gradient = quadratic + extra.gradient(z) if extra else quadratic
             cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
             violation, primal_residual = violations(residual, self._rows, z, low, high)
             if last:
                 break
-            if not np.isfinite(jacobian).all():
+            if not largest(jacobian) < np.inf:
                 status = "not finite"
                 break
             self._workspace.set_jacobian(jacobian)
             f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
             # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
-            dual = dual_residual(gradient, f, columns, self._rows, y) / max(1.0, float(np.abs(y).max()))
+            dual = dual_residual(gradient, f, columns, self._rows, y) / max(1.0, largest(y))
             if max(primal_residual, dual) < options.tolerance:
                 status = "converged"
                 break
@@ -161,7 +160,7 @@ class LineSearchSqp:
                 self._workspace.set_hessian(blocks)
             target = dynamics_times(f, columns, z) - residual
             rows = np.concatenate([target, low]), np.concatenate([target, high])
-            point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
+            point = _Point(z, y, residual, cost, extra_cost, violation, gradient, quadratic, blocks, rows)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
             step, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
@@ -172,7 +171,7 @@ class LineSearchSqp:
                 break
             last = len(iterations) == (most or options.max_iterations)
             if options.defect_tolerance is not None:
-                if np.abs(residual).max() <= options.defect_tolerance:
+                if largest(residual) <= options.defect_tolerance:
                     status, last = "feasible", True
                 # In real time a QP that took both attempts is all the work that one solve may do.
                 last = last or qp.second_attempt
@@ -198,7 +197,7 @@ class LineSearchSqp:
         model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
         if point.violation > 1e-12:
             if options.exact_merit:
-                penalty = max(penalty, float(np.abs(qp.y).max()))
+                penalty = max(penalty, largest(qp.y))
             penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
         merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
         # Near the solution the decrease drowns in the merit's rounding error.

@@ -120,10 +120,10 @@ class StackedDynamics:
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """(residuals [n N], the Jacobian's entries in the order of `sparsity`)."""
         x, u = self.layout.split(z)
-        x_next, a, b, b_next = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
-        block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
-        residual = ((x_next - x[1:]) / self.layout.state_scale).ravel()
-        return residual, np.concatenate([block.ravel(), np.full(self.size, -1.0)])
+        x_next, *jacobians = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
+        entries = np.full(self._rows.size, -1.0)
+        np.multiply(np.concatenate(jacobians, axis=2), self._block_scale, out=self.by_stages(entries))
+        return ((x_next - x[1:]) / self.layout.state_scale).ravel(), entries
 
     def by_stages(self, entries: Array) -> Array:
         """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""

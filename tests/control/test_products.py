@@ -5,7 +5,15 @@ import pytest
 from control_problems import ocp_data
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.products import Rows, blocks_times, dual_residual, dynamics_times, rows_times, violations
+from drift_drake.control.products import (
+    Rows,
+    blocks_times,
+    dual_residual,
+    dynamics_times,
+    largest,
+    rows_times,
+    violations,
+)
 from drift_drake.control.qp import LinearQuadraticPart, QpOptions, QpWorkspace
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -50,3 +58,12 @@ def test_violations_are_those_of_both_sides_and_not_a_number_where_a_value_is_no
         z[at] = np.nan
         assert np.isnan(violations(residual, rows, z, low, high)).all()
     assert np.isnan(violations(np.array([np.nan, 0.0]), rows, np.zeros(3), low, high)).all()
+
+
+def test_the_largest_magnitude_is_not_a_number_where_a_value_is_not() -> None:
+    assert largest(np.array([1.0, -3.0, 2.0])) == 3.0
+    assert largest(np.empty(0)) == 0.0
+    for at in range(3):
+        values = np.array([1.0, -3.0, 2.0])
+        values[at] = np.nan
+        assert np.isnan(largest(values))

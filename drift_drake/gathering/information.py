@@ -49,7 +49,7 @@ class StageInformation(InformationCost):
         """See `InformationCost`."""
         projected, spread = spread_of_features(self._covariance, at.phi)
         projected = projected.reshape(*spread.shape[:2], -1)
-        shrink = np.linalg.inv(spread)
+        shrink = inverse(spread)
         gained = shrink @ projected
         unshrunk, shrunk = met(at.tangents, projected), met(at.tangents, gained)  # D_a C Phi', D_a C Phi' G
         second = bent(at.tangents, (shrink, self._covariance)) - crossed(shrunk, shrunk)
@@ -62,7 +62,7 @@ class UpdatedInformation(InformationCost):
 
     def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
         super().__init__(network, alpha, expansions)
-        self._precision = np.linalg.inv(np.asarray(covariance, dtype=float))
+        self._precision = inverse(covariance)
 
     def of_features(self, phi: Array) -> float:
         """See `InformationCost`."""
@@ -71,7 +71,7 @@ class UpdatedInformation(InformationCost):
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
         """See `InformationCost`."""
-        after = np.linalg.inv(precision_after(self._precision, at.phi))
+        after = inverse(precision_after(self._precision, at.phi))
         rows, seen = rows_and_products(after, at.phi)
         ends = met(at.tangents, rows)
         second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, after)) - crossed(ends, ends)
@@ -82,6 +82,11 @@ def precision_after(precision: Array, phi: Array) -> Array:
     """Lambda + sum_k Phi_k' Phi_k [64, 64] after stages of features phi [N, 4, 16]."""
     by_state = np.ascontiguousarray(phi.swapaxes(0, 1))
     return np.asarray(precision + block_diagonal(by_state.swapaxes(1, 2) @ by_state), dtype=np.float64)
+
+
+def inverse(matrix: Array) -> Array:
+    """The inverse of matrices [..., m, m]."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def rows_and_products(matrix: Array, phi: Array) -> tuple[Array, Array]:

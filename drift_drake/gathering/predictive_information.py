@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
 from drift_drake.gathering.feature_curvature import bent, crossed, met
-from drift_drake.gathering.information import own_blocks, precision_after, rows_and_products
+from drift_drake.gathering.information import inverse, own_blocks, precision_after, rows_and_products
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import STATE_COUNT, Network, features
 from drift_drake.model.posterior import block_diagonal, state_blocks, weighed
@@ -54,7 +54,7 @@ class NarrowingCost(InformationCost):
         super().__init__(network, alpha, expansions)
         # As if samples counted in full: the covariance is scaled by their weight, and what is wanted against it.
         before = weighed(covariance, sample_weight)
-        self._precision: Array = np.linalg.inv(before).astype(np.float64)
+        self._precision = inverse(before)
         self._before = self.spread(before)
         self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
 
@@ -72,10 +72,11 @@ class NarrowingCost(InformationCost):
 
     def _left(self, phi: Array) -> tuple[Array, Array]:
         """(What is left of the covariance A [64, 64], v under it), kept for the same features' derivatives."""
-        if self._last is None or self._last[0] is not phi:
-            after = np.linalg.inv(precision_after(self._precision, phi))
-            self._last = phi, (after, self.spread(after))
-        return self._last[1]
+        last = self._last
+        if last is None or last[0] is not phi:
+            after = inverse(precision_after(self._precision, phi))
+            last = self._last = phi, (after, self.spread(after))
+        return last[1]
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
         """See `InformationCost`."""

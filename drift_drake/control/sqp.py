@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.products import Rows, dual_residual, dynamics_times, largest, rows_times, violations
+from drift_drake.control.products import Iterate, Rows, along, iterate, largest, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
@@ -54,6 +54,9 @@ class SqpOptions:
             exact_merit=True,
             defect_tolerance=0.01,
         )
+
+
+_NONE = np.empty(0)  # gradient of no cost
 
 
 class SqpIteration(NamedTuple):
@@ -97,13 +100,9 @@ class _Point(NamedTuple):
     z: Array
     y: Array
     residual: Array  # of the dynamics
-    cost: float
-    extra_cost: float  # the part of it that is not quadratic
-    violation: float
-    gradient: Array  # of the cost
-    quadratic_gradient: Array  # of its quadratic part
+    extra_cost: float  # the part of the cost that is not quadratic
+    numbers: Iterate
     blocks: Array  # the QP's Hessian by stages
-    rows: tuple[Array, Array]  # the QP's bounds (low, high)
 
 
 class LineSearchSqp:
@@ -132,25 +131,19 @@ class LineSearchSqp:
         penalty, status = 0.0, "iterations"
         extra_cost = extra.value(z) if extra else 0.0
         iterations: list[SqpIteration] = []
-        last = False
         while True:
             start = time.perf_counter()
-            if not last:
-                residual, jacobian = self._dynamics.linearize(z)
-            bent = rows_times(self._hessian, z)
-            quadratic = bent + gradient_at_zero
-            gradient = quadratic + extra.gradient(z) if extra else quadratic
-            cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
-            violation, primal_residual = violations(residual, self._rows, z, low, high)
-            if last:
-                break
+            residual, jacobian = self._dynamics.linearize(z)
+            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
+            numbers = iterate(
+                self._hessian, gradient_at_zero, constant, extra.gradient(z) if extra else _NONE, residual, f, columns,
+                self._rows, low, high, z, y,
+            )  # fmt: skip
+            cost, primal_residual, dual = numbers.cost + extra_cost, numbers.primal, numbers.dual
             if not largest(jacobian) < np.inf:
                 status = "not finite"
                 break
             self._workspace.set_jacobian(jacobian)
-            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
-            # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
-            dual = dual_residual(gradient, f, columns, self._rows, y) / max(1.0, largest(y))
             if max(primal_residual, dual) < options.tolerance:
                 status = "converged"
                 break
@@ -158,9 +151,7 @@ class LineSearchSqp:
             if not options.gauss_newton:
                 blocks = self._lagrangian_blocks(z, y)
                 self._workspace.set_hessian(blocks)
-            target = dynamics_times(f, columns, z) - residual
-            rows = np.concatenate([target, low]), np.concatenate([target, high])
-            point = _Point(z, y, residual, cost, extra_cost, violation, gradient, quadratic, blocks, rows)
+            point = _Point(z, y, residual, extra_cost, numbers, blocks)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
             step, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
@@ -175,6 +166,11 @@ class LineSearchSqp:
                     status, last = "feasible", True
                 # In real time a QP that took both attempts is all the work that one solve may do.
                 last = last or qp.second_attempt
+            if last:
+                bent = rows_times(self._hessian, z)
+                cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
+                primal_residual = violations(residual, self._rows, z, low, high)[1]
+                break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
     def _step(
@@ -186,28 +182,30 @@ class LineSearchSqp:
             (step, z, y, residual of the dynamics and extra cost there, penalty mu, the QP's solution); step 0 and the
             given point if no step will do.
         """
-        options, extra = self.options, self.problem.extra_cost
-        offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
-        qp = self._workspace.solve(offset, *point.rows, point.z, point.y, interior)
+        options, extra, numbers = self.options, self.problem.extra_cost, point.numbers
+        offset = numbers.gradient - self._workspace.hessian.times(point.blocks, point.z)
+        qp = self._workspace.solve(offset, numbers.low, numbers.high, point.z, point.y, interior)
         if not qp.usable:
             return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
         direction = qp.z - point.z
-        slope, bend = float(point.gradient @ direction), float(direction @ rows_times(self._hessian, direction))
-        quadratic_slope = float(point.quadratic_gradient @ direction)
-        model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
-        if point.violation > 1e-12:
+        slope, quadratic_slope, bend, model_bend = along(
+            numbers.gradient, numbers.quadratic_gradient, self._hessian, point.blocks, self._workspace.hessian.columns,
+            direction,
+        )  # fmt: skip
+        if numbers.violation > 1e-12:
             if options.exact_merit:
                 penalty = max(penalty, largest(qp.y))
-            penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
-        merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
+            penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * numbers.violation))
+        start = numbers.cost + point.extra_cost
+        merit, decrease = start + penalty * numbers.violation, slope - penalty * numbers.violation
         # Near the solution the decrease drowns in the merit's rounding error.
         rounding = 1e-12 * (1.0 + abs(merit))
-        low, high = (row[point.residual.size :] for row in point.rows)
+        low, high = (row[point.residual.size :] for row in (numbers.low, numbers.high))
         step = 1.0
         while step >= LEAST_STEP:
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
-            cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
+            cost = start + step * quadratic_slope + 0.5 * step * step * bend
             extra_cost = extra.value(trial) if extra else 0.0
             cost += extra_cost - point.extra_cost
             trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]

@@ -46,20 +46,11 @@ def test_without_casadi_a_benchmark_says_so_and_goes_on(
     assert set(answer) == {"sqp", "snopt", "ipopt"}
 
 
-def test_of_several_turns_the_quicker_plan_of_each_problem_counts(tmp_path: Path) -> None:
-    config = {"horizons": (3,), "problems": 3, "referee_horizon": 1, "warm_problems": 2, "out": tmp_path}
-    main(BenchmarkConfig(**config, repeats=2))
-    numbers = json.loads((tmp_path / "numbers.json").read_text())
-    assert numbers["repeats"] == 2
-    assert "the quickest of 2 of each" in (tmp_path / "report.md").read_text()
-    learnt = benchmark_mpc.load_model()
-    model, reference = benchmark_mpc.step_model(learnt, learnt.prior()), benchmark_mpc.figure_8(learnt.vehicle)
-    one, other = (benchmark_mpc.Bench(model, learnt.network, reference, BenchmarkConfig(), 3) for _ in range(2))
-    one.times = {name: [1.0, 4.0] for name in PARTS}
-    other.times = {name: [2.0, 3.0] if name in ("plan", "controller") else [7.0, 8.0] for name in PARTS}
-    assert one.quickest(other).times == {
-        name: [1.0, 3.0] if name in ("plan", "controller") else [1.0, 8.0] for name in PARTS
-    }
+def test_the_slowest_plans_are_solved_again_beside_others(tmp_path: Path) -> None:
+    main(BenchmarkConfig(horizons=(3,), problems=4, again=2, referee_horizon=1, warm_problems=2, out=tmp_path))
+    (ratio,) = json.loads((tmp_path / "numbers.json").read_text())["worst_over_median_again"].values()
+    assert ratio >= 1.0
+    assert f"solved again: the longest takes {ratio:.2f} times the median" in (tmp_path / "report.md").read_text()
 
 
 def test_too_few_problems_are_refused_before_any_is_solved() -> None:

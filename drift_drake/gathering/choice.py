@@ -49,10 +49,10 @@ class Choice(NamedTuple):
             "identified": "drive with the identified car",
             "neither": "no model knows this car: let the learnt one adapt while it drives, or gather more",
         }
+        limits = f"as a rule at most {self.learnt_limit:.3f}", f"as a rule at most {self.identified_limit:.3f}"
         return (
-            f"{follows[self.believed]} (half a second ahead the learnt model is off by {self.learnt:.3f}, as a rule by "
-            f"{self.learnt_limit:.3f} at most; the identified car by {self.identified:.3f}, as a rule by "
-            f"{self.identified_limit:.3f} at most)"
+            f"{follows[self.believed]}: forecast errors half a second ahead are {self.learnt:.3f} for the learnt model "
+            f"({limits[0]}) and {self.identified:.3f} for the identified car ({limits[1]})"
         )
 
 

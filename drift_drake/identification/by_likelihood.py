@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.fit import parameter_limits
+from drift_drake.estimation.fit import cost_of, parameter_limits
 from drift_drake.estimation.problem import Problem, flat, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
@@ -13,7 +13,14 @@ from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
 from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.identification.not_identified import not_identified, tied
-from drift_drake.identification.unknowns import PARAMETERS, effect_ranges, first_magnitude, shown_effects, widened
+from drift_drake.identification.unknowns import (
+    FIRST_SHARE,
+    PARAMETERS,
+    effect_ranges,
+    first_magnitude,
+    shown_effects,
+    widened,
+)
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -22,6 +29,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
 STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
+HARDLY = 1e-3  # of an effect's range
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 TWO_SIDED = 1.96
@@ -53,7 +61,7 @@ def identify_by_likelihood(
     problem = make_problem(runs, wide, stated=stated)
     problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
     first = first_guess(problem, chosen, effects)
-    best = least_deaf_fit(problem, chosen, first, tell)
+    best = least_deaf_fit(problem, chosen, (first, first_guess(problem, chosen, effects, HARDLY)), tell)
     tell("all rows", 0.8)
     found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
     held = held_out_rows(
@@ -92,9 +100,9 @@ def identify_by_likelihood(
     return Identification(calibration, new_vehicle, new_effects, sum(len(run) for run in runs))
 
 
-def first_guess(problem: Problem, names: Sequence[str], effects: Effects) -> np.ndarray:
-    """Theta of the vehicle file, its effects a little into their ranges where it has none."""
-    magnitudes = [first_magnitude(name, effects, *problem.range_of(name)) for name in names]
+def first_guess(problem: Problem, names: Sequence[str], effects: Effects, share: float = FIRST_SHARE) -> np.ndarray:
+    """Theta of the vehicle file, its effects a share of their ranges into these where it has none."""
+    magnitudes = [first_magnitude(name, effects, *problem.range_of(name), share) for name in names]
     theta = np.concatenate([np.zeros(problem.nuisances), magnitudes])
     offset = PARAMETERS.index("steering_offset")
     theta[offset] = effects.steering_offset / problem.tolerance[offset]
@@ -110,16 +118,23 @@ def guess_as_stated(
     return np.concatenate([first[: problem.nuisances], magnitudes]), own
 
 
-def least_deaf_fit(problem: Problem, names: Sequence[str], first: np.ndarray, tell: Progress) -> Estimate:
+def least_deaf_fit(
+    problem: Problem, names: Sequence[str], starts: tuple[np.ndarray, np.ndarray], tell: Progress
+) -> Estimate:
     """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
 
     A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
     seconds. Where the model is right, both agree; where it is not, or the noise is not white, only the second is of
     use. Of those that predict alike, the one that hears best is taken: a deaf filter believes in its model, and its
-    intervals hold the truth too seldom. The way there is tried twice: as it is, and by a filter that hears too well,
-    whose likelihood has fewer valleys.
+    intervals hold the truth too seldom. The likelihood has several valleys, so that three ways lead there: from the
+    first guess, from it by a filter that hears too well, whose likelihood has fewer valleys, and from effects that are
+    hardly there (from a lag of 50 ms an axle's inertia may be taken for what is left of that lag). Of the ends that
+    predict alike, the likeliest is gone on with.
+
+    Args:
+        starts: the first guess, and the one with effects that are hardly there.
     """
-    kept = without_fold(problem)
+    kept, (first, hardly) = without_fold(problem), starts
 
     def error(at: Estimate) -> float:
         return float(np.sqrt(held_out_error(squares_of(problem, at.theta, at.names, held=False))))
@@ -128,12 +143,19 @@ def least_deaf_fit(problem: Problem, names: Sequence[str], first: np.ndarray, te
     direct = estimate(kept, names, first, DEAFNESS[0])
     tell("fit 2", 0.2)
     eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
-    fits = [min((direct, eased), key=error)]
+    ways = (direct, eased, estimate(kept, names, hardly, DEAFNESS[0]))
+    most = ALIKE * min(error(at) for at in ways)
+    fits = [min((at for at in ways if error(at) <= most), key=neglog_posterior)]
     for number, deafness in enumerate(DEAFNESS[1:], 3):
         tell(f"fit {number}", 0.15 * number)
         fits.append(estimate(kept, names, fits[-1].theta, deafness))
     errors = [error(at) for at in fits]
     return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
+
+
+def neglog_posterior(at: Estimate) -> float:
+    """Of a fit, under its own noise; up to constants."""
+    return cost_of(at.problem, at.at.filtered, at.theta)
 
 
 def summarise(

@@ -66,9 +66,9 @@ def effect_ranges(
     return {name: own[name] for name in names if name in own}
 
 
-def first_magnitude(name: str, effects: Effects, low: float, high: float) -> float:
-    """Where an effect starts: at the vehicle file's magnitude, else a little way into its range."""
+def first_magnitude(name: str, effects: Effects, low: float, high: float, share: float = FIRST_SHARE) -> float:
+    """Where an effect starts: at the vehicle file's magnitude, else a share of its range from its least."""
     given = float(getattr(effects, name))
     if given != 0.0:
         return float(np.clip(given, low, high))
-    return max(low, 0.0) + (FIRST_SHARE * (high - low) if low >= 0.0 else 0.0)
+    return max(low, 0.0) + (share * (high - low) if low >= 0.0 else 0.0)

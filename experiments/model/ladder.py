@@ -2,14 +2,11 @@
 
     python -m experiments.model.ladder --output runs/ladder
 
-1. `drives`: of the training vehicles, and of held-out vehicles that judge (`experiments.model.drives`).
-2. `plain`, `memory`, `tyres`, `coupled`: `drift-drake train --recipe paper` on these, with one change more each.
-3. `lane`: a round of lane drives, planned by the last of them (`experiments.gathering.lane_drives`).
-4. `tasks`: contexts, lane drives among them, and weights of samples in place of windows, with as many gradient steps.
-5. `quality`: errors of all of them, of the shipped model and of the shipped one of the paper's recipe; report.md.
-
-What is done is listed in build.json with its seconds and is not done again: start again to go on. The models drive the
-figure-8 by `python -m experiments.drifting.improvements --between runs/ladder/{plain,memory,tyres,coupled,tasks}.npz`.
+Drives of the vehicles, and of held-out ones that judge; `plain`, `memory`, `tyres` and `coupled` by the paper's recipe
+with one change more each; a round of lane drives planned by the last of them; `tasks` with contexts, lane drives among
+them, and weights of samples in place of windows, with as many gradient steps; errors of all of them and of both
+shipped models (report.md). What is done is listed in build.json with its seconds and is not done again. The figure-8:
+`python -m experiments.drifting.improvements --between runs/ladder/{plain,memory,tyres,coupled,tasks}.npz`.
 """
 
 import dataclasses
@@ -20,14 +17,13 @@ from typing import Annotated, Any
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
 from diagrams.command import run_command
 from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.executors import ExecutorConfig
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
 from drift_drake.model.command import Train, run_train
-from drift_drake.model.quality import Split, judge_stepper, quality_by_points, split_vehicle
+from drift_drake.model.quality import judge_stepper, quality_by_points, split_vehicle
 from drift_drake.model.samples import load_samples
 from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
 from drift_drake.run_folder import write_json
@@ -37,12 +33,10 @@ from experiments.made import write_report
 from experiments.model import drives
 from experiments.model.build import UNLIMITED, Stage, do_stages
 
-Array = NDArray[np.float64]
-
-POINTS = (0, 100)  # samples adapted to
-STEPS = 20  # of 0.1 s, of a rollout
+POINTS, STEPS = (0, 100), 20  # samples adapted to; steps of 0.1 s of a rollout
 STEPS_OF_AN_EPOCH = 12  # gradient steps of the paper's recipe on 35 vehicles
-WINDOWS: dict[str, dict[str, Any]] = {
+WINDOWS: dict[str, dict[str, Any]] = {  # what each changes of the paper's recipe
+    "plain": {},
     "memory": {"physical_inputs": True, "tyres": False},
     "tyres": {"physical_inputs": True},
     "coupled": {"physical_inputs": True, "coupled": True},
@@ -62,15 +56,11 @@ WHAT = {
 class LadderConfig:
     """How large the models are made."""
 
-    output: Path = Path("runs/ladder")
-    """Run folder; one that holds some stages of the same ladder is gone on with."""
+    output: Path = Path("runs/ladder")  # one that holds some stages of the same ladder is gone on with
     seed: int = 0
-    train: int = 35
-    """Vehicles to train on."""
-    held_out: int = 12
-    """Vehicles that judge."""
-    epochs: int = 1000
-    """Of each model; the learning rate ends where it does after the recipe's own number."""
+    train: int = 35  # vehicles to train on
+    held_out: int = 12  # vehicles that judge
+    epochs: int = 1000  # of each model; the learning rate ends where it does after the recipe's own number
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
 
 
@@ -90,16 +80,12 @@ def trained(config: LadderConfig, name: str, recipe: Recipe = "paper", **changes
 def stages(config: LadderConfig) -> list[Stage]:
     """All stages, in order."""
     tables = config.output / "drives"
-    driven = drives.DrivesConfig(
-        config.seed, config.train, 0, config.held_out, wide=0, run_on=config.run_on, output=tables
-    )
-    lane = lane_drives.LaneDrivesConfig(
-        config.seed, train=config.train, validation=0, checkpoint=config.output / f"{list(WINDOWS)[-1]}.npz",
-        run_on=config.run_on, output=tables,
-    )  # fmt: skip
+    seed, run_on = config.seed, config.run_on
+    driven = drives.DrivesConfig(seed, config.train, 0, config.held_out, wide=0, run_on=run_on, output=tables)
+    lane = lane_drives.LaneDrivesConfig(seed, train=config.train, validation=0, run_on=run_on, output=tables)
+    lane = dataclasses.replace(lane, checkpoint=config.output / f"{list(WINDOWS)[-1]}.npz")
     return [
         Stage("drives", partial(drives.main, driven)),
-        Stage("plain", partial(trained, config, "plain")),
         *(Stage(name, partial(trained, config, name, **changes)) for name, changes in WINDOWS.items()),
         Stage("lane", partial(lane_drives.main, lane)),
         Stage("tasks", partial(trained, config, "tasks", "transfer", epoch_batches=STEPS_OF_AN_EPOCH)),
@@ -108,28 +94,21 @@ def stages(config: LadderConfig) -> list[Stage]:
 
 
 def judged(config: LadderConfig) -> dict[str, Any]:
-    """By model and samples adapted to: of each held-out vehicle the one-step RMS and the median size of the errors
-    after 2 s, by state [4], and the share of one-step errors within 3 standard deviations, all states; and the nominal
-    car's errors."""
+    """By model and samples adapted to, one entry a held-out vehicle: one-step RMS errors and median sizes of the errors
+    after 2 s by state [4], and the share of one-step errors within 3 standard deviations; the nominal car's errors."""
     samples = load_samples(config.output / "drives" / "held_out.npz")
     splits = [split_vehicle(samples.of_vehicle(vehicle), max(POINTS)) for vehicle in np.unique(samples.vehicle)]
 
     def of_vehicles(found: list[dict[str, Any]]) -> dict[str, Any]:
-        out = {"one_step": [entry["rms"] for entry in found],
-               "two_seconds": [entry[f"rollout_{STEPS}"]["median"][:4] for entry in found]}  # fmt: skip
-        return out | {"coverage": [np.mean(entry["coverage"][2]) for entry in found if "coverage" in entry]}
+        out = {"one_step": [entry["rms"] for entry in found]}
+        out["two_seconds"] = [entry[f"rollout_{STEPS}"]["median"][:4] for entry in found]
+        return out | {"within": [np.mean(entry["coverage"][2]) for entry in found if "coverage" in entry]}
 
-    def of_model(path: Path | None, split: Split) -> dict[str, Any]:
-        return quality_by_points(load_model(path), [split], POINTS, (STEPS,))
-
-    files = {name: config.output / f"{name}.npz" for name in WHAT} | {
-        "shipped": None,
-        "paper": paper_checkpoint(),
-    }
+    files: dict[str, Path | None] = {name: config.output / f"{name}.npz" for name in WHAT}
     car = NominalStepModel(load_model().vehicle)
     result: dict[str, Any] = {"nominal": of_vehicles([judge_stepper(car, [split], (STEPS,)) for split in splits])}
-    for name, path in files.items():
-        found = [of_model(path, split) for split in splits]
+    for name, path in (files | {"shipped": None, "paper": paper_checkpoint()}).items():
+        found = [quality_by_points(load_model(path), [split], POINTS, (STEPS,)) for split in splits]
         result[name] = {str(count): of_vehicles([entry[str(count)] for entry in found]) for count in POINTS}
     return result
 
@@ -143,23 +122,18 @@ def relative(found: dict[str, Any], other: dict[str, Any], error: str) -> str:
 
 
 def markdown(result: dict[str, Any]) -> str:
-    """Each model's errors as shares of the nominal car's, and what each changes of the one before."""
+    """Each model's errors over the nominal car's, and after the last number of samples over those of the one before."""
     heads = [f"{what}, {count}" for what in ("one step", "2 s", "within 3 s.d.") for count in POINTS]
-    lines = [
-        "| | " + " | ".join(heads) + " | one step, to the one before | 2 s, to the one before |",
-        "| --- " * 9 + "|",
-    ]
-    before: dict[str, Any] | None = None
+    heads += ["one step, over the one before", "2 s, over the one before"]
+    lines = [f"| | {' | '.join(heads)} |", "| --- " * (1 + len(heads)) + "|"]
+    errors, before = ("one_step", "two_seconds"), None
     for name, what in WHAT.items():
-        found = result[name]
-        cells = [relative(found[str(count)], result["nominal"], error)
-                 for error in ("one_step", "two_seconds") for count in POINTS]  # fmt: skip
-        cells += [f"{100.0 * np.mean(found[str(count)]['coverage']):.1f} %" for count in POINTS]
-        last = str(max(POINTS))
-        cells += ["" if before is None else relative(found[last], before[last], error)
-                  for error in ("one_step", "two_seconds")]  # fmt: skip
-        lines.append(f"| {what} | " + " | ".join(cells) + " |")
-        before = found
+        found, last = result[name], result[name][str(max(POINTS))]
+        cells = [relative(found[str(count)], result["nominal"], error) for error in errors for count in POINTS]
+        cells += [f"{100.0 * np.mean(found[str(count)]['within']):.1f} %" for count in POINTS]
+        cells += ["" if before is None else relative(last, before, error) for error in errors]
+        lines.append(f"| {what} | {' | '.join(cells)} |")
+        before = last
     return "\n".join(lines)
 
 

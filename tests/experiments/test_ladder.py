@@ -42,7 +42,7 @@ def made_up() -> dict[str, Any]:
     """Errors of two vehicles, halved by each model."""
 
     def entry(error: float) -> dict[str, Any]:
-        return {"one_step": [[error] * 4] * 2, "two_seconds": [[3.0 * error] * 4] * 2, "coverage": [0.9, 1.0]}
+        return {"one_step": [[error] * 4] * 2, "two_seconds": [[3.0 * error] * 4] * 2, "within": [0.9, 1.0]}
 
     models = {name: {"0": entry(0.6 * 0.5**k), "100": entry(0.5 * 0.5**k)} for k, name in enumerate(ladder.WHAT)}
     return {"nominal": entry(1.0), **models}
@@ -71,4 +71,4 @@ def test_all_models_are_judged_on_the_same_vehicles(tmp_path: Path, monkeypatch:
     assert list(result) == ["nominal", "paper", "shipped"]
     assert np.shape(result["shipped"]["100"]["two_seconds"]) == (2, 4)
     assert np.isfinite(result["paper"]["0"]["one_step"]).all()
-    assert np.shape(result["paper"]["100"]["coverage"]) == (2,)
+    assert np.shape(result["paper"]["100"]["within"]) == (2,)

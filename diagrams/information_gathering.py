@@ -1,4 +1,5 @@
-"""Information gathering on one vehicle: plan, execute with the tracking controller, log, decimate, adapt.
+"""Information gathering on one vehicle: plan, execute with the tracking controller, log, decimate, adapt; then which
+model to drive with, the learnt one or the car that the informative drives identify.
 
 python -m diagrams.information_gathering --vehicle 3     # one vehicle: OCP, Info-OCP, second Info-OCP
 python -m diagrams.information_gathering --graph         # draws the diagram of the execution
@@ -9,11 +10,15 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.gathering.choice import forecasts
 from drift_drake.gathering.gather import execution, taught
+from drift_drake.gathering.identified import identified, runs_of
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.gathering.recipe import Recipe
+from drift_drake.gathering.trust import usual_for
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
+from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -45,6 +50,7 @@ def main(options: Options) -> None:
         ):
             print(path)
         return
+    driven = []
     print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}")
     first = plan_drive(model, beliefs["prior"], config, config.alpha, options.seed)
     _report("prior", beliefs["prior"])
@@ -54,12 +60,17 @@ def main(options: Options) -> None:
             trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
         drive = taught(model, beliefs[before], trajectory, effects, parameters, config, options.seed)
         beliefs[name] = drive.belief
+        driven += [drive.table] if name != "Once-OCP" else []
         _report(name, drive.belief)
         e, beta = (drive.table[column].abs().max() for column in ("e", "beta"))
         print(
             f"{'':>12}  planned {drive.expected:.1f} nat ({trajectory.status}), gained {drive.obtained:.1f}; driven: "
             f"|e| <= {e:.2f} m, |beta| <= {beta:.2f} rad, ended by {drive.ending}"
         )
+    runs, usual = runs_of(driven), usual_for(model)
+    errors = forecasts(step_model(model, beliefs["Twice-Info"]), identified(runs, parameters), runs)
+    if usual is not None:
+        print(usual.choice(errors).sentence())
 
 
 def _report(name: str, belief: Posterior) -> None:

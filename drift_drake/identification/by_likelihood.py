@@ -64,6 +64,8 @@ def identify_by_likelihood(
     asked_for = summarise(found, vehicle, effects, known)[0]
     dropped = [n for n in chosen if asked_for[n].low <= 0.0 <= asked_for[n].high]
     kept = refit_without(problem, found, dropped)
+    while least := at_least(kept):
+        kept, dropped = refit_without(problem, kept, least), [*dropped, *least]
     # Stated values, intervals, tolerances and the file are of one fit: the last.
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
     row_weight, everyday = everyday_misfit(kept)
@@ -164,8 +166,14 @@ def summarise(
     return parameters, correlation, correlation * np.outer(sigmas, sigmas)
 
 
+def at_least(found: Estimate) -> list[str]:
+    """Effects that came out at the least of their range, above zero: they would rather not be there."""
+    low, first = parameter_limits(found.problem, found.names)[0], found.problem.nuisances
+    return [name for i, name in enumerate(found.names, first) if 0.0 < low[i] >= found.theta[i]]
+
+
 def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:
-    """The fit with effects that cannot be told from zero taken out, so that the others make up for them."""
+    """The fit with effects that are nothing of this car's taken out, so that the others make up for them."""
     if not dropped:
         return found
     kept = [name for name in found.names if name not in dropped]

@@ -24,6 +24,8 @@ LABELS = {
     "twice_info": "Twice-Info",
     "online": "prior, adapting",
     "twice_online": "Twice-Info, adapting",
+    "identified": "identified car",
+    "chosen": "chosen by the drives",
     "oracle": "oracle",
 }
 # Tables II and III of Davydov et al.: best, median and worst of three attempts of one car.
@@ -140,7 +142,7 @@ def refusal_sentence(summary: dict[str, Any]) -> str:
         for model, s in summary.items()
         if "refused" in s
     ]
-    return f"By the first informative drive's log, {'; '.join(parts)}.\n\n" if parts else ""
+    return f"By the informative drives' logs, {'; '.join(parts)}.\n\n" if parts else ""
 
 
 def paper_table(summary: dict[str, Any], error: str) -> str:

@@ -2,9 +2,11 @@
 
 Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
-while it drives), `twice_online` (Twice-Info, adapting while it drives) and `oracle` (the true car with its true
-effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once
-for each noise seed, and shared by the models that need it.
+while it drives), `twice_online` (Twice-Info, adapting while it drives), `identified` (the nominal equations with what
+Twice-Info's two drives identify), `chosen` (of Twice-Info and the identified car the one that predicts these drives
+better; the prior, adapting, where neither knows the car) and `oracle` (the true car with its true effects). All else,
+the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once for each noise seed,
+and shared by the models that need it.
 """
 
 import dataclasses
@@ -21,8 +23,10 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
+from drift_drake.gathering.choice import Believed
+from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.gathering.recipe import Recipe
-from drift_drake.gathering.trust import familiar_to
+from drift_drake.gathering.trust import Usual, usual_for
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model
@@ -39,11 +43,14 @@ from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
 
-Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online", "oracle"]
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online",
+                "identified", "chosen", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
-BELIEFS: dict[str, str] = {"once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info",
-                           "twice_online": "twice_info"}  # fmt: skip
+BELIEFS: dict[str, str] = {
+    "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
+    "identified": "identified", "chosen": "identified",
+}  # fmt: skip
 ADAPTING = ("online", "twice_online")
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
@@ -104,6 +111,9 @@ class Learnt(NamedTuple):
     path_step: PathStep = "trapezoid"
 
 
+Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
+
+
 @dataclasses.dataclass(frozen=True)
 class DriveJob:
     """One closed-loop run."""
@@ -113,7 +123,7 @@ class DriveJob:
     maneuver: Maneuver
     effects: Effects
     noise_seed: int
-    believes: Literal["nominal", "oracle"] | Learnt
+    believes: Believes
     control: ControlConfig
     plant: TruePlant = "single_track"
 
@@ -140,8 +150,11 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
     else:
-        model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
-        control = dataclasses.replace(control, tightening=0.0)  # neither has any uncertainty
+        if isinstance(believes, IdentifiedCar):
+            model = believes.step_model()
+        else:
+            model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
+        control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
     plant = plant_of(job.plant, job.effects, driven.path)
     return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant)
@@ -188,28 +201,54 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
                           config.plant)  # fmt: skip
-    familiar = familiar_to(learnt)
+    believing = Believing(learnt, config.path_step, usual_for(learnt))
     jobs = []
     for vehicle, seed in config.attempts():
         for model in config.models:
-            labels: dict[str, Any] = {"model": model, "vehicle": vehicle, "noise_seed": seed}
-            believes: Literal["nominal", "oracle"] | Learnt
-            if model == "nominal" or model == "oracle":
-                believes = model
-            else:
-                belief = learnt.prior()
-                if model in BELIEFS:
-                    found = gathered[vehicle, seed].beliefs
-                    belief = found.get(BELIEFS[model], found.get("once_info", belief))
-                    labels["second_plan"] = "twice_info" in found or BELIEFS[model] != "twice_info"
-                    surprise = gathered[vehicle, seed].surprise
-                    if surprise is not None and familiar is not None:
-                        labels["refused"] = surprise > familiar.limit()
-                believes = Learnt(learnt, belief, model in ADAPTING, config.path_step)
+            labels, believes = believing(model, gathered.get((vehicle, seed)))
+            labels = {"model": model, "vehicle": vehicle, "noise_seed": seed} | labels
             name = run_name(model, vehicle, seed)
             effects = config.effects(vehicle)
             jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, config.plant))
     return run_drives(jobs, folder, config.run_on)
+
+
+class Believing(NamedTuple):
+    """What a controller believes of a vehicle under each model."""
+
+    learnt: BayesianModel
+    path_step: PathStep
+    usual: Usual | None  # what is usual for the learnt model, if that was measured
+
+    def __call__(self, model: Model, taught: Taught | None) -> tuple[dict[str, Any], Believes]:
+        """(columns of the experiment's table, what is believed) after what the gathering has taught."""
+        if model == "nominal" or model == "oracle":
+            return {}, model
+        belief, labels = self.learnt.prior(), dict[str, Any]()
+        if model in BELIEFS:
+            assert taught is not None
+            wanted = "twice_info" if BELIEFS[model] == "identified" else BELIEFS[model]
+            belief = taught.beliefs.get(wanted, taught.beliefs.get("once_info", belief))
+            labels["second_plan"] = "twice_info" in taught.beliefs or wanted != "twice_info"
+            if taught.surprise is not None and self.usual is not None:
+                labels["refused"] = taught.surprise > self.usual.surprise.limit()
+            if BELIEFS[model] == "identified":
+                return self._of_drives(model, taught, labels)
+        return labels, Learnt(self.learnt, belief, model in ADAPTING, self.path_step)
+
+    def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
+        """The same for `identified` and `chosen`; the prior, adapting, where no car was identified or none is known."""
+        believed: Believed = "neither"
+        if taught.forecasts is not None and self.usual is not None:
+            choice = self.usual.choice(taught.forecasts)
+            believed = choice.believed
+            labels |= {"learnt_error": choice.learnt, "identified_error": choice.identified}
+        labels |= {"believed": believed, "refused": believed == "neither"}
+        if taught.car is not None and (model == "identified" or believed == "identified"):
+            return labels, taught.car
+        known = believed == "learnt"
+        belief = taught.best if known else self.learnt.prior()
+        return labels, Learnt(self.learnt, belief, not known, self.path_step)
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:

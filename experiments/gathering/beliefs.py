@@ -1,26 +1,30 @@
-"""What the gathering of each attempt has taught, in a file an attempt: beliefs, and the first drive's surprise."""
+"""What the gathering of each attempt has taught, in a file an attempt: beliefs, the first drive's surprise, and the car
+that both informative drives identify."""
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from drift_drake.executors import ExecutorConfig, run_jobs
+from drift_drake.gathering.choice import forecasts
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
 from drift_drake.gathering.gather import drive_samples, gather
+from drift_drake.gathering.identified import IdentifiedCar, identified, runs_of
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples
+from drift_drake.model.quality import learn, step_model
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.true_plant import TruePlant, plant_of
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Attempt = tuple[int, int]  # vehicle, noise seed
@@ -34,6 +38,8 @@ class Taught:
 
     beliefs: dict[str, Posterior]  # "once_ocp", "once_info", "twice_info", as far as wanted and found
     surprise: float | None  # mean squared distance of the first informative drive (`gathering.trust`); None without one
+    car: IdentifiedCar | None = None  # that the informative drives identify, where that was wanted and found
+    forecasts: tuple[float, float] | None = None  # how far off the learnt model and that car are (`gathering.choice`)
 
     @property
     def best(self) -> Posterior:
@@ -46,7 +52,7 @@ class GatherJob:
     """The information gathering of one vehicle; the first plans are the same for all vehicles."""
 
     attempt: Attempt
-    wanted: frozenset[str]  # of `Taught.beliefs`
+    wanted: frozenset[str]  # of `Taught.beliefs`, and "identified"
     learnt: BayesianModel
     effects: Effects
     ocp: Trajectory
@@ -57,28 +63,41 @@ class GatherJob:
 
 def gather_beliefs(job: GatherJob) -> Taught:
     """What is believed of a vehicle after each kind of gathering; no "twice_info" where no second plan was feasible."""
-    learnt, config, parameters, prior = job.learnt, job.config, VehicleParameters(), job.learnt.prior()
+    learnt, config, prior = job.learnt, job.config, job.learnt.prior()
     seed, beliefs = job.attempt[1], {}
 
-    def samples_of(trajectory: Trajectory, drive_seed: int, before: Posterior) -> Samples:
+    def drive(trajectory: Trajectory, drive_seed: int, before: Posterior) -> pd.DataFrame:
         plant = plant_of(job.plant, job.effects, lane(config).path)
-        table, _ = gather(trajectory, job.effects, parameters, config, drive_seed, plant, (learnt, before))
-        return drive_samples(table, config)
+        table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant, (learnt, before))
+        return table
+
+    def after(table: pd.DataFrame, before: Posterior) -> Posterior:
+        return learn(learnt, before, drive_samples(table, config))
 
     if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = learn(learnt, prior, samples_of(job.ocp, seed, prior))
-    if not job.wanted & {"once_info", "twice_info"}:
+        beliefs["once_ocp"] = after(drive(job.ocp, seed, prior), prior)
+    if not job.wanted & {"once_info", "twice_info", "identified"}:
         return Taught(beliefs, None)
-    first = samples_of(job.info, seed, prior)
-    surprise = float(np.mean(squared_distances(learnt, prior, first)))
-    beliefs["once_info"] = once = learn(learnt, prior, first)
-    if "twice_info" in job.wanted:
+    driven = [drive(job.info, seed, prior)]
+    surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
+    beliefs["once_info"] = once = after(driven[0], prior)
+    if job.wanted & {"twice_info", "identified"}:
         try:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
             return Taught(beliefs, surprise)
-        beliefs["twice_info"] = learn(learnt, once, samples_of(second, SECOND_ROUND + seed, once))
-    return Taught(beliefs, surprise)
+        driven.append(drive(second, SECOND_ROUND + seed, once))
+        beliefs["twice_info"] = after(driven[1], once)
+    return (
+        judged(Taught(beliefs, surprise), driven, learnt) if "identified" in job.wanted else Taught(beliefs, surprise)
+    )
+
+
+def judged(taught: Taught, driven: Sequence[pd.DataFrame], learnt: BayesianModel) -> Taught:
+    """With the car that the drives identify, and how well it and the learnt model predict them."""
+    runs = runs_of(driven)
+    car = identified(runs, learnt.vehicle)
+    return dataclasses.replace(taught, car=car, forecasts=forecasts(step_model(learnt, taught.best), car, runs))
 
 
 def gather_all(
@@ -109,8 +128,12 @@ def gather_all(
                 for name, belief in taught.beliefs.items()
                 for field, value in belief._asdict().items()
             }
-            surprise = np.nan if taught.surprise is None else taught.surprise
-            write_arrays(files[job.attempt], wanted=sorted(job.wanted), surprise=surprise, **arrays)
+            arrays["surprise"] = np.nan if taught.surprise is None else taught.surprise
+            arrays["forecasts"] = taught.forecasts or ()
+            arrays["car"] = "" if taught.car is None else json.dumps(
+                {"vehicle": taught.car.vehicle.to_dict(), "effects": taught.car.effects._asdict()}
+            )  # fmt: skip
+            write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
 
         run_jobs(run_on, gather_beliefs, jobs, write, "gathering")
     return {attempt: _read(file)[1] for attempt, file in files.items()}
@@ -123,6 +146,12 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
     with np.load(path) as stored:
         names = {key.split(".")[0] for key in stored.files if "." in key}
         beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
-        surprise = float(stored["surprise"])
+        surprise, text = float(stored["surprise"]), str(stored["car"])
+        errors = [float(error) for error in stored["forecasts"]]
         wanted = frozenset(str(name) for name in stored["wanted"])
-    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None)
+    car = None
+    if text:
+        found = json.loads(text)
+        car = IdentifiedCar(VehicleParameters.from_dict(found["vehicle"], str(path)), make_effects(found["effects"]))
+    judged_by = (errors[0], errors[1]) if errors else None
+    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, car, judged_by)

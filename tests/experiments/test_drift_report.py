@@ -72,5 +72,5 @@ def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
     twice = runs[runs["model"] == "twice_info"].assign(refused=[False, True, True, False, False, False])
     twice.loc[0, "completed"] = False
     assert refusal_sentence(summarise(twice)).startswith(
-        "By the first informative drive's log, Twice-Info: 2 of 6 runs refused beforehand, 1 of the others were"
+        "By the informative drives' logs, Twice-Info: 2 of 6 runs refused beforehand, 1 of the others were"
     )

@@ -5,11 +5,14 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.gathering.identified import IdentifiedCar
+from drift_drake.gathering.trust import usual_for
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation import true_plant
@@ -20,7 +23,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
-from experiments.drifting.runs import ModelsConfig
+from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
 from experiments.settings import OtherExperimentError
 
@@ -87,6 +90,43 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
     assert plants == [True, True]  # along the lane, and in the drift
     with pytest.raises(InvalidOptionError, match="no model knows the double-track car; leave oracle out"):
         main(dataclasses.replace(double, models=("oracle",)))
+
+
+def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:
+    """The car that they identify where that predicts them; else what is learnt of it, or the prior, adapting."""
+    both = dataclasses.replace(config(tmp_path, here), models=("identified", "chosen"))
+    main(both)  # of drives of 1.5 s no car is identified
+    kept = json.loads((tmp_path / "chosen-000-0.json").read_text())
+    assert kept["identified_error"] is None  # infinite
+    assert kept["believed"] in ("learnt", "neither")
+    assert "chosen by the drives" in capsys.readouterr().out
+    learnt = drift_runs.load_model(None)
+    taught = beliefs.gather_all([(0, 0)], both.effects, frozenset({"identified"}), learnt, SHORT, tmp_path, here)[0, 0]
+    car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
+    believing = drift_runs.Believing(learnt, "trapezoid", usual_for(learnt))
+    for errors, found in (((0.03, 0.007), "identified"), ((0.03, 0.1), "learnt"), ((0.3, 0.1), "neither")):
+        believing = drift_runs.Believing(
+            drift_runs.load_model(None), "trapezoid", usual_for(drift_runs.load_model(None))
+        )
+        labels, believes = believing("chosen", dataclasses.replace(taught, car=car, forecasts=errors))
+        assert (labels["believed"], labels["refused"]) == (found, found == "neither")
+        assert believes == car if found == "identified" else isinstance(believes, Learnt)
+        assert found != "neither" or (isinstance(believes, Learnt) and believes.adapting)
+        assert believing("identified", dataclasses.replace(taught, car=car, forecasts=errors))[1] == car
+
+
+def test_an_identified_car_is_kept_with_what_was_taught(
+    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
+    monkeypatch.setattr(beliefs, "identified", lambda *_: car)
+    settings = dataclasses.replace(config(tmp_path, here), models=("identified",))
+    main(settings)
+    taught = beliefs.gather_all([(0, 0)], settings.effects, frozenset({"identified"}), drift_runs.load_model(None),
+                                SHORT, tmp_path, here)[0, 0]  # fmt: skip
+    assert taught.car == car
+    assert taught.forecasts is not None
+    assert np.isfinite(taught.forecasts).all()
 
 
 def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:

@@ -219,12 +219,13 @@ def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:
     assert lane_for_pictures(CONFIG, [near, far]).distance == pytest.approx(40.0)
 
 
-def test_the_command_prints_four_models(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_four_models_and_which_to_drive_with(capsys: pytest.CaptureFixture[str]) -> None:
     main(Options(gathering=CONFIG))
     lines = capsys.readouterr().out.splitlines()
-    totals = {line.split()[0]: float(line.split()[-1]) for line in lines[1:] if "planned" not in line}
+    totals = {line.split()[0]: float(line.split()[-1]) for line in lines[1:-1] if "planned" not in line}
     assert list(totals) == ["prior", "Once-OCP", "Once-Info", "Twice-Info"]
     assert totals["Twice-Info"] < totals["Once-Info"] < totals["Once-OCP"] < totals["prior"]
+    assert "inf for the identified car" in lines[-1]  # of drives of 1.2 s none is identified
 
 
 def test_the_graph_is_drawn(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import Trajectory, plan_drive
-from drift_drake.gathering.trust import Familiar, familiar_from, familiar_to, keep_familiar, squared_distances
+from drift_drake.gathering.trust import Familiar, Usual, familiar_from, keep_usual, squared_distances, usual_for
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.features import features, network_inputs
@@ -66,14 +66,15 @@ def test_the_limit_is_a_predictive_quantile_of_logs() -> None:
 
 
 def test_the_shipped_models_are_known_and_others_are_not(model: BayesianModel, tmp_path: Path) -> None:
-    for one in (model, load_model(paper_checkpoint())):
-        familiar = familiar_to(one)
-        assert familiar is not None
-        assert familiar.vehicles >= 20
+    for shipped in (model, load_model(paper_checkpoint())):
+        usual = usual_for(shipped)
+        assert usual is not None
+        assert min(one.vehicles for one in usual) >= 20
     other = dataclasses.replace(model, prior_mean=model.prior_mean + 1.0)
-    assert familiar_to(other) is None
+    assert usual_for(other) is None
     file = tmp_path / "lane_trust.json"
-    keep_familiar(model, Familiar(1.0, 0.1, 5), file)
-    keep_familiar(other, Familiar(2.0, 0.2, 6), file)
-    assert familiar_to(other, file) == Familiar(2.0, 0.2, 6)
+    kept = Usual(Familiar(2.0, 0.2, 6), Familiar(-3.5, 0.3, 6), Familiar(-5.0, 0.1, 6))
+    keep_usual(model, Usual(*[Familiar(1.0, 0.1, 5)] * 3), file)
+    keep_usual(other, kept, file)
+    assert usual_for(other, file) == kept
     assert len(json.loads(file.read_text())) == 2

@@ -1,0 +1,125 @@
+"""The car that lane drives identify, and which model is believed by them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from drift_drake.control.plan import DT
+from drift_drake.gathering.choice import Choice, forecast_error, forecasts, learnt_errors, windows
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.course import lane
+from drift_drake.gathering.gather import gather, learn_drive
+from drift_drake.gathering.identified import IdentifiedCar, identified, runs_of
+from drift_drake.gathering.plan import plan_again, plan_drive
+from drift_drake.gathering.trust import usual_for
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.quality import step_model
+from drift_drake.simulation.true_plant import plant_of
+from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.parameters import VehicleParameters
+
+CONFIG = GatheringConfig(v_end=14.0, starts=1)
+SLOW = make_effects({"steering_lag": 0.15, "friction_level": -0.2})
+
+
+@pytest.fixture(scope="module")
+def driven(model: BayesianModel) -> list[pd.DataFrame]:
+    """Logs of two slaloms along the lane: 9 s."""
+    t, tables = DT * np.arange(CONFIG.steps + 1), []
+    for number, (size, period) in enumerate(((1.2, 1.6), (0.6, 1.1))):
+        lateral = size * np.sin(2.0 * np.pi * t / period) * np.minimum(t, 1.0)
+        plan = plan_drive(model, model.prior(), CONFIG, 0.0, lateral=lateral)
+        tables.append(gather(plan, SLOW, VehicleParameters(), CONFIG, number)[0])
+    return tables
+
+
+@pytest.fixture(scope="module")
+def car(driven: list[pd.DataFrame]) -> IdentifiedCar:
+    found = identified(runs_of(driven), VehicleParameters())
+    assert found is not None
+    return found
+
+
+def test_a_car_beyond_those_trained_on_is_identified_along_a_lane(car: IdentifiedCar) -> None:
+    assert car.effects.steering_lag == pytest.approx(0.15, abs=0.015)
+    assert car.vehicle.friction == pytest.approx(0.8 * VehicleParameters().friction, rel=0.05)
+
+
+def test_effects_that_it_has_not_are_left_out(car: IdentifiedCar) -> None:
+    """At the least of a range above zero, an effect would rather not be there."""
+    for name in ("tyre_relaxation", "longitudinal_load_transfer", "lateral_load_transfer", "sliding_friction_drop"):
+        assert getattr(car.effects, name) == 0.0
+
+
+def test_drives_that_are_too_short_identify_none(driven: list[pd.DataFrame]) -> None:
+    assert identified(runs_of([table.iloc[:150] for table in driven]), VehicleParameters()) is None
+
+
+def test_physics_predicts_such_a_car_better_than_what_is_learnt(
+    model: BayesianModel, driven: list[pd.DataFrame], car: IdentifiedCar
+) -> None:
+    belief = model.prior()
+    for table in driven:
+        belief = learn_drive(model, belief, table, CONFIG)
+    learnt, physics = forecasts(step_model(model, belief), car, runs_of(driven))
+    assert physics < 0.5 * learnt
+    assert forecasts(step_model(model, belief), None, runs_of(driven)) == (learnt, float("inf"))
+
+
+def test_the_learnt_models_errors_are_those_of_its_steps(model: BayesianModel, driven: list[pd.DataFrame]) -> None:
+    """One window by hand: five steps from the smoothed measurement, under the commands at their ends."""
+    learnt = step_model(model, model.prior())
+    (run,) = windows(runs_of(driven[:1]))
+    start = int(run.starts[7])
+    commands, lagged = np.stack([run.delta, run.tau], axis=1), np.array([run.delta[0], run.tau[0]])
+    for row in range(start):  # 10 ms at a time, the exact answer of a first-order lag to a linear command
+        for i, lag in enumerate((0.05, 0.10)):
+            keep, slope = np.exp(-0.01 / lag), (commands[row + 1, i] - commands[row, i]) / 0.01
+            straight = commands[row, i] - slope * lag  # what follows the command in steady state
+            lagged[i] = straight + slope * 0.01 + keep * (lagged[i] - straight)
+    x = np.concatenate([run.start_y[start, :4], [0.0, 0.0], lagged])[None]
+    for h in range(5):
+        at, then = start + 10 * h, start + 10 * (h + 1)
+        x = learnt.step(x, commands[at : at + 1], commands[then : then + 1], np.zeros(1))
+    found = learnt_errors(learnt, [run])[7, -1]
+    assert found == pytest.approx(run.y[start + 50, :4] - x[0, :4], abs=1e-9)
+
+
+def test_a_forecast_error_is_the_geometric_mean_of_medians() -> None:
+    errors = np.zeros((3, 5, 5))
+    errors[:, -1, :4] = [[0.1, 2.0, 0.1, 1.0], [-0.2, 1.0, 0.3, -4.0], [0.9, -0.5, 0.1, 2.0]]
+    errors[:, -1, 4] = 100.0  # the heading is not counted
+    assert forecast_error(errors) == pytest.approx((0.2 * 1.0 * 0.1 * 2.0) ** 0.25)
+
+
+@pytest.mark.parametrize(
+    ("learnt", "identified_car", "believed", "said"),
+    [
+        (0.03, 0.01, "identified", "drive with the identified car"),
+        (0.03, 0.02, "learnt", "drive with the learnt model"),  # its equations are not this car's
+        (0.009, 0.01, "learnt", "drive with the learnt model"),
+        (0.06, 0.02, "neither", "no model knows this car"),
+        (0.04, float("inf"), "learnt", "drive with the learnt model"),
+    ],
+)
+def test_a_model_is_believed_that_is_no_further_off_than_usual(
+    learnt: float, identified_car: float, believed: str, said: str
+) -> None:
+    choice = Choice(learnt, identified_car, 0.05, 0.012)
+    assert choice.believed == believed
+    assert choice.sentence().startswith(said)
+
+
+def test_a_car_of_other_equations_is_not_known(model: BayesianModel) -> None:
+    """A double-track car in informative drives: what the nominal equations make of them is far from it."""
+    usual, config, belief, tables = usual_for(model), GatheringConfig(starts=1, max_iterations=40), model.prior(), []
+    first = plan = plan_drive(model, belief, config, config.alpha)
+    for number in range(2):
+        car = plant_of("double_track", Effects(), lane(config).path)
+        tables.append(gather(plan, Effects(), VehicleParameters(), config, number, car)[0])
+        belief = learn_drive(model, belief, tables[-1], config)
+        plan = plan_again(model, belief, first, config)
+    runs = runs_of(tables)
+    found = forecasts(step_model(model, belief), identified(runs, VehicleParameters()), runs)
+    assert usual is not None
+    assert usual.choice(found).believed == "neither"

@@ -50,7 +50,7 @@ def main(config: ReplayConfig) -> None:
     played = play(prepared, config.restart)
     comparison = compare(played)
     write_json(folder / "config.json", config)
-    write_json(folder / "numbers.json", comparison.to_dict())
+    write_json(folder / "numbers.json", comparison)
     write_versions(folder)
     write_table(wide_table(played), folder / "replay.csv", index=False)
     runs, parameters = drawn(played), cars["nominal"].parameters

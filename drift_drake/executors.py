@@ -23,7 +23,7 @@ from typing import Any, Literal, TypeVar
 from tqdm import tqdm
 
 from drift_drake.errors import DriftDrakeError, InvalidOptionError
-from drift_drake.workers import SPAWNING, end_with_parent, track_resources, worker_processes
+from drift_drake.workers import SPAWNING, end_with_parent, track_resources
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -60,23 +60,12 @@ class WorkerLostError(DriftDrakeError, RuntimeError):
 
 
 @contextmanager
-def make_executor(config: ExecutorConfig) -> Iterator[concurrent.futures.Executor]:
-    """The executor that a config asks for, shut down at the end; `run_jobs` survives the end of a process, too.
+def _cluster(config: ExecutorConfig) -> Iterator[Any]:
+    """A client of the cluster that a config asks for.
 
     Raises:
         NoClusterError: dask.distributed is not installed, or no scheduler answers at the address.
     """
-    if config.executor == "processes":
-        with worker_processes(config.workers) as pool:
-            yield pool
-    else:
-        with _cluster(config) as client, client.get_executor() as pool:
-            yield pool
-
-
-@contextmanager
-def _cluster(config: ExecutorConfig) -> Iterator[Any]:
-    """A client of the cluster that a config asks for."""
     try:
         from distributed import Client, LocalCluster
     except ImportError:
@@ -102,8 +91,16 @@ def _cluster(config: ExecutorConfig) -> Iterator[Any]:
 
 
 @contextmanager
-def _processes(workers: int, tasks_per_worker: int) -> Iterator[Submit]:
-    """Submits to processes of this machine; a process that ends takes its own job with it and no other."""
+def worker_processes(workers: int, tasks_per_worker: int = 0) -> Iterator[Submit]:
+    """Submits a function and its one argument to fresh processes of this machine.
+
+    A process that ends takes its own job with it and no other. All end at once if the block raises (Ctrl-C included) or
+    if this process ends, by a signal too. Not forked: a fork would copy Drake's, BLAS's and other threads in whatever
+    state they are.
+
+    Args:
+        tasks_per_worker: a process is replaced by a fresh one after so many jobs; 0 for never.
+    """
     from pebble import ProcessPool
 
     track_resources()
@@ -128,7 +125,7 @@ def _dask(config: ExecutorConfig, function: Callable[..., Any]) -> Iterator[Subm
     package = function.__module__.partition(".")[0]
     if package not in ("drift_drake", "__main__"):
         cloudpickle.register_pickle_by_value(sys.modules[package])
-    with make_executor(config) as pool:
+    with _cluster(config) as client, client.get_executor() as pool:
         waiting: list[concurrent.futures.Future[Any]] = []
 
         def submit(function: Callable[..., Any], job: Any) -> "concurrent.futures.Future[Any]":
@@ -164,6 +161,7 @@ def run_jobs(
 
     Raises:
         JobsFailedError: some job failed and there is no `failed`; all others have been finished.
+        NoClusterError: there is no cluster where one is asked for.
     """
     if not jobs:
         return
@@ -171,7 +169,7 @@ def run_jobs(
 
     failures: list[str] = []
     lost: Counter[int] = Counter()
-    place = _dask(config, function) if config.executor == "dask" else _processes(config.workers, tasks_per_worker)
+    place = _dask(config, function) if config.executor == "dask" else worker_processes(config.workers, tasks_per_worker)
     with place as submit, tqdm(total=len(jobs), unit=unit, disable=quiet, file=sys.stderr) as bar:
         waiting = {submit(function, job): k for k, job in enumerate(jobs)}
         while waiting:

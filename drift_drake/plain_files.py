@@ -159,5 +159,13 @@ def number(value: Any, check: Callable[[float], bool] = math.isfinite) -> float:
     return out
 
 
+def named_number(name: str, value: Any, check: Callable[[float], bool] = math.isfinite, remedy: str = "") -> float:
+    """The same of a value with a name, which the error's message begins with."""
+    try:
+        return number(value, check)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}{remedy}") from None
+
+
 def _reason(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)

@@ -3,11 +3,8 @@
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 
 from drift_drake.interruption import ctrl_c_waits, signals_wait
@@ -51,37 +48,13 @@ SPAWNING = _Spawning()
 """How workers are started, in pools of `multiprocessing` too."""
 
 
-@contextmanager
-def worker_processes(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
-    """A pool of fresh processes, as many as there are cores if no count is given.
-
-    They end at once if the block raises (Ctrl-C included) or if this process ends, by a signal too. Not forked: a fork
-    would copy Drake's, BLAS's and other threads in whatever state they are.
-    """
-    track_resources()
-    before = set(multiprocessing.active_children())
-    watched, held = SPAWNING.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(count, mp_context=SPAWNING, initializer=end_with_parent, initargs=(watched,))
-    try:
-        with held:  # closed before the pool waits for its workers, if the block raises
-            yield pool
-            pool.shutdown()
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - before:
-            process.terminate()  # those too that have not begun to watch
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
-        watched.close()
-
-
-def end_with_parent(*held: Connection) -> None:
-    """What a worker begins with: it ends when the process that started it does, or closes one of the pipes given."""
+def end_with_parent() -> None:
+    """What a worker begins with: it ends when the process that started it does."""
     parent = multiprocessing.parent_process()
-    watched: list[Connection | int] = [*held, *([parent.sentinel] if parent is not None else [])]
+    watched = [] if parent is None else [parent.sentinel]
 
     def end() -> None:
-        wait(watched)  # readable once their other ends are closed
+        wait(watched)  # readable once the parent's end is closed
         os._exit(ENDED_WITH_PARENT)
 
     threading.Thread(target=end, daemon=True).start()

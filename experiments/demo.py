@@ -22,6 +22,7 @@ from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.executors import worker_processes
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import Gathered, taught
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
@@ -32,7 +33,6 @@ from drift_drake.model.quality import standardized_errors
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.workers import worker_processes
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
@@ -120,15 +120,15 @@ def main(config: DemoConfig) -> None:
     drifts: dict[str, DriveResult] = {}
     with (
         tqdm(total=len(MODELS) + 5, bar_format="{desc:<28}{percentage:3.0f}%|{bar}| {elapsed}") as bar,
-        worker_processes(config.workers) as pool,
+        worker_processes(config.workers) as submit,
     ):
-        diagnosing = pool.submit(diagnosed, config.log)  # the longest job comes first
+        diagnosing = submit(diagnosed, config.log)  # the longest job comes first
         rounds = gathering(config, learnt, bar)
         beliefs = {"prior": learnt.prior()} | {name: one.belief for name, one in rounds.items()}
         beliefs.setdefault("twice_info", beliefs["once_info"])
         bar.set_description("drifting the figure-8")
         jobs = [drift_job(config, kind, learnt, beliefs.get(kind, beliefs["prior"])) for kind in reversed(MODELS)]
-        for done in as_completed([pool.submit(drift, job) for job in jobs]):
+        for done in as_completed([submit(drift, job) for job in jobs]):
             name, driven = done.result()
             drifts[name] = driven
             bar.update()

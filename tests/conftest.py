@@ -29,7 +29,7 @@ LONG_TO_MAKE = {
     "identified": (),
     "other_car": ("diagnosed", "searched", "late_day", "plain_day", "strange_day"),
 }
-OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=6.0)
+OTHER_CAR = Days(Path(), car="coupe", seed=7, duration=5.0)
 
 
 def pytest_configure():

@@ -1,5 +1,7 @@
 """Problems that several tests solve."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,7 +9,7 @@ from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.stacked import CurvedGradient, StageCost
+from drift_drake.control.stacked import StageCost
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.lane import problem_data
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -37,7 +39,7 @@ def stages(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def check_gradient(cost: StageCost, tolerance: float) -> None:
     """Exact, by central differences; the path coordinates tell nothing, the lagged commands do."""
     x, u, u_next = stages(4, 2)
-    gradient = cost.gradient_at(x, u, u_next)(x, u, u_next)
+    gradient = cost.expansion(x, u, u_next).gradient()
     assert gradient.shape == (4, 12)
     assert (gradient[:, 4:6] == 0.0).all()
     assert (gradient[:, LAGGED] != 0.0).all()
@@ -52,19 +54,26 @@ def check_gradient(cost: StageCost, tolerance: float) -> None:
             assert gradient[k, j] * scale[j] == pytest.approx(numeric, rel=1e-5, abs=tolerance)
 
 
-def check_curvature(cost: StageCost) -> None:
-    """Second derivatives within each stage, against central differences of the gradient."""
+def check_curvature(cost: StageCost, value: Callable[[Array, Array, Array], float] | None = None) -> None:
+    """Second derivatives within each stage, against second differences of the cost or of the given value."""
     x, u, u_next = stages(4, 2)
-    gradient = cost.gradient_at(x, u, u_next)
-    assert isinstance(gradient, CurvedGradient)
-    scale = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
+    value = value or cost.value
+    steps = 3e-4 * np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5, 0.3, 100.0, 0.3, 100.0, 0.3, 100.0])
     point, numeric = np.concatenate([x, u, u_next], axis=1), np.empty((4, 12, 12))
-    for j in range(12):
-        moved = point + np.array([1e-5, -1e-5])[:, None, None] * scale[j] * np.eye(12)[j]
-        up, down = (gradient(p[:, :8], p[:, 8:10], p[:, 10:]) for p in moved)
-        numeric[:, j] = (up - down) * scale / 2e-5
-    found = gradient.curvature(x, u, u_next) * scale[:, None] * scale
-    np.testing.assert_allclose(found, numeric, rtol=0, atol=1e-4 * np.abs(numeric).max())
+
+    def at(k: int, *moves: Array) -> float:
+        moved = point.copy()
+        moved[k] += np.sum(moves, axis=0)
+        return value(moved[:, :8], moved[:, 8:10], moved[:, 10:])
+
+    for k in range(4):
+        for i, one in enumerate(np.diag(steps)):
+            for j, other in enumerate(np.diag(steps)):
+                numeric[k, i, j] = 0.25 * (
+                    at(k, one, other) - at(k, one, -other) - at(k, -one, other) + at(k, -one, -other)
+                )
+    found = cost.expansion(x, u, u_next).curvature() * steps[:, None] * steps
+    np.testing.assert_allclose(found, numeric, rtol=0, atol=1e-3 * np.abs(numeric).max())
 
 
 def lane_ocp(

@@ -8,20 +8,19 @@ import time
 from pathlib import Path
 
 import pytest
-from pebble import ProcessPool
 
-from drift_drake.workers import SPAWNING, worker_processes
+from drift_drake.executors import worker_processes
 
 PARENT = """
 import sys, time
 from pathlib import Path
-from drift_drake.workers import worker_processes
+from drift_drake.executors import worker_processes
 from test_workers import work
 
 if __name__ == "__main__":
-    with worker_processes(1) as pool:
-        pool.submit(work, sys.argv[1])
-        pool.submit(work, sys.argv[1]).result()
+    with worker_processes(1) as submit:
+        submit(work, sys.argv[1])
+        submit(work, sys.argv[1]).result()
 """
 PATIENCE = 30.0  # [s] for processes to start and end; they take less than one
 
@@ -33,7 +32,7 @@ def work(file: str) -> None:
     time.sleep(10 * PATIENCE)
 
 
-def pid() -> int:
+def pid(_: None) -> int:
     return os.getpid()
 
 
@@ -114,21 +113,19 @@ def test_a_diagnosis_of_a_folder_leaves_no_worker(tmp_path: Path, number: signal
         parent.wait()
 
 
-def ctrl_c_is_blocked() -> bool:
+def ctrl_c_is_blocked(_: None) -> bool:
     return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_workers_never_see_ctrl_c() -> None:
-    with worker_processes(1) as executor:
-        assert executor.submit(ctrl_c_is_blocked).result()
-    with ProcessPool(1, 1, context=SPAWNING) as pool:
-        assert pool.schedule(ctrl_c_is_blocked).result()
-        assert pool.schedule(ctrl_c_is_blocked).result()  # by the next process
-    assert not ctrl_c_is_blocked()
+    with worker_processes(1, tasks_per_worker=1) as submit:
+        assert submit(ctrl_c_is_blocked, None).result()
+        assert submit(ctrl_c_is_blocked, None).result()  # by the next process
+    assert not ctrl_c_is_blocked(None)
 
 
 def test_the_pool_works_and_ends() -> None:
-    with worker_processes(1) as pool:
-        worker = pool.submit(pid).result()
+    with worker_processes(1) as submit:
+        worker = submit(pid, None).result()
         assert worker != os.getpid()
     assert not running(worker)

@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.effects_step import MEMORY_SCALE, EffectsStepModel
+from drift_drake.control.stacked import DifferencedExpansion
 from drift_drake.vehicle.effects import Effects, measured
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.step_model import StepModel
+from drift_drake.vehicle.step_model import StepModel, block_scale
 
 Array = NDArray[np.float64]
 
@@ -155,8 +156,12 @@ class DiscriminationCost:
         """-alpha log(1 + nats)."""
         return -self._alpha * float(np.log1p(self.nats(x, u, u_next)))
 
-    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
-        """See `StageCost`."""
+    def expansion(self, x: Array, u: Array, u_next: Array) -> DifferencedExpansion:
+        """See `StageCost`; the rival's parameters are held where they are."""
+        gradient, scale = self._gradient_at(x, u, u_next), block_scale(self._model.memory_scale)
+        return DifferencedExpansion(gradient, x, u, u_next, scale)
+
+    def _gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
         theta, nats = self.refit(x, u, u_next)
         car = self._rival.car(theta)
         rival_gain, rival_bias = gains_and_biases(car.sensors)

@@ -71,6 +71,18 @@ def dynamics_times(f: Array, columns: Index, z: Array) -> Array:
 
 
 @compiled
+def largest(values: Array) -> float:
+    """The largest magnitude; NaN stays NaN."""
+    found = 0.0
+    for value in values:
+        if not abs(value) <= found:
+            found = abs(value)
+            if np.isnan(found):
+                break
+    return found
+
+
+@compiled
 def dual_residual(gradient: Array, f: Array, columns: Index, rows: Rows, y: Array) -> float:
     """The largest entry of the Lagrangian's gradient; y: multipliers of the dynamics and of the linear rows."""
     out = gradient.copy()
@@ -101,3 +113,46 @@ def violations(residual: Array, rows: Rows, z: Array, low: Array, high: Array) -
             total += outside
             largest = max(largest, outside)
     return total, largest if total < np.inf else total
+
+
+class Iterate(NamedTuple):
+    """What an SQP iteration knows of the point that it starts from, apart from the Hessian's blocks."""
+
+    quadratic_gradient: Array  # of the cost's quadratic part
+    gradient: Array  # of all of it
+    cost: float  # its quadratic part
+    violation: float
+    primal: float  # the largest violation
+    dual: float  # the largest entry of the Lagrangian's gradient, relative to the largest multiplier
+    low: Array  # bounds of the QP's rows [dynamics; linear rows]
+    high: Array
+
+
+@compiled
+def iterate(hessian: Rows, linear: Array, constant: float, extra: Array, residual: Array, f: Array, columns: Index,
+            rows: Rows, low: Array, high: Array, z: Array, y: Array) -> Iterate:  # fmt: skip
+    """The numbers of a point z, y: one call for what are many small ones.
+
+    Args:
+        hessian, linear, constant: the quadratic cost's; extra: gradient of a cost beside it, empty without one.
+        residual: of the dynamics; f: F_k [N, n, n+4]; rows: the linear ones, with their bounds low and high.
+    """
+    bent = rows_times(hessian, z)
+    quadratic = bent + linear
+    gradient = quadratic + extra if extra.size else quadratic
+    violation, primal = violations(residual, rows, z, low, high)
+    # OSQP's multipliers are no more accurate than relative to the largest one.
+    dual = dual_residual(gradient, f, columns, rows, y) / max(1.0, largest(y))
+    target = dynamics_times(f, columns, z) - residual
+    cost = constant + 0.5 * float(z @ bent) + float(linear @ z)
+    both = np.concatenate((target, low)), np.concatenate((target, high))
+    return Iterate(quadratic, gradient, cost, violation, primal, dual, both[0], both[1])
+
+
+@compiled
+def along(gradient: Array, quadratic_gradient: Array, hessian: Rows, blocks: Array, columns: Index,
+          direction: Array) -> tuple[float, float, float, float]:  # fmt: skip
+    """How the cost changes along a direction: its slope and that of its quadratic part, that one's bend, the QP's."""
+    bend = float(direction @ rows_times(hessian, direction))
+    model_bend = float(direction @ blocks_times(blocks, columns, direction))
+    return float(gradient @ direction), float(quadratic_gradient @ direction), bend, model_bend

@@ -115,7 +115,7 @@ class BlockHessian:
     """The upper triangle of a sum of overlapping blocks, as OSQP wants it, with a fixed pattern."""
 
     def __init__(self, columns: NDArray[np.intp], size: int) -> None:
-        self._block_columns = columns
+        self.columns = columns
         row = np.broadcast_to(columns[:, :, None], (*columns.shape, columns.shape[1]))
         column = np.swapaxes(row, 1, 2)
         self._upper = row <= column
@@ -129,7 +129,7 @@ class BlockHessian:
 
     def times(self, blocks: Array, z: Array) -> Array:
         """The sum times a vector."""
-        return blocks_times(blocks, self._block_columns, z)
+        return blocks_times(blocks, self.columns, z)
 
     def matrix(self, blocks: Array) -> sparse.csc_matrix:
         """The sum's upper triangle, its zeros stored."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OptimalControlProblem
-from drift_drake.control.products import Rows, dual_residual, dynamics_times, rows_times, violations
+from drift_drake.control.products import Iterate, Rows, along, iterate, largest, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 Array = NDArray[np.float64]
@@ -54,6 +54,9 @@ class SqpOptions:
             exact_merit=True,
             defect_tolerance=0.01,
         )
+
+
+_NONE = np.empty(0)  # gradient of no cost
 
 
 class SqpIteration(NamedTuple):
@@ -97,13 +100,9 @@ class _Point(NamedTuple):
     z: Array
     y: Array
     residual: Array  # of the dynamics
-    cost: float
-    extra_cost: float  # the part of it that is not quadratic
-    violation: float
-    gradient: Array  # of the cost
-    quadratic_gradient: Array  # of its quadratic part
+    extra_cost: float  # the part of the cost that is not quadratic
+    numbers: Iterate
     blocks: Array  # the QP's Hessian by stages
-    rows: tuple[Array, Array]  # the QP's bounds (low, high)
 
 
 class LineSearchSqp:
@@ -130,28 +129,21 @@ class LineSearchSqp:
         z = np.array(z_guess, dtype=float)  # a copy: a view that is read only would be compiled for anew
         y = np.zeros(self.multiplier_count) if y_guess is None else np.array(y_guess, dtype=float)
         penalty, status = 0.0, "iterations"
+        extra_cost = extra.value(z) if extra else 0.0
         iterations: list[SqpIteration] = []
-        last = False
         while True:
             start = time.perf_counter()
-            if not last:
-                residual, jacobian = self._dynamics.linearize(z)
-            bent = rows_times(self._hessian, z)
-            gradient = bent + gradient_at_zero
-            extra_cost = extra.value(z) if extra else 0.0
-            if extra:
-                gradient += extra.gradient(z)
-            cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
-            violation, primal_residual = violations(residual, self._rows, z, low, high)
-            if last:
-                break
-            if not np.isfinite(jacobian).all():
+            residual, jacobian = self._dynamics.linearize(z)
+            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
+            numbers = iterate(
+                self._hessian, gradient_at_zero, constant, extra.gradient(z) if extra else _NONE, residual, f, columns,
+                self._rows, low, high, z, y,
+            )  # fmt: skip
+            cost, primal_residual, dual = numbers.cost + extra_cost, numbers.primal, numbers.dual
+            if not largest(jacobian) < np.inf:
                 status = "not finite"
                 break
             self._workspace.set_jacobian(jacobian)
-            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
-            # Relative to the largest multiplier: OSQP's multipliers are no more accurate than that.
-            dual = dual_residual(gradient, f, columns, self._rows, y) / max(1.0, float(np.abs(y).max()))
             if max(primal_residual, dual) < options.tolerance:
                 status = "converged"
                 break
@@ -159,12 +151,10 @@ class LineSearchSqp:
             if not options.gauss_newton:
                 blocks = self._lagrangian_blocks(z, y)
                 self._workspace.set_hessian(blocks)
-            target = dynamics_times(f, columns, z) - residual
-            rows = np.concatenate([target, low]), np.concatenate([target, high])
-            point = _Point(z, y, residual, cost, extra_cost, violation, gradient, bent + gradient_at_zero, blocks, rows)
+            point = _Point(z, y, residual, extra_cost, numbers, blocks)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
-            step, z, y, residual, penalty, qp = self._step(point, penalty, interior)
+            step, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
             iterations.append(SqpIteration(step, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds))
             if step == 0.0:
@@ -172,56 +162,62 @@ class LineSearchSqp:
                 break
             last = len(iterations) == (most or options.max_iterations)
             if options.defect_tolerance is not None:
-                if np.abs(residual).max() <= options.defect_tolerance:
+                if largest(residual) <= options.defect_tolerance:
                     status, last = "feasible", True
                 # In real time a QP that took both attempts is all the work that one solve may do.
                 last = last or qp.second_attempt
+            if last:
+                bent = rows_times(self._hessian, z)
+                cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
+                primal_residual = violations(residual, self._rows, z, low, high)[1]
+                break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
     def _step(
         self, point: _Point, penalty: float, interior: bool
-    ) -> tuple[float, Array, Array, Array, float, QpSolution]:
+    ) -> tuple[float, Array, Array, Array, float, float, QpSolution]:
         """The step to the QP's solution, halved until the merit function falls enough.
 
         Returns:
-            (step, z, y, residual of the dynamics there, penalty mu, the QP's solution); step 0 and the given point if
-            no step will do.
+            (step, z, y, residual of the dynamics and extra cost there, penalty mu, the QP's solution); step 0 and the
+            given point if no step will do.
         """
-        options, extra = self.options, self.problem.extra_cost
-        offset = point.gradient - self._workspace.hessian.times(point.blocks, point.z)
-        qp = self._workspace.solve(offset, *point.rows, point.z, point.y, interior)
+        options, extra, numbers = self.options, self.problem.extra_cost, point.numbers
+        offset = numbers.gradient - self._workspace.hessian.times(point.blocks, point.z)
+        qp = self._workspace.solve(offset, numbers.low, numbers.high, point.z, point.y, interior)
         if not qp.usable:
-            return 0.0, point.z, point.y, point.residual, penalty, qp
+            return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
         direction = qp.z - point.z
-        slope, bend = float(point.gradient @ direction), float(direction @ rows_times(self._hessian, direction))
-        quadratic_slope = float(point.quadratic_gradient @ direction)
-        model_bend = float(direction @ self._workspace.hessian.times(point.blocks, direction))
-        if point.violation > 1e-12:
+        slope, quadratic_slope, bend, model_bend = along(
+            numbers.gradient, numbers.quadratic_gradient, self._hessian, point.blocks, self._workspace.hessian.columns,
+            direction,
+        )  # fmt: skip
+        if numbers.violation > 1e-12:
             if options.exact_merit:
-                penalty = max(penalty, float(np.abs(qp.y).max()))
-            penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * point.violation))
-        merit, decrease = point.cost + penalty * point.violation, slope - penalty * point.violation
+                penalty = max(penalty, largest(qp.y))
+            penalty = max(penalty, (slope + 0.5 * model_bend) / (0.5 * numbers.violation))
+        start = numbers.cost + point.extra_cost
+        merit, decrease = start + penalty * numbers.violation, slope - penalty * numbers.violation
         # Near the solution the decrease drowns in the merit's rounding error.
         rounding = 1e-12 * (1.0 + abs(merit))
-        low, high = (row[point.residual.size :] for row in point.rows)
+        low, high = (row[point.residual.size :] for row in (numbers.low, numbers.high))
         step = 1.0
         while step >= LEAST_STEP:
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
-            cost = point.cost + step * quadratic_slope + 0.5 * step * step * bend
-            if extra:
-                cost += extra.value(trial) - point.extra_cost
+            cost = start + step * quadratic_slope + 0.5 * step * step * bend
+            extra_cost = extra.value(trial) if extra else 0.0
+            cost += extra_cost - point.extra_cost
             trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
-                return step, trial, point.y + step * (qp.y - point.y), residual, penalty, qp
+                return step, trial, point.y + step * (qp.y - point.y), residual, extra_cost, penalty, qp
             step *= SHRINK
-        return 0.0, point.z, point.y, point.residual, penalty, qp
+        return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""
-        blocks = self._stage_hessian + self._dynamics.curvature_blocks(z, y[: self._dynamics.size])
-        if self.problem.extra_cost:
-            blocks = blocks + self.problem.extra_cost.curvature_blocks(z)
+        curved = self._dynamics.curvature_blocks(z, y[: self._dynamics.size], self.problem.extra_cost)
+        blocks = self._stage_hessian + curved
         values, vectors = np.linalg.eigh(blocks)
         projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return projected

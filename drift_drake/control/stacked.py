@@ -5,13 +5,20 @@ stacks are called by Drake's solvers as float or AutoDiffXd; the line-search SQP
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drift_drake.vehicle.step_model import CURVATURE_STEP, INPUT_SCALE, STATE_SCALE, StepModel, block_scale
+from drift_drake.vehicle.step_model import (
+    CURVATURE_STEP,
+    INPUT_SCALE,
+    STATE_SCALE,
+    CostExpansion,
+    StepModel,
+    block_scale,
+)
 
 Array = NDArray[np.float64]
 
@@ -23,22 +30,41 @@ class StageCost(Protocol):
         """The total."""
         ...
 
-    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
-        """The total's derivative by one stage's (x, u, u_next), the other stages held where they are.
-
-        The function returned takes M = (any multiple of N) points, stage after stage, and gives [M, n+4]; at the
-        arguments of `gradient_at` itself it is the total's gradient.
-        """
+    def expansion(self, x: Array, u: Array, u_next: Array) -> CostExpansion:
+        """The total to second order."""
         ...
 
 
-@runtime_checkable
-class CurvedGradient(Protocol):
-    """What `StageCost.gradient_at` may return: a function that knows its derivatives."""
+class DifferencedExpansion:
+    """A `CostExpansion` whose second derivatives are differences of an exact gradient.
 
-    def curvature(self, x: Array, u: Array, u_next: Array) -> Array:
-        """The total's second derivatives within each stage [N, n+4, n+4], at the arguments of `gradient_at`."""
-        ...
+    Args:
+        gradient: of M = (any multiple of N) points, stage after stage, [M, n+4]; the other stages stay where they are.
+        x, u, u_next: the trajectory; scale: of (x, u, u_next) [n+4], see `block_scale`.
+    """
+
+    def __init__(
+        self, gradient: Callable[[Array, Array, Array], Array], x: Array, u: Array, u_next: Array, scale: Array
+    ) -> None:
+        self._gradient, self._scale = gradient, scale
+        self._points, self._size = np.concatenate([x, u, u_next], axis=1), x.shape[1]
+
+    def _at(self, points: Array) -> Array:
+        n = self._size
+        return self._gradient(points[:, :n], points[:, n : n + 2], points[:, n + 2 :])
+
+    def gradient(self) -> Array:
+        """See `CostExpansion`."""
+        return self._at(self._points)
+
+    def curvature(self) -> Array:
+        """See `CostExpansion`."""
+        count, steps = self._scale.size, CURVATURE_STEP * self._scale
+        shifts = np.concatenate([np.zeros((1, count)), np.diag(steps)])
+        found = self._at((self._points + shifts[:, None]).reshape(-1, count)).reshape(count + 1, -1, count)
+        bent = np.moveaxis((found[1:] - found[0]) / steps[:, None, None], 0, 1)
+        symmetric: Array = 0.5 * (bent + np.swapaxes(bent, 1, 2))
+        return symmetric
 
 
 class StageLayout:
@@ -64,22 +90,6 @@ class StageLayout:
         """(x_k [N, n], u_k [N, 2], u_{k+1} [N, 2]) in SI units."""
         x, u = self.split(z)
         return x[:-1], u[:-1], u[1:]
-
-    def shifted_stages(self, z: Array) -> tuple[Array, Array, Array]:
-        """All stages as they are, then with each of their variables moved by `CURVATURE_STEP`: (n+5) N points."""
-        n, count = self.state_size, self.state_size + 4
-        point = np.concatenate(self.stages(z), axis=1)
-        shifts = np.eye(count + 1, count, -1) * CURVATURE_STEP * self.block_scale
-        points = (point[None] + shifts[:, None]).reshape(-1, count)
-        return points[:, :n], points[:, n : n + 2], points[:, n + 2 :]
-
-    def difference(self, gradients: Array) -> Array:
-        """Symmetric second derivatives [N, n+4, n+4] from scaled gradients [(n+5) N, n+4] at the shifted stages."""
-        count = self.state_size + 4
-        by_shift = gradients.reshape(count + 1, -1, count)
-        blocks = np.moveaxis((by_shift[1:] - by_shift[0]) / CURVATURE_STEP, 0, 1)
-        symmetric: Array = 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
-        return symmetric
 
 
 class StackedDynamics:
@@ -110,31 +120,38 @@ class StackedDynamics:
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """(residuals [n N], the Jacobian's entries in the order of `sparsity`)."""
         x, u = self.layout.split(z)
-        x_next, a, b, b_next = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
-        block = np.concatenate([a, b, b_next], axis=2) * self._block_scale
-        residual = ((x_next - x[1:]) / self.layout.state_scale).ravel()
-        return residual, np.concatenate([block.ravel(), np.full(self.size, -1.0)])
+        x_next, *jacobians = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
+        entries = np.full(self._rows.size, -1.0)
+        np.multiply(np.concatenate(jacobians, axis=2), self._block_scale, out=self.by_stages(entries))
+        return ((x_next - x[1:]) / self.layout.state_scale).ravel(), entries
 
     def by_stages(self, entries: Array) -> Array:
         """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""
         return entries[: -self.size].reshape(self.layout.horizon, self.layout.state_size, -1)
 
-    def curvature_blocks(self, z: Array, multipliers: Array) -> Array:
-        """Second derivatives of multipliers' residuals by each stage's variables [N, n+4, n+4].
+    def curvature_blocks(self, z: Array, multipliers: Array, cost: "StackedCost | None" = None) -> Array:
+        """Second derivatives of multipliers' residuals, and of a cost, by each stage's variables [N, n+4, n+4].
 
         The model's own, or differences of its exact derivatives, all stages and directions in one batch.
         """
         layout, scale = self.layout, self.layout.block_scale
         weights = multipliers.reshape(-1, layout.state_size) / layout.state_scale
-        own = self.model.weighted_curvature(*layout.stages(z), self.curvature, weights)
-        if own is not None:
-            return own * scale[:, None] * scale
-        points = layout.shifted_stages(z)
-        repeats = len(points[0]) // layout.horizon
-        gradient = self.model.weighted_gradient(
-            *points, np.tile(self.curvature, repeats), np.tile(weights, (repeats, 1))
-        )
-        return layout.difference(gradient * scale)
+        stages = layout.stages(z)
+        at = (*stages, self.curvature, weights)
+        expansion = cost.expansion(z) if cost else None
+        found = self.model.curvature_with(*at, expansion) if expansion else self.model.weighted_curvature(*at)
+        if found is None:
+            found = DifferencedExpansion(self._weighted(weights), *stages, scale).curvature()
+            found = found + expansion.curvature() if expansion else found
+        return found * scale[:, None] * scale
+
+    def _weighted(self, weights: Array) -> Callable[[Array, Array, Array], Array]:
+        def gradient(x: Array, u: Array, u_next: Array) -> Array:
+            repeats = len(x) // len(weights)
+            curvature, weight = np.tile(self.curvature, repeats), np.tile(weights, (repeats, 1))
+            return self.model.weighted_gradient(x, u, u_next, curvature, weight)
+
+        return gradient
 
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:
@@ -151,7 +168,7 @@ class StackedCost:
     def __init__(self, cost: StageCost, layout: StageLayout) -> None:
         self._cost = cost
         self._layout = layout
-        self._last: tuple[Array, Callable[[Array, Array, Array], Array]] | None = None  # scratch: see `_gradient_at`
+        self._last: tuple[Array, CostExpansion] | None = None  # scratch: see `expansion`
 
     def value(self, z: Array) -> float:
         """The cost."""
@@ -159,20 +176,18 @@ class StackedCost:
 
     def gradient(self, z: Array) -> Array:
         """Its derivative by the decision vector (all of it: variables behind the stages' have none)."""
-        by_stage = self._gradient_at(z)(*self._layout.stages(z)) * self._layout.block_scale
+        by_stage = self.expansion(z).gradient() * self._layout.block_scale
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
     def curvature_blocks(self, z: Array) -> Array:
-        """Second derivatives within each stage [N, n+4, n+4]: the cost's own, or differences of the exact gradient."""
-        gradient, scale = self._gradient_at(z), self._layout.block_scale
-        if isinstance(gradient, CurvedGradient):
-            return gradient.curvature(*self._layout.stages(z)) * scale[:, None] * scale
-        return self._layout.difference(gradient(*self._layout.shifted_stages(z)) * self._layout.block_scale)
+        """Second derivatives within each stage [N, n+4, n+4]."""
+        scale = self._layout.block_scale
+        return self.expansion(z).curvature() * scale[:, None] * scale
 
-    def _gradient_at(self, z: Array) -> Callable[[Array, Array, Array], Array]:
-        """The stages' gradient, kept for the next call: an iterate's curvature is asked for after its gradient."""
+    def expansion(self, z: Array) -> CostExpansion:
+        """The cost to second order, kept for the next call: an iterate's curvature is asked for after its gradient."""
         if self._last is None or not np.array_equal(self._last[0], z):
-            self._last = z.copy(), self._cost.gradient_at(*self._layout.stages(z))
+            self._last = z.copy(), self._cost.expansion(*self._layout.stages(z))
         return self._last[1]
 
     def __call__(self, z: NDArray[Any]) -> Any:

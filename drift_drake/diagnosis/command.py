@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import tyro
 
+from drift_drake import safe_files
 from drift_drake.command_line import command_line
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.answers.provenance import all_answered
@@ -23,7 +24,6 @@ from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.progress import progress_bar
 from drift_drake.results_table import write_results_table
-from drift_drake.safe_files import try_folder, try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.compilation import say_if_it_compiles
@@ -178,7 +178,7 @@ def checked_every(every: int) -> int:
 
 def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
-    try_outputs({"--json": command.json, "--report": command.report}, inputs)
+    safe_files.try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
         from drift_drake.diagnosis.folders import answer_folder
         from drift_drake.estimation.filter import filter_run
@@ -199,17 +199,17 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
     from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-    from drift_drake.diagnosis.reports.day_report import write_day_report
-    from drift_drake.diagnosis.reports.report import write_report
+    from drift_drake.diagnosis.reports import day_report, report
     from drift_drake.pages.page import Source
 
     said = command_line("diagnose", command, "case")
     answer = None if command.json == STANDARD_OUTPUT else command.json
     source = Source(said, command.case, command.vehicle, command.calibration, answer)
     if isinstance(diagnosis, DayDiagnosis):
-        write_day_report(diagnosis, path, source)
+        html = day_report.report_html(diagnosis, source)
     else:
-        write_report(diagnosis, path, source)
+        html = report.report_html(diagnosis, source)
+    safe_files.write_text(path, html)
 
 
 def _diagnose_many(
@@ -221,7 +221,7 @@ def _diagnose_many(
         raise InvalidOptionError(f"--report is for one case; give one of the {count} folders in {command.case}")
     into = None if command.json == STANDARD_OUTPUT else command.json
     if into is not None:
-        try_folder(into, "--json")
+        safe_files.try_folder(into, "--json")
         names = {folder: into / f"{case_name(folder)}.json" for folder in folders}
         before = all_answered(names, vehicle, options)
     if command.again:

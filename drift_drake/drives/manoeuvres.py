@@ -79,22 +79,12 @@ def slalom(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
     return _scripted(p, speed, script, 12.0)
 
 
-def drift_figure_8(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
-    """Drifts a figure-8 under model predictive control that believes in the vehicle file without effects."""
-    return _tracked(p, figure_8(p))
-
-
-def drift_loops(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
-    """Accelerates straight on, then drifts loops, likewise."""
-    return _tracked(p, loops(p))
-
-
 MANOEUVRES: dict[Name, Callable[[VehicleParameters, float, float], Manoeuvre]] = {
     "straight": straight,
     "step_steer": step_steer,
     "slalom": slalom,
-    "figure_8": drift_figure_8,
-    "loops": drift_loops,
+    "figure_8": lambda p, _speed, _steering: _tracked(p, figure_8(p)),
+    "loops": lambda p, _speed, _steering: _tracked(p, loops(p)),
 }
 
 
@@ -117,6 +107,7 @@ def _scripted(p: VehicleParameters, speed: float, script: Callable[[float], tupl
 
 
 def _tracked(p: VehicleParameters, reference: Reference) -> Manoeuvre:
+    """Drifts under model predictive control that believes in the vehicle file without effects."""
     delta, tau = (float(value) for value in reference.input(0.0))
     driver = MpcController(NominalStepModel(p), p, reference, HORIZON, period=PLAN_PERIOD, delay=PLAN_PERIOD,
                            initial_command=(delta, tau))  # fmt: skip

@@ -10,17 +10,12 @@ import dataclasses
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.fit import no_effects
 from drift_drake.estimation.freeform import FORCE_CHANNELS, filtered_states, force_units, state_functions
 from drift_drake.estimation.problem import Everyday, Problem, filter_case, flat, observe
 
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
 STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
-
-
-@dataclasses.dataclass(frozen=True)
-class _Nominal:
-    names: tuple[str, ...]
-    theta: np.ndarray
 
 
 def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
@@ -56,7 +51,7 @@ def traced(problem: Problem) -> Problem:
         return problem
     bare = [dataclasses.replace(run, trace=None) for run in problem.runs]
     problem = problem.replace(runs=bare)
-    nominal = _Nominal((), np.zeros(problem.nuisances))
+    nominal = no_effects(problem)
     gains = filter_case(problem, nominal.theta, nominal.names)
     weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
     traces = []

@@ -61,6 +61,12 @@ class Fit:
         return dict(zip(self.names, (float(q) for q in sigma), strict=True))
 
 
+def no_effects(problem: Problem) -> Fit:
+    """The vehicle file's car as a fit: no effects, no deviations."""
+    count = problem.nuisances
+    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
+
+
 def parameter_limits(problem: Problem, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of all parameters; of nuisances, that no constant of the car may fall below a tenth of its file's."""
     pairs = [problem.range_of(name) for name in names]

@@ -19,7 +19,7 @@ from drift_drake.estimation.run_data import RunData, first_sideslip, noise_level
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, combined
-from drift_drake.vehicle.parameters import Constants, VehicleParameters
+from drift_drake.vehicle.parameters import RELATIVE, Constants, VehicleParameters
 
 NUISANCES = (
     "mass",
@@ -37,7 +37,8 @@ NUISANCES = (
 )
 TOLERANCES = len(NUISANCES) - 1  # nuisances that are deviations of the vehicle
 NUISANCE_STEP = 0.05  # of a tolerance, for differences
-LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow, times or by e^0.7
+LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow
+LIMITER_DEVIATION = 0.7  # of its logarithm
 
 START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
 START_MATTERS = tuple(  # effects under which the commands before the first row act on the car
@@ -129,23 +130,8 @@ FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it,
 
 def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
     """Standard deviations of NUISANCES."""
-    t = vehicle.tolerance
-    return np.array(
-        [
-            t.mass,
-            t.yaw_inertia,
-            t.front_axle_distance,
-            t.wheel_radius,
-            t.rear_axle_inertia,
-            t.torque,
-            t.friction,
-            t.front_stiffness,
-            t.rear_stiffness,
-            t.steering_offset,
-            t.wheel_radius,
-            0.7,
-        ]
-    )
+    stated = dataclasses.asdict(vehicle.tolerance)
+    return np.array([stated[name] for name in NUISANCES[:-2]] + [stated["wheel_radius"], LIMITER_DEVIATION])
 
 
 def make_problem(
@@ -203,20 +189,13 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
     """Constants and effects of a parameter vector under a hypothesis' effects."""
     n = dict(zip(NUISANCES, (float(d) for d in theta[: len(NUISANCES)] * problem.tolerance), strict=True))
     p = problem.nominal
-    constants = Constants(
-        p.mass * (1.0 + n["mass"]),
-        p.yaw_inertia * (1.0 + n["yaw_inertia"]),
-        p.front_axle_distance + n["front_axle_distance"],
-        p.rear_axle_distance - n["front_axle_distance"],
-        p.wheel_radius * (1.0 + n["wheel_radius"]),
-        p.rear_axle_inertia * (1.0 + n["rear_axle_inertia"]) * (FED_INERTIA if problem.rim_fed else 1.0),
-        p.gear_ratio * (1.0 + n["torque"]),
-        p.friction * (1.0 + n["friction"]),
-        p.front_stiffness * (1.0 + n["front_stiffness"]),
-        p.rear_stiffness * (1.0 + n["rear_stiffness"]),
-        p.gravity,
-        p.front_coupling,
-        p.tyre,
+    changes = {name: getattr(p, name) * (1.0 + n[name]) for name in RELATIVE}
+    changes["rear_axle_inertia"] *= FED_INERTIA if problem.rim_fed else 1.0
+    constants = p._replace(
+        **changes,
+        front_axle_distance=p.front_axle_distance + n["front_axle_distance"],
+        rear_axle_distance=p.rear_axle_distance - n["front_axle_distance"],
+        gear_ratio=p.gear_ratio * (1.0 + n["torque"]),
     )
     magnitudes = dict(zip(names, (float(q) for q in theta[problem.nuisances :]), strict=True))
     magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + n["steering_offset"]

@@ -122,21 +122,21 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit) -> Reduction:
     after = held_out_errors(problem, fitted)
     floor = errors_of(problem, floor_fit.theta, floor_fit.names)
     blocks = np.concatenate([_blocks(b, a, f) for b, a, f in zip(before, after, floor, strict=True)])
-    shares = np.array([_share(sums) for sums in resampled(blocks)])
+    shares = np.array([removed_share(*sums) for sums in resampled(blocks)])
     whole = [np.concatenate(part) for part in (before, after, floor)]
     by_state = {
-        name: _share(np.array([np.nansum(part[:, JUDGED, i]) for part in whole]))
+        name: removed_share(*(float(np.nansum(part[:, JUDGED, i])) for part in whole))
         for i, name in enumerate(STATES)
         if np.any(np.isfinite(whole[0][:, JUDGED, i]))
     }
     by_horizon = {
-        f"{h:g} s": _share(np.array([np.nansum(part[:, i]) for part in whole]))
+        f"{h:g} s": removed_share(*(float(np.nansum(part[:, i])) for part in whole))
         for i, h in enumerate(HORIZONS)
         if np.any(np.isfinite(whole[0][:, i]))
     }
     means = [mean_squares(part) for part in whole]
     low, high = np.quantile(shares, [0.025, 0.975])
-    estimate = _share(blocks.sum(axis=0))
+    estimate = removed_share(*blocks.sum(axis=0))
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
 
 
@@ -150,7 +150,7 @@ def mean_squares(errors: np.ndarray) -> list[float]:
 
 def share_removed(before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> float:
     """Share of the gap at half a second that `after` removes, from the squared errors of all runs."""
-    return _share(np.array([sum(float(np.nansum(run[:, JUDGED])) for run in part) for part in (before, after, floor)]))
+    return removed_share(*(sum(float(np.nansum(run[:, JUDGED])) for run in part) for part in (before, after, floor)))
 
 
 def _blocks(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:
@@ -160,7 +160,6 @@ def _blocks(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndar
     return np.asarray(np.add.reduceat(sums, edges, axis=0))
 
 
-def _share(sums: np.ndarray) -> float:
-    """The share of the gap removed from sums (before, after, floor); zero where there is no gap."""
-    before, after, floor = (float(s) for s in sums)
+def removed_share(before: float, after: float, floor: float) -> float:
+    """The share of the gap that is removed, from sums of squares; zero where there is no gap."""
     return float(np.clip(1.0 - (after - floor) / (before - floor), -1.0, 1.0)) if before > floor else 0.0

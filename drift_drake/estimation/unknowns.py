@@ -11,7 +11,7 @@ import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, changed_constants
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
 FIELDS = {  # of the vehicle file, that an effect is a deviation of
@@ -19,17 +19,18 @@ FIELDS = {  # of the vehicle file, that an effect is a deviation of
     "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
     "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
 }  # fmt: skip
-BROAD = {  # standard deviations where the vehicle file states no tolerance
-    "mass_error": 0.2,
-    "yaw_inertia_error": 0.3,
-    "cg_shift": 0.05,  # of the wheelbase
-    "drivetrain_inertia_error": 0.5,
-    "torque_gain_error": 0.2,
-    "friction_level": 0.3,
-    "front_stiffness_error": 0.5,
-    "rear_stiffness_error": 0.5,
-    "steering_offset": 0.02,
-}
+BROAD = Tolerance(  # standard deviations where the vehicle file states no tolerance
+    mass=0.2,
+    yaw_inertia=0.3,
+    front_axle_distance=0.05,  # of the wheelbase here
+    wheel_radius=0.05,
+    rear_axle_inertia=0.5,
+    torque=0.2,
+    friction=0.3,
+    front_stiffness=0.5,
+    rear_stiffness=0.5,
+    steering_offset=0.02,
+)
 CAUTION = 2.0  # stated tolerances that a first guess may be off, as one standard deviation
 LEAST = -0.8  # relative deviation, below which a mass, an inertia or a stiffness makes no car
 LEAST_SHARE = 0.15  # of the wheelbase, between an axle and the centre of gravity
@@ -51,19 +52,18 @@ class Unknown:
     start: float
 
 
-def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str], own: float = 0.0) -> Unknown:
+def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> Unknown:
     """What is believed of one effect before the logs.
 
     Args:
-        vehicle: the first guess; stated: tolerances that its file states (`Tolerance`'s names), believed with caution;
-        own: the first guess's magnitude of this effect.
+        vehicle: the first guess; stated: tolerances that its file states (`Tolerance`'s names), believed with caution.
     """
     info = CATALOGUE[name]
     bottom, top = info.range_for(vehicle)
     size = max(abs(bottom), abs(top))
     if info.tolerance:
         wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-        prior = BROAD[name] * (wheelbase if name == "cg_shift" else 1.0)
+        prior = getattr(BROAD, info.tolerance) * (wheelbase if name == "cg_shift" else 1.0)
         if info.tolerance in stated:
             prior = CAUTION * max(float(getattr(vehicle.tolerance, info.tolerance)), 1e-6)
         low, high = LEAST, -5.0 * LEAST
@@ -72,11 +72,11 @@ def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str], own: 
             high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase
         elif name == "steering_offset":
             low, high = -FURTHEST * size, FURTHEST * size
-        return Unknown(name, min(size, prior), prior, low, high, own)
+        return Unknown(name, min(size, prior), prior, low, high, 0.0)
     low = -FURTHEST * size if info.signed else 0.0
     if name == "tyre_relaxation":
         low = SHORTEST_RELAXATION * (vehicle.front_axle_distance + vehicle.rear_axle_distance)
-    start = own if info.signed or own > 0.0 else max(FIRST_SHARE * size, low)
+    start = 0.0 if info.signed else max(FIRST_SHARE * size, low)
     return Unknown(name, size, size, low, FURTHEST * size, start)
 
 

@@ -72,7 +72,7 @@ def _export_logs(command: Export) -> None:
                 f"--format {command.format} needs a package ({error}): pip install "
                 f'"drift_drake[{NEEDS[command.format]}]"'
             ) from None
-        print(f"{out}: {path}", file=said_to(command.json))
+        print(f"{out}: written from {path}", file=said_to(command.json))
     files = [{"source": path, "out": out} for path, out in zip(paths, outs, strict=True)]
     write_results(command.json, {"files": files, "left_out": []})
 
@@ -96,5 +96,5 @@ def _export_vehicle(command: Export) -> None:
         if changed_constants(nominal, make_effects({name: q})) == nominal
     ]
     left = f"; {command.format} has no place for {', '.join(lost)}, left out" if lost else ""
-    print(f"{command.out}: {command.source}{left}", file=said_to(command.json))
+    print(f"{command.out}: written from {command.source}{left}", file=said_to(command.json))
     write_results(command.json, {"files": [{"source": command.source, "out": command.out}], "left_out": lost})

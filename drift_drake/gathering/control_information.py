@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from drift_drake.control.plan import DT
 from drift_drake.control.tracking import lqr_gains
-from drift_drake.gathering.predictive_information import PredictiveInformationCost, feature_rows
+from drift_drake.gathering.predictive_information import NarrowingCost, feature_rows
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
+from drift_drake.model.feature_expansion import Expansions
 from drift_drake.model.features import MEAN_COUNT, features, network_inputs
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -81,23 +82,29 @@ def sensitivities(model: BayesianModel, believed: BayesianStepModel, task: Task,
     return rows.reshape(-1, MEAN_COUNT), cost
 
 
-class ControlInformationCost(PredictiveInformationCost):
-    """-alpha l_control as a `StageCost`; its derivatives are those of `PredictiveInformationCost`, with H held.
+class ControlInformation(NarrowingCost):
+    """-alpha l_control as a `StageCost`.
 
     Args:
         model: features and noise; believed: its step with what is believed of theta.
         covariance: Lambda^{-1} before the drive [64, 64].
-        task: what is to be controlled; weights: Q's diagonal [6]; alpha: weight of the information [1/nat].
+        task: what is to be controlled; weights: Q's diagonal [6].
+        alpha, expansions: see `InformationCost`.
     """
 
     def __init__(
         self, model: BayesianModel, believed: BayesianStepModel, covariance: Array, task: Task, weights: Array,
-        alpha: float,
+        alpha: float, expansions: Expansions | None = None,
     ) -> None:  # fmt: skip
         rows, self._noise = sensitivities(model, believed, task, weights)
-        hessian_root = np.linalg.qr(rows).R  # [64, 64], of the same H
-        self._prepare(model.network, covariance, model.sample_weight, hessian_root, 1, alpha)
+        rows = rows / np.repeat(np.sqrt(model.sample_weight), MEAN_COUNT // len(model.sample_weight))
+        self._hessian = rows.T @ rows
+        super().__init__(model.network, covariance, model.sample_weight, alpha, expansions)
 
-    def _spread(self, covariance: Array) -> Array:
+    def spread(self, covariance: Array) -> Array:
         """J_noise + tr(H Lambda^{-1}), of all steps together [1]."""
-        return np.array([self._noise + np.sum((self._rows @ covariance) * self._rows)])
+        return np.array([self._noise + np.sum(self._hessian * covariance)])
+
+    def wanted(self, spread: Array) -> Array:
+        """See `NarrowingCost`."""
+        return self._hessian / spread

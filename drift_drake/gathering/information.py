@@ -1,4 +1,4 @@
-"""The information gathering objective -alpha l_info of Info-OCP (eq. 8), as a cost over the horizon's stages.
+"""The information gathering objective l_info of Info-OCP (eq. 8), over the horizon's stages.
 
     l_info = 1/2 sum_k log det(I + Phi_k Lambda^{-1} Phi_k')
 
@@ -7,81 +7,96 @@ which is eq. (8), 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik), where t
 with the covariance of before the drive, as in the paper, or with the covariance that has taken in the stages before k.
 That one needs no recursion: by the chain rule of information the sum is 1/2 log det(Lambda^{-1} (Lambda + sum_k Phi_k'
 Phi_k)), whatever the stages' order.
-"""
 
-from collections.abc import Callable
+Second derivatives along dPhi = D_a, D_b, of a stage alone, with G = (I + Phi C Phi')^{-1} and C = Lambda^{-1}:
+
+    d2 l = tr(G D_a C D_b') - 1/2 tr(G dS_a G dS_b),   dS_a = D_a C Phi' + Phi C D_a'
+
+and of the sum, with what is left of the covariance after all stages, A = (Lambda + sum_k Phi_k' Phi_k)^{-1}:
+
+    d2 l = tr((I - Phi A Phi') D_a A D_b') - tr(D_a A Phi' D_b A Phi').
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.gathering.feature_gradient import FeatureGradient
-from drift_drake.model.features import STATE_COUNT, Network, features, information_by_features, network_inputs
+from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
+from drift_drake.gathering.feature_curvature import bent, crossed, met
+from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
+from drift_drake.model.features import STATE_COUNT, Network
 from drift_drake.model.posterior import block_diagonal, spread_of_features
 
 Array = NDArray[np.float64]
 
 
-class InformationCost:
-    """-alpha l_info as a `StageCost`, with exact gradients through features and covariance.
-
-    Its second derivatives within a stage are mostly negative: the SQP adds them to the cost's and the dynamics' and
-    projects the sum, so that its QPs stay convex. Between stages the variant with updates has second derivatives too;
-    the SQP leaves those out.
+class StageInformation(InformationCost):
+    """-alpha l_info as a `StageCost`, of each stage by itself: eq. (8).
 
     Args:
-        network: the features.
+        network, alpha, expansions: see `InformationCost`.
         covariance: Lambda^{-1} before the drive [64, 64], see `posterior.weighed`.
-        alpha: weight of the information [1/nat].
-        updated: update the covariance along the horizon.
     """
 
-    def __init__(self, network: Network, covariance: Array, alpha: float, updated: bool = False) -> None:
-        self._network = network
+    def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
+        super().__init__(network, alpha, expansions)
         self._covariance = np.asarray(covariance, dtype=float)
-        self._precision = np.linalg.inv(self._covariance)
-        self._alpha = alpha
-        self._updated = updated
 
-    def value(self, x: Array, u: Array, u_next: Array) -> float:
-        """-alpha l_info."""
-        return -self._alpha * self.information(x, u, u_next)
+    def of_features(self, phi: Array) -> float:
+        """See `InformationCost`."""
+        return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
 
-    def information(self, x: Array, u: Array, u_next: Array) -> float:
-        """l_info [nat] of a trajectory."""
-        phi = features(self._network, network_inputs(x, u, u_next))
-        if not self._updated:
-            return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
-        after = covariance_after(self._precision, phi)
-        return float(-0.5 * (np.linalg.slogdet(after)[1] + np.linalg.slogdet(self._precision)[1]))
-
-    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
-        """See `StageCost`."""
-        covariance = self._covariance
-        if self._updated:
-            phi = features(self._network, network_inputs(x, u, u_next))
-            covariance = after_others(covariance_after(self._precision, phi), phi)
-        return FeatureGradient(
-            self._network, len(x), lambda phi: -self._alpha * information_by_features(covariance, phi)
-        )
+    def by_features(self, at: FeatureExpansion) -> ByFeatures:
+        """See `InformationCost`."""
+        projected, spread = spread_of_features(self._covariance, at.phi)
+        projected = projected.reshape(*spread.shape[:2], -1)
+        shrink = inverse(spread)
+        gained = shrink @ projected
+        unshrunk, shrunk = met(at.tangents, projected), met(at.tangents, gained)  # D_a C Phi', D_a C Phi' G
+        second = bent(at.tangents, (shrink, self._covariance)) - crossed(shrunk, shrunk)
+        second -= crossed(shrink[:, None] @ shrunk, unshrunk.swapaxes(2, 3))
+        return ByFeatures(own_blocks(gained), second)
 
 
-def covariance_after(precision: Array, phi: Array) -> Array:
-    """What is left of the covariance [64, 64] after stages of features phi [N, 4, 16]."""
-    return np.asarray(np.linalg.inv(precision + block_diagonal(np.einsum("nif,nig->ifg", phi, phi))), dtype=np.float64)
+class UpdatedInformation(InformationCost):
+    """-alpha l_info as a `StageCost`, the covariance updated along the horizon; arguments: see `StageInformation`."""
+
+    def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
+        super().__init__(network, alpha, expansions)
+        self._precision = inverse(covariance)
+
+    def of_features(self, phi: Array) -> float:
+        """See `InformationCost`."""
+        after, before = (np.linalg.slogdet(p)[1] for p in (precision_after(self._precision, phi), self._precision))
+        return float(0.5 * (after - before))
+
+    def by_features(self, at: FeatureExpansion) -> ByFeatures:
+        """See `InformationCost`."""
+        after = inverse(precision_after(self._precision, at.phi))
+        rows, seen = rows_and_products(after, at.phi)
+        ends = met(at.tangents, rows)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, after)) - crossed(ends, ends)
+        return ByFeatures(own_blocks(rows), second)
 
 
-def after_others(after: Array, phi: Array) -> Array:
-    """What is left of the covariance after all stages but one, for each of these [N, 64, 64]."""
-    projected, weighted = others_factors(after, phi)
-    return np.asarray(after + np.swapaxes(projected, 1, 2) @ weighted, dtype=np.float64)
+def precision_after(precision: Array, phi: Array) -> Array:
+    """Lambda + sum_k Phi_k' Phi_k [64, 64] after stages of features phi [N, 4, 16]."""
+    by_state = np.ascontiguousarray(phi.swapaxes(0, 1))
+    return np.asarray(precision + block_diagonal(by_state.swapaxes(1, 2) @ by_state), dtype=np.float64)
 
 
-def others_factors(after: Array, phi: Array) -> tuple[Array, Array]:
-    """(P, M P) [N, 4, 64], with which A + P' M P is what is left of the covariance after all stages but one.
+def inverse(matrix: Array) -> Array:
+    """The inverse of matrices [..., m, m]."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
-    A stage is taken out of the covariance after all of them, `after` A [64, 64], by Woodbury's identity.
-    """
-    projected, spread = spread_of_features(after, phi)
-    projected = projected.reshape(*projected.shape[:-2], -1)
-    left = 2.0 * np.eye(STATE_COUNT) - spread  # I - Phi A Phi'
-    return projected, np.asarray(np.linalg.solve(left, projected), dtype=np.float64)
+
+def rows_and_products(matrix: Array, phi: Array) -> tuple[Array, Array]:
+    """(Phi A [N, 4, 64], Phi A Phi' [N, 4, 4]) of features phi [N, 4, 16] and a matrix A [64, 64]."""
+    rows, one_more = spread_of_features(matrix, phi)
+    return rows.reshape(*one_more.shape[:2], -1), one_more - np.eye(STATE_COUNT)
+
+
+def own_blocks(rows: Array) -> Array:
+    """What of rows [N, 4, 64] stands where Phi has the features [N, 4, 16]."""
+    count, states, _ = rows.shape
+    by_state: Array = rows.reshape(count, states, states, -1)[:, range(states), range(states)]
+    return by_state

@@ -7,21 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.errors import DriftDrakeError
 from drift_drake.gathering.config import GatheringConfig, Objective
-from drift_drake.gathering.control_information import ControlInformationCost, figure_8_task
+from drift_drake.gathering.control_information import ControlInformation, figure_8_task
 from drift_drake.gathering.course import lane_data, positions
-from drift_drake.gathering.information import InformationCost
+from drift_drake.gathering.feature_cost import InformationCost
+from drift_drake.gathering.information import StageInformation, UpdatedInformation
 from drift_drake.gathering.lane import FEASIBLE, bound_end, bound_slip
-from drift_drake.gathering.predictive_information import PredictiveInformationCost
+from drift_drake.gathering.predictive_information import PredictiveInformation
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
+from drift_drake.model.feature_expansion import Expansions
 from drift_drake.model.posterior import Posterior, weighed
 from drift_drake.model.quality import step_model
 from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
+QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
@@ -71,7 +75,7 @@ def plan_drive(
 
 def sqp_options(config: GatheringConfig) -> SqpOptions:
     """To convergence, as plans are solved."""
-    return SqpOptions(max_iterations=config.max_iterations, tolerance=config.tolerance)
+    return SqpOptions(config.max_iterations, config.tolerance, QpOptions(interior_tolerance=QP_TOLERANCE))
 
 
 def _first_guesses(
@@ -135,8 +139,10 @@ def info_ocp(
     """
     alpha = config.alpha if alpha is None else alpha
     informative = alpha > 0.0
-    cost = information_cost(model, belief, config.objective, alpha) if informative else None
-    believed = step_model(model, belief, config.path_step)
+    believed = step_model(model, belief, config.path_step).expanded()
+    cost = None
+    if informative:
+        cost = information_cost(model, belief, config.objective, alpha, believed.expansions)
     problem = OptimalControlProblem(
         believed, model.vehicle, config.steps, config.weights, cost, "information, times -alpha"
     )
@@ -152,24 +158,31 @@ def info_ocp(
 
 
 def information_cost(
-    model: BayesianModel, belief: Posterior, objective: Objective, alpha: float = 1.0
-) -> InformationCost | PredictiveInformationCost:
+    model: BayesianModel,
+    belief: Posterior,
+    objective: Objective,
+    alpha: float = 1.0,
+    expansions: Expansions | None = None,
+) -> InformationCost:
     """-alpha times an objective's information, a sample counting as the regression weighs it.
+
+    Args:
+        expansions: see `InformationCost`.
 
     Raises:
         InvalidCheckpointError: the model does not know where it is to predict.
     """
     if objective == "reference":
         believed, task, weights = step_model(model, belief), figure_8_task(model.vehicle), OcpWeights().state()
-        return ControlInformationCost(model, believed, belief.covariance, task, weights, alpha)
+        return ControlInformation(model, believed, belief.covariance, task, weights, alpha, expansions)
     if objective != "drifts":
-        covariance = weighed(belief.covariance, model.sample_weight)
-        return InformationCost(model.network, covariance, alpha, updated=objective == "updated")
+        kind = UpdatedInformation if objective == "updated" else StageInformation
+        return kind(model.network, weighed(belief.covariance, model.sample_weight), alpha, expansions)
     if model.drifts is None:
         raise InvalidCheckpointError(
             "the checkpoint names no drifts to plan for; train it anew, or choose objective 'updated' for later rounds"
         )
-    return PredictiveInformationCost(model.network, belief.covariance, model.sample_weight, model.drifts, alpha)
+    return PredictiveInformation(model.network, belief.covariance, model.sample_weight, model.drifts, alpha, expansions)
 
 
 def information_expected(model: BayesianModel, belief: Posterior, drive: Trajectory) -> float:

@@ -6,90 +6,119 @@ is how many nats a drive tells of the next step at a point z_t where the car wil
 i: the expected predictive information gain of Bickford Smith et al. ("Prediction-oriented Bayesian active learning",
 2023), which for a Gaussian belief depends on where one drives, not on what one measures. l_info counts all that the
 features can express, whether a drift will ask for it or not.
+
+Second derivatives along dPhi_k = D_a, D_b are those of -1/2 tr(W A): A = (Lambda + sum_k Phi_k' Phi_k)^{-1} is what is
+left of the covariance, and the weights W = mean_t sum_i phi_i(z_t) phi_i(z_t)' / v_ti are held. With B = A W A
+
+    d2 l = tr((I - Phi A Phi') D_a B D_b') - tr(Phi B Phi' D_a A D_b') - tr(D_a A Phi' D_b B Phi')
+           - tr(D_a B Phi' D_b A Phi').
 """
 
-from collections.abc import Callable
+from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.gathering.feature_gradient import FeatureGradient
-from drift_drake.gathering.information import covariance_after, others_factors
-from drift_drake.model.features import Network, features, network_inputs
-from drift_drake.model.posterior import weighed
+from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
+from drift_drake.gathering.feature_curvature import bent, crossed, met
+from drift_drake.gathering.information import inverse, own_blocks, precision_after, rows_and_products
+from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
+from drift_drake.model.features import STATE_COUNT, Network, features
+from drift_drake.model.posterior import block_diagonal, state_blocks, weighed
 
 Array = NDArray[np.float64]
 
 
-class PredictiveInformationCost:
-    """-alpha l_pred as a `StageCost`, the covariance updated along the horizon.
+class NarrowingCost(InformationCost):
+    """-alpha 1/2 mean log(v before / v after) as a `StageCost`, v linear in what is left of the covariance.
 
-    The gradient is exact. The second derivatives within a stage, are those with
-    the points' weights 1 / v_t held where they are; between stages they are left out (see `InformationCost`).
+    The gradient is exact. The second derivatives are those with the weights 1 / v held where they are.
 
     Args:
-        network: the features.
+        network, alpha, expansions: see `InformationCost`.
         covariance: Lambda^{-1} before the drive [64, 64].
         sample_weight: of one sample in the posterior, by state [4].
-        points: z_t [n, 10], where predictions are wanted.
-        alpha: weight of the information [1/nat].
     """
 
-    def __init__(self, network: Network, covariance: Array, sample_weight: Array, points: Array, alpha: float) -> None:
-        rows = feature_rows(features(network, points))
-        self._prepare(network, covariance, sample_weight, rows.reshape(-1, len(covariance)), len(points), alpha)
+    count: int = 1
+    """What the sum is divided by."""
 
-    def _prepare(
-        self, network: Network, covariance: Array, sample_weight: Array, rows: Array, count: int, alpha: float
+    def __init__(
+        self,
+        network: Network,
+        covariance: Array,
+        sample_weight: Array,
+        alpha: float,
+        expansions: Expansions | None = None,
     ) -> None:
-        """With rows [m, 64] of what is to be predicted, by theta / sigma; `count`: what the sum is divided by."""
-        # As if samples counted in full: the covariance is scaled by their weight, and the rows against it.
-        root = np.repeat(np.sqrt(sample_weight), len(covariance) // len(sample_weight))
+        super().__init__(network, alpha, expansions)
+        # As if samples counted in full: the covariance is scaled by their weight, and what is wanted against it.
         before = weighed(covariance, sample_weight)
-        self._network, self._rows, self._count, self._alpha = network, rows / root, count, alpha
-        self._precision: Array = np.linalg.inv(before).astype(np.float64)
-        self._before = self._spread(before)
+        self._precision = inverse(before)
+        self._before = self.spread(before)
+        self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
 
-    def _spread(self, covariance: Array) -> Array:
-        """What is to be narrowed, of which the logarithms count: v of each point and state [4 n]."""
-        return 1.0 + np.sum((self._rows @ covariance) * self._rows, axis=1)
+    @abstractmethod
+    def spread(self, covariance: Array) -> Array:
+        """What is to be narrowed, v [m], under a covariance [64, 64] (scaled by the samples' weight)."""
 
-    def value(self, x: Array, u: Array, u_next: Array) -> float:
-        """-alpha l_pred."""
-        return -self._alpha * self.information(x, u, u_next)
+    @abstractmethod
+    def wanted(self, spread: Array) -> Array:
+        """W [64, 64], with which tr(W A) is the mean of v under A, each over its `spread`, but for constants."""
 
-    def information(self, x: Array, u: Array, u_next: Array) -> float:
-        """l_pred [nat] of a trajectory."""
-        after = covariance_after(self._precision, features(self._network, network_inputs(x, u, u_next)))
-        return float(0.5 * np.sum(np.log(self._before / self._spread(after))) / self._count)
+    def of_features(self, phi: Array) -> float:
+        """See `InformationCost`."""
+        return float(0.5 * np.log(self._before / self._left(phi)[1]).sum() / self.count)
 
-    def gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
-        """See `StageCost`."""
-        phi = features(self._network, network_inputs(x, u, u_next))
-        after = covariance_after(self._precision, phi)
-        wanted = (self._rows.T / self._spread(after)) @ self._rows / self._count
-        # What is left after all stages but one is C = A + P' M P, with A what is left after all of them; so C W C is
-        # A W A and terms of rank four. Neither is formed: the points of a stage are multiplied by their factors.
-        projected, weighted = others_factors(after, phi)
-        by_after = wanted @ after
-        seen = after @ by_after
-        across = weighted @ by_after + 0.5 * (weighted @ wanted @ np.swapaxes(projected, 1, 2)) @ weighted
-        eye, states = np.eye(phi.shape[-2]), range(phi.shape[-2])
+    def _left(self, phi: Array) -> tuple[Array, Array]:
+        """(What is left of the covariance A [64, 64], v under it), kept for the same features' derivatives."""
+        last = self._last
+        if last is None or last[0] is not phi:
+            after = inverse(precision_after(self._precision, phi))
+            last = self._last = phi, (after, self.spread(after))
+        return last[1]
 
-        def by_features(phi: Array) -> Array:
-            """The information's derivative by the features [N, 4, 16] of a point in each stage."""
-            # Phi C W C with C = (others^{-1} + Phi' Phi)^{-1}, by Woodbury's identity.
-            by_factor = _by_factors(phi, projected)
-            own = _by_matrix(phi, after) + by_factor @ weighted
-            told = _by_matrix(phi, seen) + by_factor @ across + _by_factors(phi, across) @ projected
-            shrink = np.linalg.inv(eye + _by_features(own, phi))
-            rest = told - _by_features(told, phi) @ shrink @ own
-            return np.asarray((shrink @ rest).reshape(*phi.shape[:-1], *phi.shape[-2:])[:, states, states])
+    def by_features(self, at: FeatureExpansion) -> ByFeatures:
+        """See `InformationCost`."""
+        left, spread = self._left(at.phi)
+        told = left @ self.wanted(spread) @ left  # B
+        rows, seen = rows_and_products(left, at.phi)
+        told_rows, told_seen = rows_and_products(told, at.phi)
+        ends, told_ends = met(at.tangents, rows), met(at.tangents, told_rows)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, told), (-told_seen, left))
+        across = crossed(ends, told_ends)
+        return ByFeatures(own_blocks(told_rows), second - across - across.swapaxes(1, 2))
 
-        # One point of each stage after the other: their products then stay in the processor's cache.
-        return FeatureGradient(
-            self._network, len(x), lambda phi: -self._alpha * np.stack([by_features(point) for point in phi])
-        )
+
+class PredictiveInformation(NarrowingCost):
+    """-alpha l_pred as a `StageCost`, the covariance updated along the horizon.
+
+    Args:
+        network, covariance, sample_weight, alpha, expansions: see `NarrowingCost`.
+        points: z_t [n, 10], where predictions are wanted.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        covariance: Array,
+        sample_weight: Array,
+        points: Array,
+        alpha: float,
+        expansions: Expansions | None = None,
+    ) -> None:
+        phi = features(network, points) / np.sqrt(sample_weight)[:, None]
+        self._rows, self.count = np.ascontiguousarray(phi.swapaxes(0, 1)), len(points)  # [4, n, 16]
+        super().__init__(network, covariance, sample_weight, alpha, expansions)
+
+    def spread(self, covariance: Array) -> Array:
+        """See `NarrowingCost`: v of all states and points [4 n]."""
+        return (1.0 + np.sum((self._rows @ state_blocks(covariance)) * self._rows, axis=2)).ravel()
+
+    def wanted(self, spread: Array) -> Array:
+        """See `NarrowingCost`."""
+        weighted = self._rows / spread.reshape(*self._rows.shape[:2], 1)
+        return block_diagonal(weighted.swapaxes(1, 2) @ self._rows) / self.count
 
 
 def feature_rows(phi: Array) -> Array:
@@ -98,19 +127,3 @@ def feature_rows(phi: Array) -> Array:
     rows = np.zeros((len(phi), len(states), *phi.shape[1:]))
     rows[:, states, states] = phi
     return rows.reshape(len(phi), len(states), -1)
-
-
-def _by_matrix(phi: Array, matrix: Array) -> Array:
-    """Phi A [N, 4, 64] of features phi [N, 4, 16], those of a state in a row of Phi, and one A [64, 64]."""
-    states, width = phi.shape[-2:]
-    return np.asarray((phi.swapaxes(0, 1) @ matrix.reshape(states, width, -1)).swapaxes(0, 1))
-
-
-def _by_factors(phi: Array, factors: Array) -> Array:
-    """Phi P_k' [N, 4, 4] of features phi [N, 4, 16] and a factor P_k of each stage [N, 4, 64]."""
-    return _by_features(factors, phi).swapaxes(1, 2)
-
-
-def _by_features(rows: Array, phi: Array) -> Array:
-    """R Phi' [N, 4, 4] of rows R [N, 4, 64] and features phi [N, 4, 16]."""
-    return np.asarray(np.einsum("nijg,njg->nij", rows.reshape(*phi.shape[:-1], *phi.shape[-2:]), phi))

@@ -84,8 +84,8 @@ def fit_by_prediction(
             the vehicle file states; seen: effects that the columns can show.
     """
     constants = vehicle.constants()
-    base = [unknown(name, vehicle, stated, 0.0) for name in own]
-    more = [unknown(name, vehicle, stated, 0.0) for name in candidates]
+    base = [unknown(name, vehicle, stated) for name in own]
+    more = [unknown(name, vehicle, stated) for name in candidates]
     fitted, judged = split(runs)
 
     def fitted_to(

@@ -11,7 +11,7 @@ from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.normal import Normal, normal_from_data
 from drift_drake.estimation.problem import Everyday
 from drift_drake.identification.options import LARGEST_SCALE
-from drift_drake.plain_files import number, read_json
+from drift_drake.plain_files import named_number, read_json
 
 
 class InvalidCalibrationError(DriftDrakeError, ValueError):
@@ -63,10 +63,12 @@ def trust_of(data: Any) -> CarTrust:
 
 
 def _everyday(data: Mapping[str, Any]) -> Everyday:
-    forces = {name: [_any(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS}
+    forces = {
+        name: [named_number(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
+    }
     if len({len(weights) for weights in forces.values()}) != 1:
         raise ValueError("everyday.forces has other numbers of weights for one channel than for another")
-    offsets = {str(name): _any(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
+    offsets = {str(name): named_number(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
     unknown = sorted(set(offsets) - set(CHANNELS)) + sorted(set(data["forces"]) - set(FORCE_CHANNELS))
     if unknown:
         raise ValueError(f"everyday names '{unknown[0][:60]}', which is no channel")
@@ -74,14 +76,4 @@ def _everyday(data: Mapping[str, Any]) -> Everyday:
 
 
 def _within(name: str, value: Any, high: float) -> float:
-    try:
-        return number(value, lambda q: 0.0 < q <= high)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}, give a number above 0, up to {high:g}") from None
-
-
-def _any(name: str, value: Any) -> float:
-    try:
-        return number(value)
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
+    return named_number(name, value, lambda q: 0.0 < q <= high, f", give a number above 0, up to {high:g}")

@@ -15,7 +15,7 @@ from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
 from drift_drake.progress import progress_bar
-from drift_drake.safe_files import try_outputs
+from drift_drake.safe_files import try_outputs, write_text
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
@@ -88,14 +88,15 @@ def run_identify(command: Identify) -> None:
     if command.json is not None:
         write_results(command.json, with_normal_scores(found, days.runs))
     if command.report is not None:
-        from drift_drake.identification.report import write_report  # plotly is slow to import
+        from drift_drake.identification.report import report_html  # plotly is slow to import
         from drift_drake.pages.page import Source
 
         said = command_line("identify", command, "logs")
         calibration = None if command.json == STANDARD_OUTPUT else command.json
         vehicle_file = command.out or command.vehicle
         folder = command.logs[0] if len(command.logs) == 1 else None  # of several, the command says which
-        write_report(found, command.report, Source(said, folder, vehicle_file, calibration))
+        source = Source(said, folder, vehicle_file, calibration)
+        write_text(command.report, report_html(found, source))
 
 
 def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":
@@ -120,14 +121,13 @@ def summary(found: "Identification", json: Path | None = None) -> str:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
     lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+    where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
     if c.normal is not None:
-        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
         lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
         return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.everyday is not None:
-        where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
         lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its persistent model mismatch: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])

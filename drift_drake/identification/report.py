@@ -5,7 +5,6 @@ from pathlib import Path
 from drift_drake.identification import report_figures as figures
 from drift_drake.identification.calibration import Identification
 from drift_drake.pages.page import Source, page_html
-from drift_drake.safe_files import write_text
 
 TEMPLATE = Path(__file__).parent / "report.html"
 WORDS = ("95 % interval", "innovation", "held out", "calibrated car", "sideslip (beta)", "yaw rate (r)", "omega_r")
@@ -26,8 +25,3 @@ def report_html(found: Identification, source: Source | None = None) -> str:
         errors=figures.error_chart(c.held_out),
         correlations=figures.correlations(list(c.parameters), c.correlation),
     )
-
-
-def write_report(found: Identification, path: str | Path, source: Source | None = None) -> None:
-    """Writes the report."""
-    write_text(path, report_html(found, source))

@@ -6,25 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES
+from drift_drake.estimation.unknowns import BROAD
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.delays import DELAYS
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import InvalidVehicleError, Tolerance, VehicleParameters
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
 PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
-BROAD = Tolerance(
-    mass=0.2,
-    yaw_inertia=0.3,
-    front_axle_distance=0.05,  # of the wheelbase here
-    wheel_radius=0.05,
-    rear_axle_inertia=0.5,
-    torque=0.2,
-    friction=0.3,
-    front_stiffness=0.5,
-    rear_stiffness=0.5,
-    steering_offset=0.02,
-)
 WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, beside the effects that need it
 LONGEST_LAG = 0.5  # [s]
 RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.model.command_lag import CommandLag, lag_factors
-from drift_drake.model.compiled_step import TIME_STEP, linearized_steps, steps, trapezoid_path
-from drift_drake.model.feature_expansion import FeatureExpansion
+from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
+from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
 from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.step_model import CURVATURE_STEP, StepModel, block_scale
+from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
 
 Array = NDArray[np.float64]
 PathStep = Literal["euler", "trapezoid"]
@@ -48,7 +48,8 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants) -> Array:
 class BayesianStepModel(StepModel):
     """One step of the learnt car over the arrays of a horizon, for one theta.
 
-    Its state is the paper's (r, v, beta, omega_r, e, dphi) and the lagged commands (`command_lag`).
+    Its state is the paper's (r, v, beta, omega_r, e, dphi) and the lagged commands (`command_lag`). A cost that asks
+    for the features at the same points may share its `expansions`.
     """
 
     memory_scale: Array = np.array([0.3, 100.0])  # of the lagged commands
@@ -61,7 +62,8 @@ class BayesianStepModel(StepModel):
         path_step: PathStep = "trapezoid",
     ) -> None:
         """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
-        self._mean = MeanFunction(network, theta)
+        self._mean: MeanFunction | ExpandedMean = MeanFunction(network, theta)
+        self.expansions = Expansions(network)
         self._nominal = nominal
         self._lag = lag_factors(TIME_STEP)
         self._trapezoid = path_step == "trapezoid"
@@ -71,6 +73,13 @@ class BayesianStepModel(StepModel):
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
         other._mean = self._mean.with_theta(np.reshape(theta, (4, -1)))
+        return other
+
+    def expanded(self) -> "BayesianStepModel":
+        """The same model for programs that ask for second derivatives at each point: one expansion serves them all."""
+        other = object.__new__(BayesianStepModel)
+        other.__dict__.update(self.__dict__)
+        other._mean = ExpandedMean(self.expansions, self._mean.theta)
         return other
 
     def observer(self, period: float) -> LeafSystem:
@@ -91,7 +100,7 @@ class BayesianStepModel(StepModel):
             (x_{k+1} [n, 8], A = d/dx [n, 8, 8], B = d/du_k [n, 8, 2], B_next = d/du_{k+1} [n, 8, 2]).
         """
         points, x_next = _points(x, u, u_next, curvature), np.empty((len(x), 8))
-        jacobian = np.zeros((len(x), 8, 12))
+        jacobian = np.empty((len(x), 8, 12))
         g, slope = self._mean.linearize(network_inputs(x, u, u_next))
         linearized_steps(points, g, slope, self._nominal, self._lag, self._trapezoid, x_next,
                           jacobian)  # fmt: skip
@@ -99,14 +108,10 @@ class BayesianStepModel(StepModel):
 
     def disturbance(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """How an error of the learnt states' step enters x_{k+1}: its derivative by g [n, 8, 4]."""
-        return self._by_learnt(x, self.step(x, u, u_next, curvature), curvature)
-
-    def _by_learnt(self, x: Array, x_next: Array, curvature: Array) -> Array:
-        """The derivative of x_{k+1} by the learnt part g [n, 8, 4]."""
         enters = np.zeros((len(x), 8, STATE_COUNT))
         enters[:, range(STATE_COUNT), range(STATE_COUNT)] = 1.0
         if self._trapezoid:
-            enters[:, 4:6] = trapezoid_path(x, x_next, curvature)[2]
+            enters[:, 4:6] = trapezoid_path(x, self.step(x, u, u_next, curvature), curvature)[2]
         return enters
 
     def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
@@ -115,24 +120,34 @@ class BayesianStepModel(StepModel):
         The learnt part's own second derivatives are `FeatureExpansion`'s; all others are differences of the exact
         derivatives with the learnt part linear, for which no network is asked.
         """
-        count, theta = len(x), self._mean.theta
-        at = FeatureExpansion(self._mean.network, network_inputs(x, u, u_next))
-        g, by_z = np.sum(at.phi * theta, axis=-1), np.sum(at.tangents * theta, axis=-1).transpose(0, 2, 1)
-        steps, places = CURVATURE_STEP * block_scale(self.memory_scale), places_of_inputs(8)
-        shifts = np.concatenate([np.zeros((1, 12)), np.diag(steps)])
-        points = np.tile(_points(x, u, u_next, curvature), (13, 1))
-        points[:, :12] += np.repeat(shifts, count, axis=0)
-        learnt = g + np.moveaxis(by_z @ shifts[:, places].T, 2, 0)
-        x_next, jacobian = np.empty((13 * count, 8)), np.zeros((13 * count, 8, 12))
-        linearized_steps(points, learnt.reshape(-1, STATE_COUNT),
-                         np.tile(by_z, (13, 1, 1)), self._nominal, self._lag, self._trapezoid, x_next,
-                         jacobian)  # fmt: skip
-        gradient = (weights[:, None] @ jacobian.reshape(13, count, 8, 12))[:, :, 0]
-        bent = np.moveaxis((gradient[1:] - gradient[0]) / steps[:, None, None], 0, 1)
-        bent = 0.5 * (bent + np.swapaxes(bent, 1, 2))
-        by_g = (weights[:, None] @ self._by_learnt(x, x_next[:count], curvature))[:, 0]
-        bent[:, places[:, None], places] += at.second(by_g[:, :, None] * theta)
-        return np.asarray(bent)
+        at = self.expansions.at(network_inputs(x, u, u_next))
+        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        return _with_features(bent, at.second(by_features))
+
+    def curvature_with(
+        self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
+    ) -> Array:
+        """See `StepModel`: the features' second derivatives are taken once, by the sum's derivative by them."""
+        at = self.expansions.at(network_inputs(x, u, u_next))
+        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        if not isinstance(cost, OfFeatures) or cost.at is not at:
+            return _with_features(bent, at.second(by_features)) + cost.curvature()
+        return _with_features(bent, cost.along_features() + at.second(by_features + cost.by_features()))
+
+    def _curvature(self, at: FeatureExpansion, points: Array, weights: Array) -> tuple[Array, Array]:
+        """(second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
+        count, mean = len(points), ExpandedMean(self.expansions, self._mean.theta)
+        g, by_z = mean.linearize(at.z)
+        bent, by_g = np.empty((count, 12, 12)), np.empty((count, STATE_COUNT))
+        curved_steps(points, g, by_z, np.ascontiguousarray(weights), self._nominal, self._lag,
+                     self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent, by_g)  # fmt: skip
+        return bent, by_g[:, :, None] * mean.theta
+
+
+def _with_features(bent: Array, by_z: Array) -> Array:
+    places = places_of_inputs(8)
+    bent[:, places[:, None], places] += by_z
+    return bent
 
 
 def _points(x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

@@ -18,6 +18,7 @@ from drift_drake.vehicle.scalar import jitable
 Array = NDArray[np.float64]
 
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
+PLACE_IN_Z = (0, 1, 2, 3, -1, -1, 8, 9, 4, 5, 6, 7)  # of each of (x, u, u_next); none of e and dphi
 
 
 def trapezoid_path(x: Array, x_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
@@ -110,34 +111,76 @@ def steps(points: Array, g: Array, p: Constants, lag: tuple[Any, Any, Any], trap
         _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
 
 
+@jitable
+def _linearized_point(point: Any, g: Any, by_z: Any, p: Any, lag: Any, trapezoid: Any, rates: Any, slopes: Any,
+                      x_next: Any, out: Any) -> None:  # fmt: skip
+    """`_step_point`, and its derivatives by (x, u, u_next) [8, 12]; by_z: the learnt part's [4, 10]."""
+    _step_point(point, g, p, lag, trapezoid, rates, slopes, x_next)
+    out[:] = 0.0
+    for i in range(6):
+        if i != 3:
+            for j in range(6):
+                out[i, j] = TIME_STEP * slopes.by_x[i, j]
+            out[i, i] += 1.0
+            for j in range(2):
+                out[i, 8 + j] = TIME_STEP * slopes.by_u[i, j]
+    for i in range(STATE_COUNT):
+        for j in range(STATE_COUNT):
+            out[i, j] += by_z[i, j]
+        for j in range(4):
+            out[i, 8 + j] += by_z[i, STATE_COUNT + j]
+        for j in range(2):
+            out[i, 6 + j] = by_z[i, STATE_COUNT + 4 + j]
+    if trapezoid:
+        for i in range(2):
+            for j in range(12):
+                total = slopes.path_by_x[i, j] if j < 6 else 0.0
+                for m in range(STATE_COUNT):
+                    total += slopes.path_by_next[i, m] * out[m, j]
+                out[4 + i, j] = total
+    for i in range(2):
+        out[6 + i, 6 + i], out[6 + i, 8 + i], out[6 + i, 10 + i] = lag[0][i], lag[1][i], lag[2][i]
+
+
 @compiled
 def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool,
                      x_next: Array, jacobian: Array) -> None:  # fmt: skip
-    """`steps`, and the derivatives by (x, u, u_next) into zeros [n, 8, 12]; by_z: the learnt part's [n, 4, 10]."""
+    """`steps`, and the derivatives by (x, u, u_next) [n, 8, 12]; by_z: the learnt part's [n, 4, 10]."""
     slopes, rates = _no_slopes(), np.empty(6)
     for n in range(len(points)):
-        _step_point(points[n], g[n], p, lag, trapezoid, rates, slopes, x_next[n])
-        out = jacobian[n]
-        for i in range(6):
-            if i != 3:
-                for j in range(6):
-                    out[i, j] = TIME_STEP * slopes.by_x[i, j]
-                out[i, i] += 1.0
-                for j in range(2):
-                    out[i, 8 + j] = TIME_STEP * slopes.by_u[i, j]
+        _linearized_point(points[n], g[n], by_z[n], p, lag, trapezoid, rates, slopes, x_next[n], jacobian[n])
+
+
+@compiled
+def curved_steps(points: Array, g: Array, by_z: Array, weights: Array, p: Constants, lag: tuple[Any, Any, Any],
+                 trapezoid: bool, sizes: Array, bent: Array, by_g: Array) -> None:  # fmt: skip
+    """Second derivatives by (x, u, u_next) [n, 12, 12] of weights [n, 8] times the step, the learnt part linear.
+
+    Differences of the exact first ones over `sizes` [12]. Also writes the first ones by the learnt part [n, 4].
+    """
+    slopes, rates = _no_slopes(), np.empty(6)
+    point, learnt, x_next, jacobian = np.empty(13), np.empty(STATE_COUNT), np.empty(8), np.empty((8, 12))
+    gradient = np.empty((13, 12))
+    for n in range(len(points)):
+        for moved in range(13):  # the last time where it is
+            point[:], learnt[:] = points[n], g[n]
+            if moved < 12:
+                point[moved] += sizes[moved]
+                place = PLACE_IN_Z[moved]
+                if place >= 0:
+                    for i in range(STATE_COUNT):
+                        learnt[i] += sizes[moved] * by_z[n, i, place]
+            _linearized_point(point, learnt, by_z[n], p, lag, trapezoid, rates, slopes, x_next, jacobian)
+            for j in range(12):
+                gradient[moved, j] = 0.0
+                for i in range(8):
+                    gradient[moved, j] += weights[n, i] * jacobian[i, j]
+        for i in range(12):
+            for j in range(12):
+                one, other = gradient[i, j] - gradient[12, j], gradient[j, i] - gradient[12, i]
+                bent[n, i, j] = 0.5 * (one / sizes[i] + other / sizes[j])
         for i in range(STATE_COUNT):
-            for j in range(STATE_COUNT):
-                out[i, j] += by_z[n, i, j]
-            for j in range(4):
-                out[i, 8 + j] += by_z[n, i, STATE_COUNT + j]
-            for j in range(2):
-                out[i, 6 + j] = by_z[n, i, STATE_COUNT + 4 + j]
-        if trapezoid:
-            for i in range(2):
-                for j in range(12):
-                    total = slopes.path_by_x[i, j] if j < 6 else 0.0
-                    for m in range(STATE_COUNT):
-                        total += slopes.path_by_next[i, m] * out[m, j]
-                    out[4 + i, j] = total
-        for i in range(2):
-            out[6 + i, 6 + i], out[6 + i, 8 + i], out[6 + i, 10 + i] = lag[0][i], lag[1][i], lag[2][i]
+            by_g[n, i] = weights[n, i]
+            if trapezoid:
+                for m in range(2):
+                    by_g[n, i] += weights[n, 4 + m] * slopes.path_by_next[m, i]

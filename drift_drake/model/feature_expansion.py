@@ -1,8 +1,11 @@
 """The features to second order about points z: values, derivatives, and the second derivatives of weighted sums.
 
-The network's are in closed form: with a tanh layer h = tanh(a), d2h = -2 h (1 - h^2) da da'. Those of the physical
-inputs, whose Jacobian is exact and cheap, are differences of it.
+The network's are in closed form: with a tanh layer h = tanh(a), d2h = -2 h (1 - h^2) da da'. For those of the physical
+inputs see `physical_curvature`.
 """
+
+from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,67 +13,114 @@ from numpy.typing import NDArray
 from drift_drake.model.features import (
     HIDDEN_COUNT,
     INPUT_COUNT,
-    INPUT_SCALE,
     Network,
     feature_outputs,
     inputs_and_jacobian,
     output_rows,
 )
+from drift_drake.model.physical_inputs import physical_curvature
 
 Array = NDArray[np.float64]
 
-STEP = 1e-5  # of `INPUT_SCALE`, for differences of the physical inputs' Jacobian
-
 
 class FeatureExpansion:
-    """Features at points z [N, 10].
+    """Features at points z [N, 10], and what is asked for of their derivatives.
 
     Attributes:
-        phi: [N, 4, 16]; tangents: d phi / dz [N, 10, 4, 16].
+        z: the points; phi: [N, 4, 16].
     """
 
     def __init__(self, network: Network, z: Array) -> None:
         inputs, self._by_physics = inputs_and_jacobian(z, network.nominal)
-        by_z = np.zeros((len(z), INPUT_COUNT, inputs.shape[1]))
-        places = range(min(INPUT_COUNT, inputs.shape[1]))
-        by_z[:, places, places] = 1.0
-        if self._by_physics is not None:
-            by_z[:, :, INPUT_COUNT:] = np.swapaxes(self._by_physics, 1, 2)
-        self._network, self._z = network, z
+        self._network, self.z = network, z
         self._h1 = np.tanh((inputs - network.input_offset) / network.input_scale @ network.w1 + network.b1)
         self._h2 = np.tanh(self._h1 @ network.w2 + network.b2)
-        self._slope1, self._slope2 = 1.0 - self._h1**2, 1.0 - self._h2**2
-        # Derivatives before each tanh, as products of two matrices.
-        self._a1 = _rows_times(by_z / network.input_scale, network.w1)
-        self._a2 = _rows_times(self._a1 * self._slope1[:, None], network.w2)
         self.phi = feature_outputs(network, self._h2)
-        tangents = _rows_times(self._a2 * self._slope2[:, None], output_rows(network).T)
-        self.tangents: Array = tangents.reshape(len(z), INPUT_COUNT, *self.phi.shape[1:])
+
+    @cached_property
+    def tangents(self) -> Array:
+        """d phi / dz [N, 10, 4, 16]."""
+        slope = 1.0 - self._h2**2
+        tangents = _rows_times(self._before_tanh[1] * slope[:, None], output_rows(self._network).T)
+        return tangents.reshape(len(self.z), INPUT_COUNT, *self.phi.shape[1:])
+
+    @cached_property
+    def _before_tanh(self) -> tuple[Array, Array]:
+        """Derivatives by z [N, 10, 128] of what each tanh is taken of."""
+        network = self._network
+        by_inputs = network.w1 / network.input_scale[:, None]
+        first = np.zeros((len(self.z), INPUT_COUNT, HIDDEN_COUNT))
+        first[:, : len(by_inputs)] = by_inputs[:INPUT_COUNT]
+        if self._by_physics is not None:
+            first += _rows_times(np.ascontiguousarray(np.swapaxes(self._by_physics, 1, 2)), by_inputs[INPUT_COUNT:])
+        return first, _rows_times(first * (1.0 - self._h1**2)[:, None], network.w2)
 
     def second(self, weights: Array) -> Array:
         """Second derivatives by z [N, 10, 10] of the features' sums with weights [N, 4, 16]."""
-        network = self._network
-        by_h2 = weights.reshape(len(weights), -1) @ output_rows(network) * self._slope2
-        by_h1 = by_h2 @ network.w2.T * self._slope1
-        found = _bent(self._a2, -2.0 * self._h2 * by_h2) + _bent(self._a1, -2.0 * self._h1 * by_h1)
-        if self._by_physics is not None:
+        network, (first, second) = self._network, self._before_tanh
+        by_h2 = weights.reshape(len(weights), -1) @ output_rows(network) * (1.0 - self._h2**2)
+        by_h1 = by_h2 @ network.w2.T * (1.0 - self._h1**2)
+        found = _bent(second, -2.0 * self._h2 * by_h2) + _bent(first, -2.0 * self._h1 * by_h1)
+        if network.nominal is not None:
             by_inputs = by_h1 @ network.w1.T / network.input_scale
-            found += self._bent_physics(by_inputs[:, INPUT_COUNT:], self._by_physics)
+            found += physical_curvature(self.z, by_inputs[:, INPUT_COUNT:], network.nominal)
         return found
 
-    def _bent_physics(self, weights: Array, jacobian: Array) -> Array:
-        """Second derivatives by z [N, 10, 10] of the physical inputs' sums with weights [N, 8]."""
-        steps = STEP * INPUT_SCALE
-        moved = self._z + np.diag(steps)[:, None]  # [10, N, 10]
-        _, jacobians = inputs_and_jacobian(moved, self._network.nominal)
-        assert jacobians is not None
-        change = (weights[:, None] @ (jacobians - jacobian))[:, :, 0] / steps[:, None, None]
-        bent = np.moveaxis(change, 0, 1)
-        return np.asarray(0.5 * (bent + np.swapaxes(bent, 1, 2)))
+
+@runtime_checkable
+class OfFeatures(Protocol):
+    """A cost about points z that is one of the features there: a `CostExpansion` that a model may share work with."""
+
+    at: FeatureExpansion
+
+    def by_features(self) -> Array:
+        """Its derivative by the features [N, 4, 16]."""
+        ...
+
+    def along_features(self) -> Array:
+        """Its second derivatives by z [N, 10, 10], as if the features were linear in z."""
+        ...
+
+
+class Expansions:
+    """The expansion last asked for, kept: a model and a cost of one horizon ask for the same one.
+
+    What is kept is scratch, not state: a result depends on the arguments only.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self._last: FeatureExpansion | None = None
+
+    def at(self, z: Array) -> FeatureExpansion:
+        """That at points z [N, 10]."""
+        if self._last is None or not np.array_equal(self._last.z, z):
+            self._last = FeatureExpansion(self.network, z)
+        return self._last
+
+
+class ExpandedMean:
+    """What `MeanFunction` is, by the expansion at the points: where second derivatives will be asked for there."""
+
+    def __init__(self, expansions: Expansions, theta: Array) -> None:
+        self.network, self.theta, self._expansions = expansions.network, theta, expansions
+
+    def with_theta(self, theta: Array) -> "ExpandedMean":
+        """The same features under another theta [4, 16]."""
+        return ExpandedMean(self._expansions, theta)
+
+    def value(self, z: Array) -> Array:
+        """g [n, 4] at z [n, 10]."""
+        return np.asarray(np.sum(self._expansions.at(z).phi * self.theta, axis=-1))
+
+    def linearize(self, z: Array) -> tuple[Array, Array]:
+        """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10]."""
+        slopes = np.sum(self._expansions.at(z).tangents * self.theta, axis=-1)
+        return self.value(z), np.ascontiguousarray(slopes.swapaxes(1, 2))
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:
-    """Rows [N, 10, m] times a matrix [m, k]."""
+    """Rows [N, 10, m] times a matrix [m, k], as a product of two: NumPy would make one of each point's few rows."""
     return np.asarray((rows.reshape(-1, rows.shape[-1]) @ matrix).reshape(*rows.shape[:-1], -1))
 
 

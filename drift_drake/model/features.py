@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.model.command_lag import LAGGED
-from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_inputs
+from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, with_physical_inputs
 from drift_drake.model.posterior import spread_of_features
+from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 
 Array = NDArray[np.float64]
@@ -68,8 +69,7 @@ def inputs_and_jacobian(z: Array, nominal: Constants | None) -> tuple[Array, Arr
     """The network's inputs [..., 8 or 18], and the derivative of the physical ones, if any, by z [..., 8, 10]."""
     if nominal is None:
         return z[..., :PAPER_COUNT], None
-    values, by_physics = physical_inputs(z, nominal)
-    return np.concatenate([z, values], axis=-1), by_physics
+    return with_physical_inputs(z, nominal)
 
 
 def all_inputs(z: Array, nominal: Constants | None) -> Array:
@@ -202,7 +202,7 @@ class MeanFunction:
         count = inputs.shape[0]
         if count not in self._work:
             hidden = (count, HIDDEN_COUNT)
-            self._work[count] = (*(np.empty(hidden) for _ in range(4)),
+            self._work[count] = (*(np.empty(hidden) for _ in range(2)),
                                  *(np.empty((STATE_COUNT, *hidden)) for _ in range(2)))  # fmt: skip
         work = self._work[count]
         h1, h2 = work[0], work[1]
@@ -222,15 +222,40 @@ class MeanFunction:
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
         inputs, by_physics = inputs_and_jacobian(z, self.network.nominal)
-        h1, h2, slope1, slope2, g2, g1 = self._forward(inputs)
-        value = h2 @ self._w3.T + self._b3
-        np.multiply(h2, h2, out=slope2)
-        np.subtract(1.0, slope2, out=slope2)
-        np.multiply(h1, h1, out=slope1)
-        np.subtract(1.0, slope1, out=slope1)
-        np.multiply(slope2, self._w3[:, None, :], out=g2)
-        count = z.shape[0]
+        h1, h2, g2, g1 = self._forward(inputs)
+        _through_tanh(h2, self._w3[:, None], g2)
         np.matmul(g2.reshape(-1, HIDDEN_COUNT), self._w2_t, out=g1.reshape(-1, HIDDEN_COUNT))
-        g1 *= slope1
-        jacobian = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, count, -1)
-        return value, _by_z(jacobian.transpose(1, 0, 2), by_physics)
+        _through_tanh(h1, g1, g1)
+        by_inputs = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, len(z), -1)
+        jacobian = np.zeros((len(z), STATE_COUNT, INPUT_COUNT))
+        _gather(by_inputs, _NO_PHYSICS if by_physics is None else by_physics, jacobian)
+        return h2 @ self._w3.T + self._b3, jacobian
+
+
+_NO_PHYSICS = np.empty((0, 0, INPUT_COUNT))
+
+
+@compiled
+def _through_tanh(h: Array, by_h: Array, out: Array) -> None:
+    """Derivatives [4, n, 128] by a from those by h = tanh(a), h [n, 128], by_h [4, n or 1, 128]."""
+    for i in range(out.shape[0]):
+        for n in range(out.shape[1]):
+            row = by_h[i, n if by_h.shape[1] > 1 else 0]
+            for k in range(out.shape[2]):
+                out[i, n, k] = (1.0 - h[n, k] * h[n, k]) * row[k]
+
+
+@compiled
+def _gather(by_inputs: Array, by_physics: Array, out: Array) -> None:
+    """Writes derivatives by z [n, 4, 10] into zeros, from those by all inputs [4, n, inputs]; see `_by_z`."""
+    states, count, size = by_inputs.shape
+    direct = min(size, out.shape[2])
+    for n in range(count):
+        for i in range(states):
+            row = out[n, i]
+            for j in range(direct):
+                row[j] = by_inputs[i, n, j]
+            for m in range(size - direct):
+                factor = by_inputs[i, n, direct + m]
+                for j in range(row.size):
+                    row[j] += factor * by_physics[n, m, j]

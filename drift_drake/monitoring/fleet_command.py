@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig, make_executor
+from drift_drake.executors import ExecutorConfig
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, run_paths
 from drift_drake.safe_files import try_outputs
@@ -65,12 +65,9 @@ def run_fleet(command: Fleet) -> None:
     used = shared_columns(folders)
     if left := [name for name in WATCHED if name not in used]:
         print(f"left out, since not every run has it: {', '.join(left)}", file=sys.stderr)
-    if command.workers == 1 and command.scheduler is None:
-        days = days_of(folders, vehicle, own, used)
-    else:
-        here = command.scheduler is None
-        with make_executor(ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)) as pool:
-            days = days_of(folders, vehicle, own, used, pool)
+    here = command.scheduler is None
+    run_on = ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)
+    days = days_of(folders, vehicle, own, used, None if here and command.workers == 1 else run_on)
     found = fleet_findings(evidence_problem_of(vehicle, own, used), usable_days(command.folder, days))
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)

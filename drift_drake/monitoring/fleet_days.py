@@ -2,9 +2,9 @@
 
 import functools
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from pathlib import Path
 
+from drift_drake.executors import ExecutorConfig, results_of
 from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
 from drift_drake.monitoring.evidence import EvidenceProblem
 from drift_drake.monitoring.fleet import FleetDay
@@ -44,11 +44,12 @@ def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Seque
 
 
 def days_of(
-    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str], pool: Executor | None = None
-) -> list[FleetDay]:
-    """All days; a pool's workers, on other machines perhaps, read the same folders. Without one, one after another."""
-    job = functools.partial(day_sums, vehicle=vehicle, own=own, used=used)
-    sums = (map if pool is None else pool.map)(job, folders.values())
+    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str],
+    run_on: ExecutorConfig | None = None,
+) -> list[FleetDay]:  # fmt: skip
+    """All days; workers, on other machines perhaps, read the same folders. Without them, one after another."""
+    job, paths = functools.partial(day_sums, vehicle=vehicle, own=own, used=used), list(folders.values())
+    sums = [job(path) for path in paths] if run_on is None else results_of(run_on, job, paths, "day")
     return [FleetDay(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
 
 

@@ -1,36 +1,25 @@
-"""Block diagrams of Drake diagrams: named systems and ports, left to right.
+"""Block diagrams of Drake diagrams: named systems and ports, left to right, laid out and drawn by Graphviz.
 
-Graphviz (which comes with pygraphviz's wheel) lays the blocks out; matplotlib draws them, so that the picture has the
-same letters on every machine and needs no `dot` program.
+Graphviz comes with pygraphviz's wheel: no `dot` program is needed.
 """
 
 import dataclasses
 import html
 import re
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Rectangle
-from matplotlib.path import Path
-from matplotlib.textpath import TextPath
-from numpy.typing import NDArray
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
 from drift_drake.errors import MissingExtraError
-from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
+from drift_drake.pictures.style import INK, RESOLUTION, RUNS
+from drift_drake.safe_files import replacing
 
-Array = NDArray[np.float64]
 Port = tuple[str, int]  # (key of a block, index of a port)
 WHOLE = -1  # in place of a port's index: the block itself
 
-# [pt] sizes of what is drawn; the layout's unit is the point too.
-TITLE_SIZE, SMALL_SIZE, PORT_SIZE = 9.0, 6.5, 7.0
-HEADER_HEIGHT, ROW_HEIGHT, LOZENGE_HEIGHT, PADDING = 28.0, 13.0, 18.0, 8.0
-MARGIN = 14.0
+FONT = "DejaVu Sans"
+TITLE_SIZE, SMALL_SIZE, PORT_SIZE = 9, 6.5, 7  # [pt]
 HEADER, FRAME, INSIDE = "#E4EAF1", "#8A929C", "#60605810"
 
 
@@ -44,22 +33,6 @@ class _Block:
     inputs: list[str]
     outputs: list[str]
 
-    @property
-    def size(self) -> tuple[float, float]:
-        """(width, height) [pt]."""
-        if self.rows == 0:
-            return float(np.ceil(_width(self.name, PORT_SIZE))) + 2.0 * PADDING, LOZENGE_HEIGHT
-        inputs = max((_width(name, PORT_SIZE) for name in self.inputs), default=0.0)
-        outputs = max((_width(name, PORT_SIZE) for name in self.outputs), default=0.0)
-        gap = 14.0 if self.inputs and self.outputs else 0.0
-        title = max(_width(self.name, TITLE_SIZE, "bold"), _width(self.kind, SMALL_SIZE))
-        width = max(title, inputs + gap + outputs) + 2.0 * PADDING
-        return float(np.ceil(width)), HEADER_HEIGHT + ROW_HEIGHT * self.rows
-
-    @property
-    def rows(self) -> int:
-        return max(len(self.inputs), len(self.outputs))
-
 
 @dataclasses.dataclass
 class _Graph:
@@ -69,7 +42,7 @@ class _Graph:
     edges: list[tuple[Port, Port]] = dataclasses.field(default_factory=list)
 
 
-def draw_graph(diagram: Diagram, stem: str | FilePath) -> list[FilePath]:
+def draw_graph(diagram: Diagram, stem: str | Path) -> list[Path]:
     """Writes a diagram's picture as STEM.svg and STEM.png.
 
     Diagrams within the diagram are opened, and framed. Ports that the outer diagram exports have blocks of their own.
@@ -80,34 +53,16 @@ def draw_graph(diagram: Diagram, stem: str | FilePath) -> list[FilePath]:
 
     Returns:
         The files' paths.
+
+    Raises:
+        MissingExtraError: pygraphviz is not installed.
     """
-    figure = graph_figure(diagram)
-    stem = FilePath(stem)
-    return [save(figure, stem.with_name(stem.name + ending)) for ending in (".svg", ".png")]
-
-
-@styled
-def graph_figure(diagram: Diagram) -> Figure:
-    """The picture of `draw_graph` as a matplotlib figure."""
-    graph = _collect(diagram)
-    layout, framed = _lay_out(graph)
-    low, high = _box(layout.graph_attr["bb"])
-    width, height = high - low + 2.0 * MARGIN
-    figure = new_figure(width / 72.0, height / 72.0)
-    figure.set_layout_engine("none")
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(low[0] - MARGIN, high[0] + MARGIN),
-                           ylim=(low[1] - MARGIN, high[1] + MARGIN))  # fmt: skip
-    axes.set_axis_off()
-    for key in sorted(graph.frames, key=len):
-        _draw_frame(axes, graph.frames[key][0], *_box(framed[key].graph_attr["bb"]))
-    colours = {key: RUNS[index % len(RUNS)] for index, key in enumerate(graph.blocks)}
-    for number, (source, _) in enumerate(graph.edges):
-        edge = next(edge for edge in layout.edges(keys=True) if edge[2] == str(number))
-        _draw_edge(axes, layout.get_edge(*edge).attr["pos"], colours[source[0]])
-    for block in graph.blocks.values():
-        centre = np.array([float(part) for part in layout.get_node(block.key).attr["pos"].split(",")])
-        _draw_block(axes, block, centre)
-    return figure
+    layout = _laid_out(_collect(diagram))
+    paths = [Path(f"{stem}{ending}") for ending in (".svg", ".png")]
+    for path in paths:
+        with replacing(path) as part:
+            layout.draw(str(part))
+    return paths
 
 
 def _collect(diagram: Diagram) -> _Graph:
@@ -165,106 +120,55 @@ def _class_name(system: System) -> str:
     return re.split(r"[^A-Za-z0-9_]", type(system).__name__)[0].rstrip("_")
 
 
-def _lay_out(graph: _Graph) -> tuple[Any, dict[str, Any]]:
-    """Graphviz's layout and its subgraphs by key: positions and splines as attributes [pt]."""
+def _laid_out(graph: _Graph) -> Any:
+    """The graph as pygraphviz has it, with positions."""
     try:
         import pygraphviz
     except ModuleNotFoundError:
         raise MissingExtraError("drawing a block diagram", "pygraphviz", "graph") from None
     layout = pygraphviz.AGraph(
-        directed=True, strict=False, rankdir="LR", nodesep="0.22", ranksep="0.75", compound="true"
-    )
+        directed=True, strict=False, rankdir="LR", nodesep="0.22", ranksep="0.75", compound="true", dpi=RESOLUTION,
+        pad="0.2",
+    )  # fmt: skip
+    layout.node_attr.update(fontname=FONT, fontsize=PORT_SIZE, fontcolor=INK, color=FRAME, style="rounded,filled",
+                            fillcolor="white", shape="box", height="0.25", width="0.1", margin="0.11,0.03")  # fmt: skip
+    layout.edge_attr.update(arrowsize="0.5")
     for block in graph.blocks.values():
-        layout.add_node(block.key, shape="plain", label=_table(block))
+        if block.inputs or block.outputs:
+            layout.add_node(block.key, label=_table(block), shape="plain", style="")
+        else:
+            layout.add_node(block.key, label=block.name)
     framed: dict[str, Any] = {}
     for key in sorted(graph.frames, key=len):
+        name, blocks = graph.frames[key]
         outer = framed.get(key.rpartition("_")[0], layout)
-        framed[key] = outer.add_subgraph(graph.frames[key][1], name=f"cluster_{key}", label=" ", margin="14")
+        framed[key] = outer.add_subgraph(
+            blocks, name=f"cluster_{key}", label=f"<<b>{html.escape(name)}</b>>", labeljust="l", fontname=FONT,
+            fontsize=TITLE_SIZE, fontcolor="#555555", margin="14", style="rounded,dashed,filled", color=FRAME,
+            fillcolor=INSIDE,
+        )  # fmt: skip
+    colours = {key: RUNS[index % len(RUNS)] for index, key in enumerate(graph.blocks)}
     for number, ((source, output), (target, entry)) in enumerate(graph.edges):
         layout.add_edge(source, target, key=str(number), tailport="e" if output == WHOLE else f"y{output}:e",
-                        headport="w" if entry == WHOLE else f"u{entry}:w")  # fmt: skip
+                        headport="w" if entry == WHOLE else f"u{entry}:w", color=colours[source])  # fmt: skip
     layout.layout(prog="dot")
-    return layout, framed
+    return layout
 
 
 def _table(block: _Block) -> str:
-    """A block as Graphviz sees it: cells of fixed sizes, one a port; the letters are ours to draw."""
-    width, height = block.size
-    half = width / 2.0
+    """A block's label: its name and class over a row of ports each, inputs on the left."""
 
-    def cell(port: str, cell_width: float, height: float, span: int = 1) -> str:
-        return (
-            f'<td fixedsize="true" width="{cell_width:g}" height="{height:g}" colspan="{span}" '
-            f'port="{html.escape(port)}"></td>'
-        )
+    def cell(port: str, names: list[str], row: int, align: str) -> str:
+        name = html.escape(names[row]) if row < len(names) else ""
+        return f'<td port="{port}{row}" align="{align}">{name}</td>'
 
     rows = "".join(
-        f"<tr>{cell(f'u{k}', half, ROW_HEIGHT)}{cell(f'y{k}', half, ROW_HEIGHT)}</tr>" for k in range(block.rows)
+        f"<tr>{cell('u', block.inputs, k, 'left')}{cell('y', block.outputs, k, 'right')}</tr>"
+        for k in range(max(len(block.inputs), len(block.outputs)))
     )
-    header = f"<tr>{cell('header', width, HEADER_HEIGHT if block.rows else height, 2)}</tr>"
-    return f'<<table border="0" cellborder="0" cellspacing="0" cellpadding="0">{header}{rows}</table>>'
-
-
-def _box(text: str) -> tuple[Array, Array]:
-    corners = np.array([float(part) for part in text.split(",")])
-    return corners[:2], corners[2:]
-
-
-def _width(text: str, size: float, weight: str = "normal") -> float:
-    """Of a line of text [pt]."""
-    if not text:
-        return 0.0
-    return float(
-        TextPath((0.0, 0.0), text, prop=FontProperties(family="DejaVu Sans", weight=weight, size=size))
-        .get_extents()
-        .width
+    return (
+        f'<<table border="1" cellborder="0" cellspacing="0" cellpadding="2" style="rounded" color="{FRAME}" '
+        f'bgcolor="white"><tr><td colspan="2" bgcolor="{HEADER}"><font point-size="{TITLE_SIZE}"><b>'
+        f'{html.escape(block.name)}</b></font></td></tr><tr><td colspan="2" bgcolor="{HEADER}"><font '
+        f'point-size="{SMALL_SIZE}" color="#666666">{html.escape(block.kind)}</font></td></tr>{rows}</table>>'
     )
-
-
-def _draw_frame(axes: Axes, name: str, low: Array, high: Array) -> None:
-    axes.add_patch(
-        FancyBboxPatch(tuple(low), *(high - low), boxstyle="round,pad=0,rounding_size=6", facecolor=INSIDE,
-                       edgecolor=FRAME, linewidth=0.7, linestyle=(0, (4, 2)), zorder=0.5))  # fmt: skip
-    axes.text(low[0] + 7.0, high[1] - 6.0, name, va="top", fontsize=TITLE_SIZE, fontweight="bold", color="#555555")
-
-
-def _draw_edge(axes: Axes, position: str, colour: str) -> None:
-    """Graphviz's spline 'e,x,y x,y x,y ...': the arrow's tip, then cubic Bezier points."""
-    tip, *points = position.split()
-    vertices = [[float(part) for part in point.split(",")] for point in points]
-    vertices.append([float(part) for part in tip.removeprefix("e,").split(",")])
-    codes = [Path.MOVETO, *[Path.CURVE4] * (len(points) - 1), Path.LINETO]
-    axes.add_patch(
-        FancyArrowPatch(path=Path(vertices, codes), arrowstyle="-|>,head_length=3.5,head_width=1.8", color=colour,
-                        linewidth=1.0, joinstyle="round", shrinkA=0.0, shrinkB=0.0, zorder=1.5))  # fmt: skip
-
-
-def _draw_block(axes: Axes, block: _Block, centre: Array) -> None:
-    width, height = block.size
-    left, bottom = centre - 0.5 * np.array([width, height])
-    top = bottom + height
-    rounded = "round,pad=0,rounding_size=4"
-    if block.rows == 0:
-        box = FancyBboxPatch((left, bottom), width, height, boxstyle="round,pad=0,rounding_size=9",
-                             facecolor="white", edgecolor=FRAME, linewidth=0.8, zorder=2.0)  # fmt: skip
-        axes.add_patch(box)
-        axes.text(*centre, block.name, ha="center", va="center", fontsize=PORT_SIZE, color=INK, zorder=3.0)
-        return
-    box = FancyBboxPatch((left, bottom), width, height, boxstyle=rounded, facecolor="white", edgecolor=FRAME,
-                         linewidth=0.8, zorder=2.0)  # fmt: skip
-    axes.add_patch(box)
-    header = Rectangle(
-        (left, top - HEADER_HEIGHT), width, HEADER_HEIGHT, facecolor=HEADER, edgecolor="none", zorder=2.1
-    )
-    axes.add_patch(header)
-    header.set_clip_path(box)
-    middle = left + 0.5 * width
-    axes.text(middle, top - 10.0, block.name, ha="center", va="center", fontsize=TITLE_SIZE, fontweight="bold",
-              color=INK, zorder=3.0)  # fmt: skip
-    axes.text(
-        middle, top - 21.0, block.kind, ha="center", va="center", fontsize=SMALL_SIZE, color="#666666", zorder=3.0
-    )
-    for names, x, side in ((block.inputs, left + 5.0, "left"), (block.outputs, left + width - 5.0, "right")):
-        for row, name in enumerate(names):
-            y = top - HEADER_HEIGHT - (row + 0.5) * ROW_HEIGHT
-            axes.text(x, y, name, ha=side, va="center", fontsize=PORT_SIZE, color=INK, zorder=3.0)

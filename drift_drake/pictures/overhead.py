@@ -41,7 +41,6 @@ def overhead(
     reference: Reference | None = None,
     parameters: VehicleParameters | None = None,
     car_every: float = 0.7,
-    title: str = "",
 ) -> Figure:
     """Draws runs from above: one in the colours of its sideslip, several in one colour each.
 
@@ -50,7 +49,6 @@ def overhead(
         reference: its path and lane are drawn beneath.
         parameters: the car whose outline is drawn; the default car without.
         car_every: [s] between the cars drawn, leaving out those too near another of their run; 0 draws none.
-        title: of the picture.
 
     Raises:
         ValueError: there is no run; a run lacks a column or has no row.
@@ -72,7 +70,7 @@ def overhead(
     first = next(iter(runs.values()))
     axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
     axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     _legend(axes, runs, reference)
     if mappable is not None:
         bar = figure.colorbar(mappable, ax=axes, label="sideslip [deg]", shrink=0.7, aspect=30, pad=0.02)

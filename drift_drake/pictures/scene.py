@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from drift_drake.logs.driving import spans
 from drift_drake.pictures.car_shape import CarShape, model_scale
 from drift_drake.pictures.style import check_runs, colours_of
 from drift_drake.reference.trajectory import Reference
@@ -179,8 +180,8 @@ def _set_ribbon(canvas: Canvas, path: str, right: Array, left: Array, height: fl
 def _draw_trace(canvas: Canvas, path: str, run: pd.DataFrame, height: float, paint: tuple[float, float, float]) -> None:
     """A band along the driven path, a point each half metre or so, broken where the position is NaN."""
     everywhere = run[["x", "y"]].to_numpy(dtype=float).T
-    for number, piece in enumerate(_pieces(np.isfinite(everywhere[0]))):
-        points = everywhere[:, piece]
+    for number, (begin, end) in enumerate(spans(np.isfinite(everywhere[0]))):
+        points = everywhere[:, begin:end]
         driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points)))])
         keep = np.unique(np.searchsorted(driven, np.append(np.arange(0.0, driven[-1], LINE_SPACING), driven[-1])))
         points = points[:, keep]
@@ -189,12 +190,6 @@ def _draw_trace(canvas: Canvas, path: str, run: pd.DataFrame, height: float, pai
         along = np.gradient(points, axis=1)
         across = 0.5 * TRACE_WIDTH * np.stack([-along[1], along[0]]) / np.hypot(*along)
         _set_ribbon(canvas, f"{path}/{number}", points - across, points + across, height, Rgba(*paint, 1.0))
-
-
-def _pieces(valid: NDArray[np.bool_]) -> list[slice]:
-    """The stretches of rows that are valid."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], valid, [False]]).astype(int)))
-    return [slice(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _build_car(canvas: Canvas, path: str, shape: CarShape, rgb: tuple[float, float, float], opacity: float) -> None:

@@ -12,7 +12,7 @@ COLUMNS = ("t", "seconds", "iterations", "qp_iterations", "qp_fallbacks", "qp_un
 
 
 @styled
-def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Figure:
+def solver_work(statistics: pd.DataFrame, period: float) -> Figure:
     """Draws the solver's time and iterations over a run, and how solve times are spread; counts are in the legends.
 
     Args:
@@ -20,7 +20,6 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
             qp_unsolved (QPs that took a second attempt, that none solved) and failed (0 or 1), a row
             each solve; rows of no seconds (before the first solve) are left out.
         period: [s] between solves: the time that a solve must stay below; longer ones are late.
-        title: of the picture.
 
     Raises:
         ValueError: the table lacks a column or has no row.
@@ -59,8 +58,6 @@ def solver_work(statistics: pd.DataFrame, period: float, title: str = "") -> Fig
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
     return figure
 
 

@@ -1,6 +1,6 @@
 """Signals of runs against the reference, inputs with their bounds, and tracking errors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -33,6 +33,16 @@ MIN_SPEED_SPAN = 10.0  # [km/h] that the axis of a speed shows at least
 LEGEND_COLUMNS = 3  # as many as fit over one column of axes
 MIN_LATERAL_SPAN = 0.5  # [m] that the axis of the lateral error shows at least, to either side
 
+PANELS = (  # row and column, label, quantity and the factor to the label's unit
+    ((0, 0), "sideslip [deg]", "beta", DEGREES),
+    ((1, 0), "yaw rate [deg/s]", "r", DEGREES),
+    ((2, 0), "speed [km/h]", "v", KMH),
+    ((3, 0), "rear rim speed [km/h]", "omega_r", KMH),
+    ((0, 1), "steering angle [deg]", "delta", DEGREES),
+    ((1, 1), "engine torque [N m]", "tau", 1.0),
+    ((2, 1), "lateral error e [m]", "e", 1.0),
+    ((3, 1), "sideslip error [deg]", "sideslip_error", DEGREES),
+)
 COLUMNS = ("t", "s", "r", "v", "beta", "omega_r", "e", "delta", "tau")
 
 
@@ -42,7 +52,6 @@ def time_series(
     reference: Reference,
     parameters: VehicleParameters,
     against: Literal["t", "s"] | None = None,
-    title: str = "",
 ) -> Figure:
     """Draws states against the reference, inputs with their bounds, and tracking errors; transitions in grey.
 
@@ -51,7 +60,6 @@ def time_series(
         reference: looked up at each run's path position.
         parameters: for the inputs' limits.
         against: time, or path position, which lines several runs up; by default time for one run, else position.
-        title: of the picture.
 
     Raises:
         ValueError: there is no run; a run lacks a column or has no row.
@@ -62,78 +70,40 @@ def time_series(
     grid = figure.subplots(4, 2, sharex=True)
     _draw_transitions(grid.ravel(), runs, reference, against)
     faults = _draw_faults(grid.ravel(), runs, against)
-    _draw_states(grid[:, 0], runs, reference, against)
-    _draw_inputs(grid[:2, 1], runs, reference, parameters, against)
-    _draw_tracking(grid[2:, 1], runs, reference, against)
+    longest = max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
+    lock = parameters.steering_limit * DEGREES
+    _bounds(grid[0, 1], -lock, lock)
+    _bounds(grid[1, 1], parameters.torque_min, parameters.torque_max)
+    errors = {name: run.assign(sideslip_error=sideslip_error(run, reference)) for name, run in runs.items()}
+    for (place, label, column, unit), wanted in zip(PANELS, _wanted(longest, reference), strict=True):
+        if wanted is not None:
+            grid[place].plot(longest[against], wanted * unit, **REFERENCE_LINE, label="reference")
+        for (name, run), colour in zip(errors.items(), colours_of(runs), strict=True):
+            grid[place].plot(run[against], run[column] * unit, color=colour, linewidth=1.1, label=name, zorder=2.5)
+        grid[place].set_ylabel(label)
+        grid[place].margins(x=0.0)
+    for axes in grid[2:, 0]:
+        _widen(axes, MIN_SPEED_SPAN)
+    _draw_lane(grid[2, 1], runs, longest, reference, against)
+    for axes in grid[2:, 1]:
+        axes.axhline(0.0, color=REFERENCE, linewidth=0.8)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
-    for axes in grid.ravel():
-        axes.margins(x=0.0)
     legend_above(grid[0, 0], min(len(runs) + 1, LEGEND_COLUMNS))
     _legend_of_bounds(grid[0, 1], faults)
-    if title:
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9.0, fontweight="bold")
     return figure
+
+
+def _wanted(run: pd.DataFrame, reference: Reference) -> list[Array | None]:
+    """What the reference says of the quantity of each of `PANELS` along a run; errors have none."""
+    s = run["s"].to_numpy(dtype=float)
+    states, inputs = reference.state(s), reference.input(s)
+    return [states[:, 2], states[:, 0], states[:, 1], states[:, 3], inputs[:, 0], inputs[:, 1], None, None]
 
 
 def sideslip_error(run: pd.DataFrame, reference: Reference) -> Array:
     """beta - beta_ref(s) [rad] of each row."""
     return run["beta"].to_numpy(dtype=float) - reference.state(run["s"].to_numpy(dtype=float))[:, 2]
-
-
-def _longest(runs: Mapping[str, pd.DataFrame], against: str) -> pd.DataFrame:
-    return max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
-
-
-def _draw_states(
-    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference, against: str
-) -> None:
-    lines = (
-        (column[0], "sideslip [deg]", 2, "beta", DEGREES),
-        (column[1], "yaw rate [deg/s]", 0, "r", DEGREES),
-        (column[2], "speed [km/h]", 1, "v", KMH),
-        (column[3], "rear rim speed [km/h]", 3, "omega_r", KMH),
-    )
-    longest = _longest(runs, against)
-    for axes, label, index, _, unit in lines:
-        wanted = reference.state(longest["s"].to_numpy(dtype=float))[:, index] * unit
-        axes.plot(longest[against], wanted, **REFERENCE_LINE, label="reference")
-        axes.set_ylabel(label)
-    for axes, _, _, name, unit in lines:
-        _draw(axes, runs, against, _column(name, unit))
-    for axes in column[2:]:
-        _widen(axes, MIN_SPEED_SPAN)
-
-
-def _draw_inputs(
-    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference,
-    parameters: VehicleParameters, against: str,
-) -> None:  # fmt: skip
-    lock = parameters.steering_limit * DEGREES
-    lines = (
-        (column[0], "steering angle [deg]", "delta", DEGREES, (-lock, lock)),
-        (column[1], "engine torque [N m]", "tau", 1.0, (parameters.torque_min, parameters.torque_max)),
-    )
-    longest = _longest(runs, against)
-    inputs = reference.input(longest["s"].to_numpy(dtype=float))
-    for index, (axes, label, name, unit, bounds) in enumerate(lines):
-        _bounds(axes, *bounds)
-        _draw(axes, runs, against, _column(name, unit))
-        axes.plot(longest[against], inputs[:, index] * unit, **REFERENCE_LINE)
-        axes.set_ylabel(label)
-
-
-def _draw_tracking(
-    column: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference, against: str
-) -> None:
-    lateral, sideslip = column
-    _draw(lateral, runs, against, _column("e", 1.0))
-    _draw(sideslip, runs, against, lambda run: sideslip_error(run, reference) * DEGREES)
-    _draw_lane(lateral, runs, _longest(runs, against), reference, against)
-    lateral.set_ylabel("lateral error e [m]")
-    sideslip.set_ylabel("sideslip error [deg]")
-    for axes in column:
-        axes.axhline(0.0, color=REFERENCE, linewidth=0.8)
 
 
 def _legend_of_bounds(axes: Axes, faults: list[str]) -> None:
@@ -144,17 +114,6 @@ def _legend_of_bounds(axes: Axes, faults: list[str]) -> None:
     named = ("bound", "transition", *faults)
     shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in named]
     axes.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
-
-
-def _column(name: str, unit: float) -> Callable[[pd.DataFrame], Array]:
-    return lambda run: run[name].to_numpy(dtype=float) * unit
-
-
-def _draw(
-    axes: Axes, runs: Mapping[str, pd.DataFrame], against: str, quantity: Callable[[pd.DataFrame], Array]
-) -> None:
-    for (name, run), colour in zip(runs.items(), colours_of(runs), strict=True):
-        axes.plot(run[against], quantity(run), color=colour, linewidth=1.1, label=name, zorder=2.5)
 
 
 def _widen(axes: Axes, span: float) -> None:

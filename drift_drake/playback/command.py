@@ -53,7 +53,7 @@ def run_replay(command: Replay) -> None:
     played = play(prepare(command.log, cars), command.restart)
     comparison = compare(played)
     print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))
-    write_results(command.json, {"log": command.log, "restart": command.restart} | comparison.to_dict())
+    write_results(command.json, {"log": command.log, "restart": command.restart} | dataclasses.asdict(comparison))
     if command.html is not None:
         write_replay(played, command.html, command.log.name, command.restart, cars["nominal"].parameters)
         print(f"{command.html}: open it in a browser", file=said_to(command.json))

@@ -1,7 +1,6 @@
 """How far cars are from the real one: RMS errors by state."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,10 +28,6 @@ class Comparison:
             label = f"{state} [{UNITS[state]}]"
             lines.append(f"{label:<16}" + "".join(f"{errors[name]:>12.4g}" for name in cars))
         return "\n".join(lines)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
-        return dataclasses.asdict(self)
 
 
 def compare(played: Played) -> Comparison:

@@ -1,6 +1,6 @@
 """A log's commands to several cars at once, in one Drake diagram, put back onto the real car every few seconds."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, Leaf
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.logs.driving import SPUN, driven, slowest
+from drift_drake.logs.driving import SPUN, driven, slowest, spans
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
@@ -36,40 +36,37 @@ class CarModel(NamedTuple):
     effects: Effects = Effects()
 
 
-class RimSpeedFollower(LeafSystem):
-    """The engine torque that makes a car's rear wheels take on a given rim speed, for logs without a torque.
+class Keeper(LeafSystem):
+    """What keeps a car at a measured speed, for logs that do not say what drove it.
 
-    Input ports: state (6); rim_speed (1) [m/s]. Output port: torque (1) [N m], unlimited.
+    Input ports: state (6); wanted (1) [m/s]. Output port: by the law, from the state and the speed wanted.
     """
 
-    def __init__(self, p: VehicleParameters) -> None:
+    def __init__(self, size: int, law: Callable[[Array, float], Sequence[float]]) -> None:
         LeafSystem.__init__(self)
-        self._gain = p.rear_axle_inertia / (p.wheel_radius * p.gear_ratio * FOLLOWING_TIME)
+        self._law = law
         self._state = self.DeclareVectorInputPort("state", 6)
-        self._rim_speed = self.DeclareVectorInputPort("rim_speed", 1)
-        self.DeclareVectorOutputPort("torque", 1, self._calc)
+        self._wanted = self.DeclareVectorInputPort("wanted", 1)
+        self.DeclareVectorOutputPort("kept", size, self._calc)
 
     def _calc(self, context: Context, output: Any) -> None:
-        output[0] = self._gain * (self._rim_speed.Eval(context)[0] - self._state.Eval(context)[3])
+        output.SetFromVector(self._law(self._state.Eval(context), self._wanted.Eval(context)[0]))
 
 
-class SpeedKeeper(LeafSystem):
-    """The force along the course that keeps a car at a given speed, for logs that say nothing of what drove it.
+def rim_speed_follower(p: VehicleParameters) -> Keeper:
+    """The engine torque [N m], unlimited, that makes a car's rear wheels take on a given rim speed."""
+    gain = p.rear_axle_inertia / (p.wheel_radius * p.gear_ratio * FOLLOWING_TIME)
+    return Keeper(1, lambda state, rim_speed: [gain * (rim_speed - state[3])])
 
-    Input ports: state (6); speed (1) [m/s]. Output port: wrench (3), for a plant's disturbance.
-    """
 
-    def __init__(self, p: VehicleParameters) -> None:
-        LeafSystem.__init__(self)
-        self._gain = p.mass / KEEPING_TIME
-        self._state = self.DeclareVectorInputPort("state", 6)
-        self._speed = self.DeclareVectorInputPort("speed", 1)
-        self.DeclareVectorOutputPort("wrench", 3, self._calc)
+def speed_keeper(p: VehicleParameters) -> Keeper:
+    """The force along the course that keeps a car at a given speed, as a wrench (3) for a plant's disturbance."""
 
-    def _calc(self, context: Context, output: Any) -> None:
-        _, v, beta = self._state.Eval(context)[:3]
-        force = self._gain * (self._speed.Eval(context)[0] - v)
-        output.SetFromVector([force * np.cos(beta), force * np.sin(beta), 0.0])
+    def wrench(state: Array, speed: float) -> Sequence[float]:
+        force = p.mass / KEEPING_TIME * (speed - state[1])
+        return [force * np.cos(state[2]), force * np.sin(state[2]), 0.0]
+
+    return Keeper(3, wrench)
 
 
 class SideBySide:
@@ -114,14 +111,14 @@ class SideBySide:
             made = Car(model.parameters, effects, noise=NoiseLevels.none(), period=run.period)
             car = builder.AddNamedSystem(name, made)
             if follow:
-                follower = builder.AddNamedSystem(f"{name}_wheels", RimSpeedFollower(model.parameters))
+                follower = builder.AddNamedSystem(f"{name}_wheels", rim_speed_follower(model.parameters))
                 builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
-                builder.Connect(wanted, follower.GetInputPort("rim_speed"))
+                builder.Connect(wanted, follower.GetInputPort("wanted"))
                 commands = self._join(builder, f"{name}_commands", steering, follower.get_output_port())
             elif keep:
-                keeper = builder.AddNamedSystem(f"{name}_speed", SpeedKeeper(model.parameters))
+                keeper = builder.AddNamedSystem(f"{name}_speed", speed_keeper(model.parameters))
                 builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
-                builder.Connect(wanted, keeper.GetInputPort("speed"))
+                builder.Connect(wanted, keeper.GetInputPort("wanted"))
                 builder.Connect(keeper.get_output_port(), car.GetInputPort("disturbance"))
             builder.Connect(commands, car.GetInputPort("command"))
             sink = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
@@ -250,10 +247,8 @@ def windows(driven: NDArray[np.bool_], rows: int) -> list[tuple[int, int]]:
 
     Within a driven stretch each begins where the last one ended.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], driven, [False]]).astype(int)))
     found = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        starts = range(begin, end - 1, rows) if rows > 0 else [begin]
-        found += [(int(first), int(min(first + rows, end - 1) if rows > 0 else end - 1)) for first in starts
-                  if end - begin > 1]  # fmt: skip
+    for begin, end in spans(driven):
+        step = rows if rows > 0 else len(driven)
+        found += [(first, min(first + step, end - 1)) for first in range(begin, end - 1, step)]
     return found

@@ -10,9 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 TABLE_SPACING = 1.0  # [m] between tabulated poses
-PROJECTION_WINDOW = 10.0  # [m] searched on either side of a guess
-PROJECTION_SPACING = 0.5  # [m] between the candidates of a projection
-NEWTON_STEPS = 8
 CLOSURE_TOLERANCE = 1e-6  # [m] and [rad]
 
 # Four points are exact to 1e-14 m on the table's pieces up to a curvature of 0.2 1/m.
@@ -136,41 +133,6 @@ class Path:
         x, y, heading = self.pose(s)
         e = np.asarray(e, dtype=float)
         return x - e * np.sin(heading), y + e * np.cos(heading)
-
-    def project(self, x: ArrayLike, y: ArrayLike, s_guess: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Foot points of world positions on the path.
-
-        Args:
-            x, y: positions [...] [m].
-            s_guess: near where to look [...] [m] (within 10 m; needed where the path comes near itself, as at the
-                crossing of a figure-8); without it the whole path is searched.
-
-        Returns:
-            (s, e) [...] [m]; s is continuous with the guess, or within [0, length] without one. At an open path's
-            ends s is held to [0, length] by the search but may go beyond along the extension.
-        """
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        if s_guess is None:
-            count = math.ceil(self.length / PROJECTION_SPACING)
-            candidates = np.linspace(0.0, self.length, count, endpoint=not self.closed)
-        else:
-            window = np.arange(-PROJECTION_WINDOW, PROJECTION_WINDOW + 1e-9, PROJECTION_SPACING)
-            candidates = np.broadcast_to(np.asarray(s_guess, dtype=float), x.shape)[..., None] + window
-        path_x, path_y, _ = self.pose(candidates)
-        nearest = np.argmin((x[..., None] - path_x) ** 2 + (y[..., None] - path_y) ** 2, axis=-1)
-        if s_guess is None:
-            s = candidates[nearest]
-        else:
-            s = np.take_along_axis(candidates, nearest[..., None], axis=-1)[..., 0]
-        for _ in range(NEWTON_STEPS):
-            path_x, path_y, heading = self.pose(s)
-            along = (x - path_x) * np.cos(heading) + (y - path_y) * np.sin(heading)
-            e = -(x - path_x) * np.sin(heading) + (y - path_y) * np.cos(heading)
-            # Beyond the centre of curvature the foot point is no minimum: keep the step's direction and length sane.
-            stretch = np.maximum(1.0 - self.curvature(s) * e, 0.1)
-            s = s + np.clip(along / stretch, -PROJECTION_SPACING, PROJECTION_SPACING)
-        path_x, path_y, heading = self.pose(s)
-        return s, -(x - path_x) * np.sin(heading) + (y - path_y) * np.cos(heading)
 
 
 def _displacement(heading: Array, curvature: Array, slope: Array, length: Array) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ own where it has a `rate`: that state is then their last argument.
 import dataclasses
 from typing import Any, Literal, Protocol
 
+from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 Stage = Literal["command", "actuator", "motion", "sensor"]
@@ -91,6 +92,11 @@ class Effect:
     reading: Reading | None = None
     rate: Rate | None = None
     start: Start | None = None
+
+    @property
+    def suffix(self) -> str:
+        """The unit as it follows a number in a sentence."""
+        return unit_suffix(self.unit)
 
     @property
     def signed(self) -> bool:

@@ -15,6 +15,11 @@ OPTIONAL = ("front_coupling", "tyre", "tolerance")  # keys that a vehicle file m
 WORDS = ("tyre", "tolerance")  # that are no numbers
 
 
+RELATIVE = (  # parameters that a relative tolerance has the name of
+    "mass", "yaw_inertia", "wheel_radius", "rear_axle_inertia", "friction", "front_stiffness", "rear_stiffness",
+)  # fmt: skip
+
+
 class InvalidVehicleError(DriftDrakeError, ValueError):
     """A vehicle file that cannot be used; the message names the file, the key and the remedy."""
 

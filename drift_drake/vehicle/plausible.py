@@ -8,7 +8,6 @@ Rates at which rim and body settle on the road are bounded, effects included, so
 import math
 from collections.abc import Mapping
 
-from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, changed_constants, magnitudes_of, make_effects
 from drift_drake.vehicle.parameters import Constants, InvalidVehicleError, VehicleParameters
@@ -99,7 +98,7 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
     for name, q in magnitudes.items():
         low, high = effect_range(name, p)
         if q != 0.0 and not low <= q <= high:
-            unit = unit_suffix(CATALOGUE[name].unit)
+            unit = CATALOGUE[name].suffix
             raise InvalidVehicleError(
                 f"{source}: effects.{name} is {q:g}{unit}; no vehicle's is outside {low:g} to {high:g}{unit}"
             )

@@ -6,6 +6,7 @@ derivative (Squire and Trapp 1998): comparisons look at real parts only.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,65 +28,22 @@ def _on_objects(x: Any, ufunc: np.ufunc) -> Any:
     return getattr(x, ufunc.__name__)() if isinstance(x, Expression) else ufunc(x)
 
 
-def sin(x: Any) -> Any:
-    return math.sin(x) if type(x) is float else _on_objects(x, np.sin)
-
-
-def cos(x: Any) -> Any:
-    return math.cos(x) if type(x) is float else _on_objects(x, np.cos)
-
-
-def sqrt(x: Any) -> Any:
-    return math.sqrt(x) if type(x) is float else _on_objects(x, np.sqrt)
-
-
-def exp(x: Any) -> Any:
-    return math.exp(x) if type(x) is float else _on_objects(x, np.exp)
-
-
-def tanh(x: Any) -> Any:
-    return math.tanh(x) if type(x) is float else _on_objects(x, np.tanh)
-
-
-def atan(x: Any) -> Any:
-    return math.atan(x) if type(x) is float else _on_objects(x, np.arctan)
-
-
-def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
-    """`if_less` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return np.where(np.real(a) < np.real(b), if_less, otherwise)
-    if isinstance(a, Expression) or isinstance(b, Expression):
-        return if_then_else(a < b, _expression(if_less), _expression(otherwise))
-    if isinstance(a, complex) or isinstance(b, complex):
-        return if_less if a.real < b.real else otherwise
-    return if_less if a < b else otherwise
-
-
-def _expression(x: Any) -> Expression:
-    return x if isinstance(x, Expression) else Expression(x)
-
-
-def _compile_as(function: Any, ufunc: Any, complex_step: Any) -> None:
-    """Teaches compiled code that `function` is NumPy's `ufunc`, and for complex numbers `complex_step`.
+def _elementary(plain: Callable[[float], float], ufunc: np.ufunc, complex_step: Callable[[complex], complex]) -> Any:
+    """NumPy's function on everything: `plain` on a float, `complex_step` on compiled complex numbers.
 
     The imaginary part of a complex step is so small that its square is nothing beside the real part: there the
     function's value and slope at the real part are exact, and several times faster than the complex function.
     """
     stepped = jitable(complex_step)
 
+    def function(x: Any) -> Any:
+        return plain(x) if type(x) is float else _on_objects(x, ufunc)
+
     def choose(x):  # type: ignore[no-untyped-def]
         return (lambda x: stepped(x)) if isinstance(x, types.Complex) else (lambda x: ufunc(x))
 
     overload(function)(choose)
-
-
-def _sin_step(z: complex) -> complex:
-    return complex(np.sin(z.real), np.cos(z.real) * z.imag)
-
-
-def _cos_step(z: complex) -> complex:
-    return complex(np.cos(z.real), -np.sin(z.real) * z.imag)
+    return function
 
 
 def _sqrt_step(z: complex) -> complex:
@@ -103,16 +61,27 @@ def _tanh_step(z: complex) -> complex:
     return complex(value, (1.0 - value * value) * z.imag)
 
 
-def _atan_step(z: complex) -> complex:
-    return complex(np.arctan(z.real), z.imag / (1.0 + z.real * z.real))
+sin = _elementary(math.sin, np.sin, lambda z: complex(np.sin(z.real), np.cos(z.real) * z.imag))
+cos = _elementary(math.cos, np.cos, lambda z: complex(np.cos(z.real), -np.sin(z.real) * z.imag))
+sqrt = _elementary(math.sqrt, np.sqrt, _sqrt_step)
+exp = _elementary(math.exp, np.exp, _exp_step)
+tanh = _elementary(math.tanh, np.tanh, _tanh_step)
+atan = _elementary(math.atan, np.arctan, lambda z: complex(np.arctan(z.real), z.imag / (1.0 + z.real * z.real)))
 
 
-_compile_as(sin, np.sin, _sin_step)
-_compile_as(cos, np.cos, _cos_step)
-_compile_as(sqrt, np.sqrt, _sqrt_step)
-_compile_as(exp, np.exp, _exp_step)
-_compile_as(tanh, np.tanh, _tanh_step)
-_compile_as(atan, np.arctan, _atan_step)
+def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
+    """`if_less` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.where(np.real(a) < np.real(b), if_less, otherwise)
+    if isinstance(a, Expression) or isinstance(b, Expression):
+        return if_then_else(a < b, _expression(if_less), _expression(otherwise))
+    if isinstance(a, complex) or isinstance(b, complex):
+        return if_less if a.real < b.real else otherwise
+    return if_less if a < b else otherwise
+
+
+def _expression(x: Any) -> Expression:
+    return x if isinstance(x, Expression) else Expression(x)
 
 
 @overload(select)

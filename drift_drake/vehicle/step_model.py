@@ -26,6 +26,18 @@ def block_scale(memory_scale: Array) -> Array:
     return np.concatenate([STATE_SCALE, memory_scale, INPUT_SCALE, INPUT_SCALE])
 
 
+class CostExpansion(Protocol):
+    """A cost over all stages about one trajectory."""
+
+    def gradient(self) -> Array:
+        """The total's derivative by each stage's (x, u, u_next) [N, n+4] (SI)."""
+        ...
+
+    def curvature(self) -> Array:
+        """Its second derivatives within each stage, the other stages held where they are [N, n+4, n+4]."""
+        ...
+
+
 class StepModel(Protocol):
     """One time step x_{k+1} = f(x_k, u_k, u_{k+1}) over all stages of a horizon at once.
 
@@ -69,6 +81,13 @@ class StepModel(Protocol):
         None where a model has no better ones than differences of `weighted_gradient`.
         """
         return None
+
+    def curvature_with(
+        self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
+    ) -> Array | None:
+        """The sum of `weighted_curvature` and of a cost's second derivatives; a model may know what they share."""
+        own = self.weighted_curvature(x, u, u_next, curvature, weights)
+        return None if own is None else own + cost.curvature()
 
     def observer(self, period: float) -> LeafSystem | None:  # noqa: ARG002 (a model with further states needs it)
         """The system that follows the model's further states in closed loop, every `period` [s]; None without any.

@@ -16,7 +16,7 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.benchmarks.truths import drawn_deviations
-from drift_drake.executors import ExecutorConfig, make_executor
+from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.fleet import FleetFindings, fleet_findings
 from drift_drake.monitoring.fleet_command import day_folders, lines
@@ -55,8 +55,8 @@ def main(config: Config) -> None:
     truth = json.loads((config.out / "truth.json").read_text())
     folders, vehicle, own = day_folders(config.out), VehicleParameters(), Effects()
     used = shared_columns(folders)
-    with make_executor(config.executor) as pool:
-        found = fleet_findings(evidence_problem_of(vehicle, own, used), days_of(folders, vehicle, own, used, pool))
+    days = days_of(folders, vehicle, own, used, config.executor)
+    found = fleet_findings(evidence_problem_of(vehicle, own, used), days)
     write_json(config.out / "found.json", found)
     print("\n".join([*lines(found), verdict(found, truth)]))
 

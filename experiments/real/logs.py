@@ -18,20 +18,21 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.diagnosis.reports.report import write_report as write_diagnosis
+from drift_drake.diagnosis.reports import report as diagnosis_report
 from drift_drake.estimation.horizons import HORIZONS, STATES
 from drift_drake.estimation.problem import make_problem
 from drift_drake.estimation.reduction import errors_of
 from drift_drake.estimation.usable import usable
+from drift_drake.identification import report as identification_report
 from drift_drake.identification.calibration_file import trust_of
 from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify
-from drift_drake.identification.report import write_report
 from drift_drake.logs.importing.command import write_case
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, stated_noise
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -107,7 +108,7 @@ def calibrate(folder: Path, name: str, case: Path, runs: list[Run], first: Vehic
     """Identifies a car; its vehicle file, report and numbers lie in the folder."""
     found = identify(runs, first, case=name, known=HELD, names=effects, stated=RIM_NOISE | stated_noise(case))
     write_vehicle(folder / f"{name}.yaml", found.vehicle, found.effects)
-    write_report(found, folder / f"{name}.html")
+    write_text(folder / f"{name}.html", identification_report.report_html(found))
     return found.calibration
 
 
@@ -128,7 +129,7 @@ def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, f
     began = time.process_time()
     found = diagnose(runs, car, case=name, workers=1, catalogue=catalogue, stated=stated, own=own, **trust.options())
     seconds = time.process_time() - began
-    write_diagnosis(found, folder / f"{name}.html")
+    write_text(folder / f"{name}.html", diagnosis_report.report_html(found))
     answer = found.answer
     return {
         "sentence": answer.sentence(),

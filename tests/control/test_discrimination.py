@@ -80,7 +80,7 @@ def test_a_rival_may_fit_its_magnitude_anew() -> None:
 def test_the_gradient_is_that_of_the_value(first: tuple[str, float], rival: tuple[str, float]) -> None:
     objective = cost_of(car_of(*first), rival_of(*rival, 1e-3))
     x, u, u_next = stages(3, 2)
-    gradient = objective.gradient_at(x, u, u_next)(x, u, u_next)
+    gradient = objective.expansion(x, u, u_next).gradient()
     point, scale = np.concatenate([x, u, u_next], axis=1), np.concatenate([SCALE, INPUTS])
     numeric = np.zeros_like(gradient)
     for k in range(3):

@@ -12,8 +12,10 @@ CAR = VehicleParameters()
 
 
 def test_own_deviations_are_those_of_a_tolerance():
-    assert set(OWN) == set(BROAD)
-    assert all(CATALOGUE[name].tolerance for name in OWN)
+    assert OWN
+    assert all(
+        getattr(BROAD, CATALOGUE[name].tolerance) >= getattr(CAR.tolerance, CATALOGUE[name].tolerance) for name in OWN
+    )
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -31,12 +33,11 @@ def test_a_start_lies_within_bounds_and_bounds_hold_the_practical_range(name):
 
 def test_stated_tolerances_are_believed_with_caution():
     broad, stated = (unknown("mass_error", CAR, names) for names in (frozenset(), frozenset({"mass"})))
-    assert broad.prior == BROAD["mass_error"]
+    assert broad.prior == BROAD.mass
     assert stated.prior == pytest.approx(CAUTION * CAR.tolerance.mass)
 
 
-def test_an_unsigned_effect_of_the_first_guess_starts_from_there():
-    assert unknown("steering_lag", CAR, frozenset(), own=0.07).start == 0.07
+def test_an_unsigned_effect_starts_a_little_way_into_its_range():
     assert unknown("steering_lag", CAR, frozenset()).start > 0.0  # where it has a derivative
 
 

@@ -37,8 +37,8 @@ def test_the_chain_of_beliefs(
         vehicles=1,
         population="train",
         parts=("belief",),
-        control=ControlConfig(horizon=12),
-        gathering=GatheringConfig(steps=15, v_end=10.0, starts=1),
+        control=ControlConfig(horizon=8),
+        gathering=GatheringConfig(steps=10, v_end=9.0, starts=1),
         run_on=here,
         out=tmp_path,
     )

@@ -46,6 +46,13 @@ def test_without_casadi_a_benchmark_says_so_and_goes_on(
     assert set(answer) == {"sqp", "snopt", "ipopt"}
 
 
+def test_the_slowest_plans_are_solved_again_beside_others(tmp_path: Path) -> None:
+    main(BenchmarkConfig(horizons=(3,), problems=4, again=2, referee_horizon=1, warm_problems=2, out=tmp_path))
+    (ratio,) = json.loads((tmp_path / "numbers.json").read_text())["worst_over_median_again"].values()
+    assert ratio >= 1.0
+    assert f"solved again: the longest takes {ratio:.2f} times the median" in (tmp_path / "report.md").read_text()
+
+
 def test_too_few_problems_are_refused_before_any_is_solved() -> None:
     with pytest.raises(InvalidOptionError, match="--warm-problems is 0; give 2 or more"):
         main(BenchmarkConfig(warm_problems=0))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -55,13 +56,19 @@ BODIES = {
 }
 STARTING = """
 import time
+from pathlib import Path
 from diagrams.command import run_command
 from drift_drake.executors import ExecutorConfig, run_jobs
 
 
+def work(_job: int) -> None:
+    Path("at work").touch()
+    time.sleep(60.0)
+
+
 def main() -> None:
     print("ready", flush=True)
-    run_jobs(ExecutorConfig(), time.sleep, [60.0, 60.0], print, "job", quiet=True)
+    run_jobs(ExecutorConfig(), work, [1, 2], print, "job", quiet=True)
 
 
 if __name__ == "__main__":
@@ -70,15 +77,17 @@ time.sleep(1.0)  # a worker imports this file
 """
 
 
-def said_after(arguments: list[str], path: Path, end: Callable[[int], None], wait: float = 0.0) -> tuple[int, str]:
-    """(exit code, standard error) of Python, once it says that it is ready and is ended after so many seconds."""
+def said_after(
+    arguments: list[str], path: Path, end: Callable[[int], None], wait: Callable[[], None] = lambda: None
+) -> tuple[int, str]:
+    """(exit code, standard error) of Python in a folder, ended once it is ready and has been waited for."""
     process = subprocess.Popen([sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                env=os.environ | {"PYTHONPATH": os.pathsep.join([str(path), str(ROOT)])},
-                               start_new_session=True,
+                               start_new_session=True, cwd=path,
                                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))  # fmt: skip
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
-    time.sleep(wait)
+    wait()
     end(process.pid)
     _, error = process.communicate(timeout=60.0)
     return process.returncode, error
@@ -104,9 +113,18 @@ def test_work_ends_in_one_line(tmp_path: Path, body: str, number: signal.Signals
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("wait", [0.3, 4.0])  # within the workers' imports; at work
-def test_workers_leave_the_answer_to_their_parent(tmp_path: Path, wait: float) -> None:
+def at_work(path: Path) -> None:
+    """Waits until a worker is."""
+    end = time.monotonic() + 30.0
+    while not (path / "at work").exists() and time.monotonic() < end:
+        time.sleep(0.02)
+    (path / "at work").unlink()
+
+
+@pytest.mark.parametrize("working", [False, True])
+def test_workers_leave_the_answer_to_their_parent(tmp_path: Path, working: bool) -> None:
     (tmp_path / "starting.py").write_text(STARTING)
+    wait = partial(at_work, tmp_path) if working else partial(time.sleep, 0.3)  # within the workers' imports
     for end in (lambda process: os.killpg(process, signal.SIGINT), lambda process: os.kill(process, signal.SIGTERM)):
         code, error = said_after([str(tmp_path / "starting.py")], tmp_path, end, wait)
         assert code in (130, 143)
@@ -116,7 +134,8 @@ def test_workers_leave_the_answer_to_their_parent(tmp_path: Path, wait: float) -
 def test_nothing_is_said_after_a_kill(tmp_path: Path) -> None:
     (tmp_path / "starting.py").write_text(STARTING)
     end: Callable[[int], None] = lambda process: os.kill(process, signal.SIGKILL)  # noqa: E731
-    assert said_after([str(tmp_path / "starting.py")], tmp_path, end, 4.0) == (-signal.SIGKILL, "")
+    wait = partial(at_work, tmp_path)
+    assert said_after([str(tmp_path / "starting.py")], tmp_path, end, wait) == (-signal.SIGKILL, "")
 
 
 def test_other_errors_are_told_as_they_are(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig, NoClusterError, make_executor
+from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.gathering.trust import usual_for
@@ -28,7 +28,7 @@ from experiments.gathering import beliefs
 from experiments.settings import OtherExperimentError
 
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
-SHORT = GatheringConfig(steps=15, v_end=10.0, starts=1)
+SHORT = GatheringConfig(steps=10, v_end=9.0, starts=1)
 
 
 def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
@@ -47,7 +47,7 @@ def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
 
 @pytest.fixture(autouse=True)
 def short_course(monkeypatch: pytest.MonkeyPatch) -> None:
-    course = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=12.0)
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
 
 
@@ -151,8 +151,8 @@ def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path
 
 def test_a_missing_engine_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(NoClusterError, match="pip install"), make_executor(ExecutorConfig(executor="dask")):
-        pass
+    with pytest.raises(NoClusterError, match="pip install"):
+        run_jobs(ExecutorConfig(executor="dask"), abs, [1], lambda _job, _result: None, "job")
 
 
 def test_as_in_the_paper_is_the_papers_model_and_gathering() -> None:

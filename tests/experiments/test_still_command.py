@@ -1,11 +1,12 @@
 """The still of an experiment's runs: which runs, and what is said of those that are not there."""
 
-import subprocess
 import sys
 
 import pandas as pd
 import pytest
 
+from diagrams import command
+from experiments.drifting import still
 from experiments.drifting.still import StillConfig, read_runs
 
 
@@ -23,11 +24,13 @@ def test_a_run_that_is_not_there_is_named(tmp_path):
         read_runs(StillConfig(tmp_path, models=("oracle",)))
 
 
-def test_the_command_says_so_in_one_sentence(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "experiments.drifting.still", str(tmp_path)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith("experiments.drifting.still: ")
-    assert "twice_info-000-0.csv: no such run" in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_the_command_says_so_in_one_sentence(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["still", str(tmp_path)])
+    monkeypatch.setattr(command, "leave_ends_to_the_system", lambda: None)
+    monkeypatch.setattr(command, "NAME", "experiments.drifting.still")
+    with pytest.raises(SystemExit, match="2"):
+        command.run_command(still.main, StillConfig)
+    said = capsys.readouterr().err
+    assert said.startswith("experiments.drifting.still: ")
+    assert "twice_info-000-0.csv: no such run" in said
+    assert said.count("\n") == 1

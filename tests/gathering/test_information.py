@@ -8,16 +8,18 @@ from scipy.linalg import block_diag
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.information import InformationCost
+from drift_drake.gathering.feature_cost import InformationCost
+from drift_drake.gathering.information import StageInformation, UpdatedInformation
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update, weighed
 
 ALPHA = 1.7
+KINDS = {False: StageInformation, True: UpdatedInformation}
 
 
 def cost(model: BayesianModel, updated: bool) -> InformationCost:
-    return InformationCost(model.network, model.prior().covariance, ALPHA, updated)
+    return KINDS[updated](model.network, model.prior().covariance, ALPHA)
 
 
 def rows(model: BayesianModel, x: np.ndarray, u: np.ndarray, u_next: np.ndarray) -> np.ndarray:
@@ -30,7 +32,7 @@ def test_without_coupling_the_value_is_equation_8(model: BayesianModel, updated:
     """Each state by itself, with its covariance of before the drive or after the stages before by eq. (5)."""
     x, u, u_next = stages(5, 0)
     blocks = state_blocks(model.prior().covariance).copy()
-    objective = InformationCost(model.network, block_diag(*blocks), ALPHA, updated)
+    objective = KINDS[updated](model.network, block_diag(*blocks), ALPHA)
     expected = 0.0
     for k in range(5):
         phi = features(model.network, network_inputs(x[k], u[k], u_next[k]))
@@ -53,7 +55,7 @@ def test_the_value_is_what_the_determinant_loses_at_each_stage(model: BayesianMo
     assert cost(model, False).information(x, u, u_next) == pytest.approx(expected, rel=1e-9)
     assert cost(model, False).value(x, u, u_next) == pytest.approx(-ALPHA * expected, rel=1e-9)
     # States that know of each other tell less together than each by itself.
-    apart = InformationCost(model.network, block_diag(*state_blocks(model.prior().covariance)), ALPHA)
+    apart = StageInformation(model.network, block_diag(*state_blocks(model.prior().covariance)), ALPHA)
     assert expected < apart.information(x, u, u_next)
 
 
@@ -82,7 +84,7 @@ def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianMod
         after = update(belief, model.sigma, own, np.zeros(4), weight)
         expected += 0.5 * (np.linalg.slogdet(belief.covariance)[1] - np.linalg.slogdet(after.covariance)[1])
         belief = after if updated else prior
-    objective = InformationCost(model.network, weighed(prior.covariance, weight), 1.0, updated)
+    objective = KINDS[updated](model.network, weighed(prior.covariance, weight), 1.0)
     assert objective.information(x, u, u_next) == pytest.approx(expected, rel=1e-8)
 
 
@@ -98,8 +100,8 @@ def test_a_models_further_states_carry_no_information(model: BayesianModel) -> N
     x, u, u_next = stages(3, 3)
     longer = np.concatenate([x, np.ones((3, 2))], axis=1)
     assert objective.value(longer, u, u_next) == objective.value(x, u, u_next)
-    gradient = objective.gradient_at(longer, u, u_next)(longer, u, u_next)
-    plain = objective.gradient_at(x, u, u_next)(x, u, u_next)
+    gradient = objective.expansion(longer, u, u_next).gradient()
+    plain = objective.expansion(x, u, u_next).gradient()
     np.testing.assert_array_equal(gradient[:, :8], plain[:, :8])
     np.testing.assert_array_equal(gradient[:, 8:10], 0.0)
     np.testing.assert_array_equal(gradient[:, 10:], plain[:, 8:])
@@ -108,7 +110,7 @@ def test_a_models_further_states_carry_no_information(model: BayesianModel) -> N
 def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 4,
              alpha: float = 0.3) -> tuple[OptimalControlProblem, list[np.ndarray]]:  # fmt: skip
     covariance = weighed(model.prior().covariance, model.sample_weight)
-    return lane_ocp(model, steps, InformationCost(model.network, covariance, alpha, updated), count)
+    return lane_ocp(model, steps, KINDS[updated](model.network, covariance, alpha), count)
 
 
 @pytest.mark.parametrize("updated", [False, True])
@@ -140,6 +142,6 @@ def test_information_draws_the_plan_from_the_straight_line(model: BayesianModel)
     result = LineSearchSqp(problem, SqpOptions(max_iterations=60, tolerance=1e-4)).solve(guesses[1])
     x, u, _ = problem.unstack(result.z)
     straight_x, straight_u, _ = problem.unstack(guesses[0])
-    objective = InformationCost(model.network, weighed(model.prior().covariance, model.sample_weight), 1.0)
+    objective = StageInformation(model.network, weighed(model.prior().covariance, model.sample_weight), 1.0)
     straight = objective.information(straight_x[:-1], straight_u[:-1], straight_u[1:])
     assert objective.information(x[:-1], u[:-1], u[1:]) > 1.5 * straight

@@ -17,8 +17,8 @@ TRUTH = Truth(
 
 @pytest.fixture(scope="session")
 def strange_car_runs():
-    """Four seconds of each manoeuvre by a car that the default vehicle file describes badly."""
-    return make_case(TRUTH, VehicleParameters(), np.random.default_rng(5), 4.0)
+    """Three seconds of each manoeuvre by a car that the default vehicle file describes badly."""
+    return make_case(TRUTH, VehicleParameters(), np.random.default_rng(5), 3.0)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import held_out_windows, is_held, prior_of, row_by_row, split
 from drift_drake.identification.identify import identify
-from drift_drake.identification.report import write_report
+from drift_drake.identification.report import report_html
 from drift_drake.identification.white import WHITE
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -153,5 +153,5 @@ def test_prediction_without_sideslip_is_refused(other_car):
 
 @needs_browser
 def test_the_reports_charts_are_drawn(other_car, tmp_path):
-    write_report(other_car.found, tmp_path / "report.html")
+    (tmp_path / "report.html").write_text(report_html(other_car.found), encoding="utf-8")
     check_charts(tmp_path / "report.html")

@@ -10,7 +10,7 @@ from drift_drake.estimation.problem import make_problem
 from drift_drake.identification.by_likelihood import stretched
 from drift_drake.identification.estimate import mean_square
 from drift_drake.identification.identify import identify
-from drift_drake.identification.report import write_report
+from drift_drake.identification.report import report_html
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
@@ -83,7 +83,7 @@ def test_bad_names_and_logs_get_one_sentence(strange_car_runs):
 
 
 def test_the_report_is_one_file(identified, tmp_path):
-    write_report(identified, tmp_path / "report.html")
+    (tmp_path / "report.html").write_text(report_html(identified), encoding="utf-8")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert identified.calibration.case in text
     assert text.count('class="chart"') == 3
@@ -94,5 +94,5 @@ def test_the_report_is_one_file(identified, tmp_path):
 
 @needs_browser
 def test_the_reports_charts_are_drawn(identified, tmp_path):
-    write_report(identified, tmp_path / "report.html")
+    (tmp_path / "report.html").write_text(report_html(identified), encoding="utf-8")
     check_charts(tmp_path / "report.html")

@@ -10,7 +10,7 @@ from recorder_files import EPOCH, arrays, mapping, topics, write_bag, write_json
 from drift_drake.cli import main
 from drift_drake.logs.importing.formats.arrays import topics_of_arrays
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
-from drift_drake.logs.importing.formats.topics import topic_of_messages, with_yaw
+from drift_drake.logs.importing.formats.topics import topics_of_messages, with_yaw
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import guessed_mapping, look, mapping_text
 from drift_drake.logs.importing.mapping import mapping_from_dict
@@ -116,7 +116,8 @@ def test_messages_flatten():
 
     stamp = {"sec": 5, "nanosec": 250_000_000}
     message = {"stamp": stamp, "q": Slots(1.2), "name": "car", "image": bytes(10), "rows": [1.0, [2.0, 3.0]]}
-    table = with_yaw(topic_of_messages("/a", [7.0], [message]).table)
+    (topic,) = topics_of_messages([("/a", 7_000_000_000, message)])
+    table = with_yaw(topic.table)
     assert table["/a.stamp"][0] == 5.25
     assert table["/a.q.yaw"][0] == pytest.approx(1.2)
     assert table["/a.rows[1][1]"][0] == 3.0

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drift_drake.gathering.information import StageInformation, UpdatedInformation
 from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, euler_step, residual
 from drift_drake.model.command_lag import LAG, LAGGED
 from drift_drake.model.features import Network, features, network_inputs
@@ -94,6 +95,35 @@ def test_the_weighted_curvature_is_the_weighted_jacobians_derivative(
     found = model.weighted_curvature(x, u, u_next, curvature, weights) * scales[:, None] * scales
     close = np.abs(found - numeric).max(axis=(1, 2)) < 1e-4 * np.abs(numeric).max()
     assert close.sum() >= 44  # one stage lies where a tyre begins to slide: its second derivatives jump there
+
+
+def test_the_expanded_model_is_the_same(network: Network, theta: np.ndarray) -> None:
+    x, u, u_next, curvature = horizon()
+    model = BayesianStepModel(network, theta, CAR)
+    np.testing.assert_allclose(
+        model.expanded().step(x, u, u_next, curvature), model.step(x, u, u_next, curvature), rtol=0, atol=1e-12
+    )
+    found, expected = (m.linearize(x, u, u_next, curvature) for m in (model.expanded(), model))
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10)
+    changed = model.expanded().with_theta(2.0 * theta)
+    np.testing.assert_allclose(
+        changed.step(x, u, u_next, curvature), model.with_theta(2.0 * theta).step(x, u, u_next, curvature), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("updated", [False, True])
+def test_second_derivatives_with_a_cost_are_the_sum(network: Network, theta: np.ndarray, updated: bool) -> None:
+    """Whether the cost's features are the model's own or taken by themselves."""
+    x, u, u_next, curvature = horizon(9)
+    model, weights = BayesianStepModel(network, theta, CAR), np.random.default_rng(8).normal(size=(9, 8))
+    kind = UpdatedInformation if updated else StageInformation
+    apart = kind(network, 0.1 * np.eye(64), 1.7).expansion(x, u, u_next)
+    own = kind(network, 0.1 * np.eye(64), 1.7, model.expansions).expansion(x, u, u_next)
+    expected = model.weighted_curvature(x, u, u_next, curvature, weights) + apart.curvature()
+    for cost in (apart, own):
+        found = model.curvature_with(x, u, u_next, curvature, weights, cost)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_another_theta_changes_the_step_and_not_the_first_model(network: Network, theta: np.ndarray) -> None:

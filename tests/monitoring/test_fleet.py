@@ -117,7 +117,7 @@ def test_a_cluster_finds_what_one_process_finds(tmp_path):
     VehicleParameters().to_yaml(tmp_path / "car.yaml")
     command = ["fleet", str(tmp_path / "fleet"), "--vehicle", str(tmp_path / "car.yaml"), "--json"]
     assert main([*command, str(tmp_path / "here.json"), "--workers", "1"]) == 0
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         assert main([*command, str(tmp_path / "there.json"), "--scheduler", cluster.scheduler_address]) == 0
     assert (tmp_path / "there.json").read_bytes() == (tmp_path / "here.json").read_bytes()
 

@@ -9,7 +9,7 @@ from drift_drake.pictures.style import save
 
 
 def test_one_run_is_coloured_by_its_sideslip_in_degrees(eight, perfect_run, tmp_path):
-    figure = overhead({"driven": perfect_run}, eight, title="Figure-8")
+    figure = overhead({"driven": perfect_run}, eight)
     assert save(figure, tmp_path / "map.png").stat().st_size > 20_000
     axes, bar = figure.axes
     (path,) = [item for item in axes.collections if isinstance(item, LineCollection)]

@@ -14,7 +14,7 @@ STATISTICS = pd.DataFrame({
 
 
 def test_times_are_in_milliseconds_and_late_and_failed_plans_marked(tmp_path):
-    figure = solver_work(STATISTICS, 0.01, title="Solver")
+    figure = solver_work(STATISTICS, 0.01)
     assert save(figure, tmp_path / "work.png").stat().st_size > 10_000
     time = figure.axes[0]
     solve, period, late, failed = time.get_lines()

@@ -19,7 +19,7 @@ def line(axes, label):
 
 
 def test_signals_are_in_degrees_and_kilometres_per_hour(eight, perfect_run, tmp_path):
-    figure = time_series({"driven": perfect_run}, eight, NOMINAL, title="Figure-8")
+    figure = time_series({"driven": perfect_run}, eight, NOMINAL)
     assert save(figure, tmp_path / "series.png").stat().st_size > 20_000
     np.testing.assert_allclose(line(panel(figure, "sideslip [deg]"), "driven"), np.rad2deg(perfect_run["beta"]))
     np.testing.assert_allclose(line(panel(figure, "speed [km/h]"), "driven"), 3.6 * perfect_run["v"])

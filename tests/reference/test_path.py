@@ -28,14 +28,13 @@ def test_the_pose_is_the_integral_of_the_curvature():
         np.testing.assert_allclose(path.pose(s), (x, y, heading(s)), rtol=0.0, atol=1e-9)
 
 
-def test_a_circle_comes_back_and_its_projection_is_polar():
+def test_a_circle_comes_back():
     radius = 18.0
     path = Path([0.0, 2.0 * math.pi * radius], [1.0 / radius] * 2, start=(radius, 0.0, math.pi / 2.0), closed=True)
     angle = np.linspace(0.1, 6.1, 7)
-    distance = np.linspace(9.0, 30.0, 7)
-    s, e = path.project(distance * np.cos(angle), distance * np.sin(angle))
-    np.testing.assert_allclose(s, radius * angle, atol=1e-9)
-    np.testing.assert_allclose(e, radius - distance, atol=1e-9)
+    s, distance = radius * angle, np.linspace(9.0, 30.0, 7)
+    polar = distance * np.cos(angle), distance * np.sin(angle)
+    np.testing.assert_allclose(path.to_world(s, radius - distance), polar, atol=1e-9)
     x, y, heading = path.pose(s + 3.0 * path.length)
     np.testing.assert_allclose(np.stack([x, y]), np.stack(path.pose(s)[:2]), atol=1e-9)
     np.testing.assert_allclose(heading, path.heading(s) + 6.0 * math.pi, atol=1e-9)
@@ -57,28 +56,6 @@ def test_an_open_path_goes_on_with_its_end_curvatures():
     longer = Path([0.0, 20.0, 60.0], [0.0, 0.05, 0.05])
     np.testing.assert_allclose(path.pose(57.0), longer.pose(57.0), atol=1e-10)
     np.testing.assert_allclose(path.pose(-4.0), (-4.0, 0.0, 0.0), atol=1e-12)
-
-
-def test_projection_undoes_to_world():
-    path = Path(NODES, CURVATURE, start=(1.0, 2.0, 3.0))
-    s = np.linspace(1.0, 299.0, 500)
-    e = 4.0 * np.sin(s)
-    x, y = path.to_world(s, e)
-    found_s, found_e = path.project(x, y, s_guess=s + 6.0 * np.cos(3.0 * s))
-    np.testing.assert_allclose(found_s, s, atol=1e-8)
-    np.testing.assert_allclose(found_e, e, atol=1e-8)
-
-
-def test_a_guess_tells_the_branches_of_a_crossing_apart():
-    # Out along x, round a loop to the left and back across the first straight at a right angle.
-    loop = 2.0 * math.pi * 20.0 * 0.75
-    path = Path([0.0, 60.0, 60.001, 60.001 + loop, 60.002 + loop, 140.0 + loop], [0.0, 0.0, 0.05, 0.05, 0.0, 0.0])
-    x, y = 40.0, 0.3
-    first, _ = path.project(x, y, s_guess=38.0)
-    second, _ = path.project(x, y, s_guess=60.0 + loop + 22.0)
-    assert first == pytest.approx(40.0, abs=1e-6)
-    assert second > 100.0
-    np.testing.assert_allclose([path.pose(second)[1]], [0.3], atol=1e-2)
 
 
 @pytest.mark.parametrize(

@@ -38,8 +38,10 @@ def short(reference: Reference) -> Reference:
 
 
 @pytest.fixture(scope="module")
-def loop(short: Reference) -> ClosedLoop:
-    return ClosedLoop(PARAMETERS, short, NominalStepModel(PARAMETERS), control=FAST)
+def loop(reference: Reference) -> ClosedLoop:
+    """Over the first 1.5 s."""
+    brief = dataclasses.replace(reference, distance=18.0)
+    return ClosedLoop(PARAMETERS, brief, NominalStepModel(PARAMETERS), control=FAST)
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,12 @@ from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.path_plant import MotionError
 
 
+@pytest.fixture(scope="module")
+def short(short: Reference) -> Reference:
+    """The first 1.8 s, beyond the faults."""
+    return dataclasses.replace(short, distance=22.0)
+
+
 @pytest.mark.parametrize(
     ("fault", "counted", "number"),
     [

@@ -1,6 +1,6 @@
 """Delays of another package: to the bit the catalogue's own, of either command, and fitted from logs.
 
-As in `test_installed_effects`: a process of its own for each test, without numba.
+As in `test_installed_effects`: in a process of its own, without numba.
 """
 
 from pathlib import Path
@@ -87,15 +87,11 @@ print(fit.names[0], fit.theta[0])
 """
 
 
-def test_one_is_the_catalogues_own_to_the_bit(tmp_path: Path) -> None:
+def test_one_is_the_catalogues_own_to_the_bit_and_fitted_from_windows(tmp_path: Path) -> None:
     install(tmp_path, DELAYS)
-    done = run(tmp_path, "-c", PREAMBLE + ALIKE)
-    assert done.stdout == "all hold\n", done.stderr
-
-
-def test_windows_find_a_delay_of_the_torque(tmp_path: Path) -> None:
-    install(tmp_path, DELAYS)
-    done = run(tmp_path, "-c", PREAMBLE + FITTED)
-    name, magnitude = done.stdout.split()
+    done = run(tmp_path, "-c", PREAMBLE + ALIKE + FITTED)
+    held, fitted = done.stdout.splitlines() or [done.stderr, ""]
+    assert held == "all hold", done.stderr
+    name, magnitude = fitted.split()
     assert name == "engine_delay"
     assert abs(float(magnitude) - 0.09) < 0.002

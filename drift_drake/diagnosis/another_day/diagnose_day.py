@@ -21,7 +21,6 @@ from drift_drake.diagnosis.another_day.not_excluded import not_excluded
 from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
-from drift_drake.errors import unit_suffix
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
@@ -199,10 +198,9 @@ def ranked_hypotheses(
 
 def unseen_sentence(name: str, q: float) -> str:
     """That the day asks for more of the car's build than its calibration knows."""
-    unit = unit_suffix(CATALOGUE[name].unit)
     return (
-        f"beside it the day asks for {name} of {q:.2g}{unit}, which belongs to the car's build: the day of calibration "
-        "did not show it; calibrate on such drives too"
+        f"beside it the day asks for {name} of {q:.2g}{CATALOGUE[name].suffix}, which belongs to the car's build: the "
+        "day of calibration did not show it; calibrate on such drives too"
     )
 
 
@@ -214,7 +212,7 @@ def usual_sentences(normal: Normal, h: Hypothesis, count: float) -> list[str]:
     """
     deviations = dict(zip(normal.names, np.sqrt(np.diag(normal.recording)) * normal.units, strict=True))
     return [
-        f"the calibration's recordings differ in {name} by {deviations[name]:.2g}{unit_suffix(CATALOGUE[name].unit)} "
+        f"the calibration's recordings differ in {name} by {deviations[name]:.2g}{CATALOGUE[name].suffix} "
         "among themselves (one standard deviation): it may be how recordings of the car differ; calibrate on more"
         for name, q in zip(h.names, h.magnitudes, strict=True)
         if abs(q) < USUAL * deviations[name] / np.sqrt(count)

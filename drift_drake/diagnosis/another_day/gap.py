@@ -8,7 +8,7 @@ from drift_drake.diagnosis.another_day.changed_car import changed_car, slopes_at
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
 from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
 from drift_drake.estimation.normal import LOST, WORST, Normal
-from drift_drake.estimation.reduction import FOLDS, Reduction, resampled
+from drift_drake.estimation.reduction import FOLDS, Reduction, removed_share, resampled
 
 STATES = ("r", "v", "beta", "omega_r")
 
@@ -49,11 +49,6 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis) -> Reduction:
     }
     means = [[float(q) for q in part.mean(axis=(0, 2))] for part in whole]
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
-
-
-def removed_share(before: float, after: float, floor: float) -> float:
-    """The share of the gap that is removed; zero where there is none."""
-    return float(np.clip(1.0 - (after - floor) / (before - floor), -1.0, 1.0)) if before > floor else 0.0
 
 
 def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int) -> np.ndarray:

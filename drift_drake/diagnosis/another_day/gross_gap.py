@@ -14,8 +14,6 @@ from scipy.optimize import minimize
 
 from drift_drake.diagnosis.another_day.hypotheses import (
     EXTENSIONS,
-    SIGNED_GRID,
-    UNSIGNED_GRID,
     Hypothesis,
     Search,
     concluded,
@@ -23,7 +21,7 @@ from drift_drake.diagnosis.another_day.hypotheses import (
 )
 from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
-from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, at_end, at_shares, clipped, farther, tried_first
 from drift_drake.estimation.reduction import FOLDS, Reduction, resampled
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import thinned
@@ -79,11 +77,6 @@ def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.nda
     found = minimize(cost, at, method="Nelder-Mead", options={
         "maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": simplex})  # fmt: skip
     return np.array([clipped(float(u), r) for u, r in zip(found.x * reach, ranges, strict=True)])
-
-
-def grid(r: Range, shares: Sequence[float]) -> list[float]:
-    """Magnitudes of a range at signed shares of its reach."""
-    return [q * r.high if q > 0.0 else -q * r.low for q in shares]
 
 
 def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesis:
@@ -166,8 +159,7 @@ def grown_singles(
 
     def start_of(name: str) -> tuple[float, float]:
         r = search.ranges[name]
-        magnitudes = grid(r, SIGNED_GRID) if r.low < 0.0 else [max(q * r.high, r.least) for q in UNSIGNED_GRID]
-        tried = [(clipped(q, r), mean_misfit(search, [name], [clipped(q, r)])) for q in magnitudes]
+        tried = [(clipped(q, r), mean_misfit(search, [name], [clipped(q, r)])) for q in tried_first(r)]
         return min(tried, key=lambda item: item[1])
 
     names = list(search.ranges)
@@ -193,7 +185,7 @@ def grown_pairs(
             r = search.ranges[other]
             shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
             tried += [(mean_misfit(search, [seed, other], [starts[seed][0], q]), other, q)
-                      for q in (clipped(q, r) for q in grid(r, shares))]  # fmt: skip
+                      for q in (clipped(q, r) for q in at_shares(r, shares))]  # fmt: skip
         return one_each(sorted(tried))[:PARTNERS]
 
     def fit(job: tuple[tuple[str, ...], list[float]]) -> Hypothesis:

@@ -11,15 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
 from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.scores import Day, Scatter, scatter_of, summed
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
-UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
 REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
@@ -136,13 +134,10 @@ class Search:
         return sorted(best.values(), key=lambda h: -h.log_evidence)
 
     def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
-        r = self.ranges[name]
-        grid = [q * r.high if q > 0.0 else -q * r.low for q in SIGNED_GRID] if r.low < 0.0 else [
-            max(q * r.high, r.least) for q in UNSIGNED_GRID]  # fmt: skip
         curve = Curve(name, follows, [], [])
         if name != RATE_LIMIT:  # whose zero is no limit at all
             curve = Curve(name, follows, [0.0], [at_zero])
-        for magnitude in sorted(set(grid)):
+        for magnitude in sorted(set(tried_first(self.ranges[name]))):
             curve = curve.with_point(self, float(magnitude))
         return curve
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.digits import significant
-from drift_drake.errors import DriftDrakeError, shown, unit_suffix
+from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.estimation.interval import Interval
-from drift_drake.plain_files import number, parse_json, read_text
+from drift_drake.plain_files import named_number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
@@ -115,7 +115,7 @@ class Answer:
         limits = self.details.get("detection", {})
         shown = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is not None]
         blind = [name for name in ASKED_FIRST if name in limits and limits[name]["least"] is None]
-        parts = [f"{name} {significant(limits[name]['least'], 2)}{_unit(name)}" for name in shown]
+        parts = [f"{name} {significant(limits[name]['least'], 2)}{CATALOGUE[name].suffix}" for name in shown]
         would = f" These logs would have shown (95 %) {', '.join(parts)}" if parts else ""
         ends = f"{', but no' if would else ' These logs cannot show'} {', '.join(blind)}." if blind else "."
         return f"{self._unfamiliar()}{would}{ends}" if would or blind else self._unfamiliar()
@@ -163,16 +163,12 @@ def _removed(share: float | None) -> str:
 
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     """A cause with its magnitude and interval, in words; one at the end of what is believed possible is a bound."""
-    unit = _unit(name)
+    unit = CATALOGUE[name].suffix
     numbers = [significant(q, significant_digits(m)) for q in (m.estimate, m.low, m.high)]
     if at_least:
         # A rate limit acts the more the lower it is.
         return f"{name} of {numbers[0]}{unit} at {'most' if name == 'steering_rate_limit' else 'least'}"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
-
-
-def _unit(name: str) -> str:
-    return unit_suffix(CATALOGUE[name].unit)
 
 
 def significant_digits(m: Interval) -> int:
@@ -304,10 +300,7 @@ def _number(key: str, value: Any, finite: bool = True) -> float:
     """A number; where it need not be finite, it may be missing too (NaN)."""
     if not finite and value is None:
         return math.nan
-    try:
-        return number(value)
-    except ValueError as error:
-        raise ValueError(f"{key}: {error}") from None
+    return named_number(key, value)
 
 
 def _interval(key: str, value: Any, finite: bool = True) -> Interval:

@@ -2,7 +2,7 @@
 
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.vehicle.effects import Effects, combined, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import RELATIVE, VehicleParameters
 
 
 def corrected_vehicle(
@@ -22,18 +22,7 @@ def corrected_vehicle(
         magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
     if tolerances:
         n, t = answer.tolerances, vehicle.tolerance
-        changes = {
-            name: getattr(vehicle, name) * (1.0 + n.get(name, 0.0) * getattr(t, name))
-            for name in (
-                "mass",
-                "yaw_inertia",
-                "wheel_radius",
-                "rear_axle_inertia",
-                "friction",
-                "front_stiffness",
-                "rear_stiffness",
-            )
-        }
+        changes = {name: getattr(vehicle, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
         shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
         changes["front_axle_distance"] = vehicle.front_axle_distance + shift
         changes["rear_axle_distance"] = vehicle.rear_axle_distance - shift

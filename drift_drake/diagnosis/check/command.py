@@ -10,7 +10,7 @@ import numpy as np
 import tyro
 
 from drift_drake.digits import significant
-from drift_drake.errors import InvalidOptionError, unit_suffix
+from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_name
 from drift_drake.logs.table import read_case, run_paths, stated_noise
@@ -152,7 +152,7 @@ def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
         return []
     shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}
     blind = [name for name in detection if name not in shown]
-    parts = [f"{name} {significant(limit['least'], 2)}{_unit(name)}" for name, limit in shown.items()]
+    parts = [f"{name} {significant(limit['least'], 2)}{CATALOGUE[name].suffix}" for name, limit in shown.items()]
     lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
     if blind:
         others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
@@ -172,7 +172,3 @@ def _wrapped(parts: list[str]) -> list[str]:
     return [
         line.replace("\u00a0", " ") for line in textwrap.wrap(text, 100, initial_indent="  ", subsequent_indent="  ")
     ]
-
-
-def _unit(name: str) -> str:
-    return unit_suffix(CATALOGUE[name].unit)

@@ -4,13 +4,11 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.diagnose_day import search_of
 from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.estimation.everyday import applied
-from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.fit import no_effects
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.part import part_of
 from drift_drake.estimation.problem import make_problem
@@ -55,6 +53,4 @@ def limits_by_filter(
     if trust.get("everyday") is not None:
         problem, more = applied(problem, trust["everyday"])
         warnings += more
-    count = problem.nuisances
-    nothing = Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
-    return isolability(problem, nothing, names, small=True).limits(vehicle), warnings
+    return isolability(problem, no_effects(problem), names, small=True).limits(vehicle), warnings

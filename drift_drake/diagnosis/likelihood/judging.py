@@ -19,7 +19,7 @@ from drift_drake.diagnosis.shared.posterior import (
     make_posterior,
 )
 from drift_drake.estimation.everyday import traced
-from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.fit import Fit, no_effects
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.noise import refined_levels
@@ -141,13 +141,7 @@ def judge_hypotheses(
 
 
 def _shrinks(problem: Problem, posterior: HypothesisPosterior, best: Fit) -> Reduction:
-    return reduction(problem, posterior.fit if posterior.verdict == "effect" else _empty(problem), best)
-
-
-def _empty(problem: Problem) -> Fit:
-    """A fit of nothing, whose effects remove nothing."""
-    count = problem.nuisances
-    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
+    return reduction(problem, posterior.fit if posterior.verdict == "effect" else no_effects(problem), best)
 
 
 def refine_noise(problem: Problem, fit: Fit) -> Problem:

@@ -48,8 +48,10 @@ def run_plan_next(command: PlanNext) -> None:
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
         from drift_drake.control.interior_point import attempt
+        from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
         from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer
 
+    beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
     say_if_it_compiles(attempt, "the plans' solver")
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     drive = plan_from_answer(answer, vehicle, lane, own)

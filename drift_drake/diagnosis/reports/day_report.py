@@ -14,7 +14,6 @@ from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH
 from drift_drake.estimation.windows import regimes
 from drift_drake.pages.page import GLOSSARY, Source, page_html
-from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 TEMPLATE = Path(__file__).parent / "day_report.html"
@@ -104,8 +103,3 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         beyond=beyond,
         drives=shown_by(asked(d, limits)),
     )
-
-
-def write_day_report(diagnosis: DayDiagnosis, path: str | Path, source: Source | None = None) -> None:
-    """Writes the report."""
-    write_text(path, report_html(diagnosis, source))

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
 from drift_drake.digits import significant
-from drift_drake.errors import unit_suffix
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -26,7 +25,7 @@ def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParam
     rows = []
     for name, limit in limits.items():
         info, least = CATALOGUE[name], limit["least"]
-        taken_for, unit = str(limit["taken_for"]), unit_suffix(info.unit)
+        taken_for, unit = str(limit["taken_for"]), info.suffix
         if not isinstance(least, float):
             rows.append(LimitRow(name, False, REACH, "", taken_for))
             continue

@@ -14,7 +14,6 @@ from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.reduction import errors_of, share_removed
 from drift_drake.pages.page import GLOSSARY, Source, page_html
-from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
@@ -120,8 +119,3 @@ def report_html(d: Diagnosis, source: Source | None = None) -> str:
         unknown=answer.verdict == UNKNOWN,
         deviations={name: n for name, n in answer.tolerances.items() if abs(n) >= LEAST_DEVIATION},
     )
-
-
-def write_report(d: Diagnosis, path: str | Path, source: Source | None = None) -> None:
-    """Writes the report."""
-    write_text(path, report_html(d, source))

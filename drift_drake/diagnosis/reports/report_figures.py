@@ -11,7 +11,7 @@ from drift_drake.diagnosis.likelihood.isolability import Isolability
 from drift_drake.estimation.commands import without_actuators
 from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
-from drift_drake.estimation.fit import Fit
+from drift_drake.estimation.fit import Fit, no_effects
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, roll_out, start_rows
 from drift_drake.estimation.problem import Problem, car, filter_case, observe, run_commands
 from drift_drake.estimation.reduction import errors_of
@@ -25,15 +25,9 @@ ASTRAY = 1.5  # times the measured range beyond which a prediction is left out o
 Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
 
 
-def nominal_fit(problem: Problem) -> Fit:
-    """The nominal car as a fit."""
-    count = problem.nuisances
-    return Fit((), np.zeros(count), 0.0, np.eye(count), 0.0, 0.0, 0)
-
-
 def cars_of(d: Diagnosis) -> Cars:
     """The nominal car, and the corrected one where a cause is named."""
-    nominal = {"nominal": nominal_fit(d.problem)}
+    nominal = {"nominal": no_effects(d.problem)}
     return nominal | {"corrected": d.fit} if d.answer.verdict == "effect" else nominal
 
 

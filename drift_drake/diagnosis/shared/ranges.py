@@ -1,6 +1,7 @@
 """Magnitudes that an effect may have: what would be a gap, what is usual, how far to look, when it would be named."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import effect_range
 
 REACH = 1.5  # times the ends of the practical range that a magnitude may reach
+SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
+UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
 FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
 NEAR_END = 0.02  # of the reach
@@ -47,6 +50,16 @@ def range_of(name: str, vehicle: VehicleParameters) -> Range:
     if info.tolerance:
         least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
     return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))
+
+
+def at_shares(r: Range, shares: Sequence[float]) -> list[float]:
+    """Magnitudes of a range at signed shares of its reach."""
+    return [q * r.high if q > 0.0 else -q * r.low for q in shares]
+
+
+def tried_first(r: Range) -> list[float]:
+    """Magnitudes that a search begins with."""
+    return at_shares(r, SIGNED_GRID) if r.low < 0.0 else [max(q * r.high, r.least) for q in UNSIGNED_GRID]
 
 
 def at_end(q: float, r: Range) -> bool:

@@ -129,7 +129,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
         found.pop("v", None)
     elif "v" in found:
         found.pop("vx", None), found.pop("vy", None)
-    used = sorted({topic.name for topic, _ in found.values()}, key=lambda name: -_rate(_topic(topics, name), clocks))
+    tables = {topic.name: topic for topic, _ in found.values()}
+    used = sorted(tables, key=lambda name: (-_rate(tables[name], clocks), name))
     names = {name: _short(name, len(used)) for name in used}
     signals: dict[str, Any] = {}
     for key, (topic, column) in found.items():
@@ -140,7 +141,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
             signals[key]["radius"] = 0.3
     mapping = {
         "frame": "iso8855",
-        "clocks": {names[name]: _clock_entry(_topic(topics, name), clocks[name]) for name in used},
+        "clocks": {names[name]: _clock_entry(tables[name], clocks[name]) for name in used},
         "signals": signals,
     }
     known = (
@@ -231,10 +232,6 @@ def _hertz(t: np.ndarray) -> float:
 
 def _rate(topic: Topic, clocks: dict[str, str]) -> float:
     return _hertz(_seconds(topic, clocks[topic.name]))
-
-
-def _topic(topics: Sequence[Topic], name: str) -> Topic:
-    return next(topic for topic in topics if topic.name == name)
 
 
 def _short(name: str, count: int) -> str:

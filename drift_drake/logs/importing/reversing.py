@@ -5,6 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.logs.driving import spans
+
 Array = NDArray[np.float64]
 
 BACKWARDS = 0.5  # [m/s] of backward velocity that noise explains
@@ -22,29 +24,26 @@ def reversing_parts(columns: Mapping[str, Array], period: float) -> list[slice]:
     along = columns.get("vx", v * np.cos(beta))
     speed = np.hypot(along, columns.get("vy", v * np.sin(beta)))
     backwards = along < -BACKWARDS
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], backwards, [False]]).astype(int)))
-    spans = [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     if backwards.mean() > 0.95:
         return []
     return [
-        span
-        for span in spans
-        if (span.stop - span.start) * period >= SHORTEST
-        and min(speed[max(span.start - 1, 0)], speed[min(span.stop, len(v) - 1)]) < STANDING
+        slice(a, b)
+        for a, b in spans(backwards)
+        if (b - a) * period >= SHORTEST and min(speed[max(a - 1, 0)], speed[min(b, len(v) - 1)]) < STANDING
     ]
 
 
-def forward_parts(count: int, spans: list[slice]) -> list[slice]:
+def forward_parts(count: int, left_out: list[slice]) -> list[slice]:
     """The rest of `count` rows, in order."""
-    starts = [0, *(span.stop for span in spans)]
-    stops = [*(span.start for span in spans), count]
+    starts = [0, *(part.stop for part in left_out)]
+    stops = [*(part.start for part in left_out), count]
     return [slice(a, b) for a, b in zip(starts, stops, strict=True) if b > a]
 
 
-def reversing_sentence(t: Array, spans: list[slice]) -> list[str]:
+def reversing_sentence(t: Array, parts: list[slice]) -> list[str]:
     """One sentence on what was cut, with its times t [s]; none where nothing was."""
-    if not spans:
+    if not parts:
         return []
-    shown = ", ".join(f"{t[span.start]:.2f} to {t[span.stop - 1]:.2f} s" for span in spans[:3])
-    more = f" and {len(spans) - 3} more times" if len(spans) > 3 else ""
+    shown = ", ".join(f"{t[part.start]:.2f} to {t[part.stop - 1]:.2f} s" for part in parts[:3])
+    more = f" and {len(parts) - 3} more times" if len(parts) > 3 else ""
     return [f"the car reverses from {shown}{more}: cut out, since the simulator's car drives forwards only."]

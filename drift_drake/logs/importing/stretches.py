@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.logs.driving import spans
 from drift_drake.logs.importing.frames import PlanarMotion, at_centre_of_gravity
 from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
 from drift_drake.logs.importing.motion_capture import Stretch, captured_motion
@@ -33,7 +34,7 @@ def moving_stretches(readings: Readings, mapping: RecorderMapping) -> list[slice
         keep[seen[0] : seen[-1] + 1] = True
     else:
         keep[seen[0] : seen[-1] + 1] = (speed > moving.speed)[seen[0] : seen[-1] + 1]
-        for start, stop in _spans(~keep):
+        for start, stop in spans(~keep):
             if start > 0 and stop < len(t) and t[stop] - t[start] < STOP:
                 keep[start:stop] = True
     for before, after in itertools.pairwise(seen):
@@ -41,7 +42,7 @@ def moving_stretches(readings: Readings, mapping: RecorderMapping) -> list[slice
             keep[before + 1 : after] = False
             keep[before] = False
     shortest = 0.0 if moving is None else moving.shortest
-    return [slice(a, b) for a, b in _spans(keep) if b - a >= SHORTEST and t[b - 1] - t[a] >= shortest]
+    return [slice(a, b) for a, b in spans(keep) if b - a >= SHORTEST and t[b - 1] - t[a] >= shortest]
 
 
 def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Stretch:
@@ -96,8 +97,3 @@ def _rough_speed(readings: Readings, seen: NDArray[np.int64]) -> Array | None:
         return np.hypot(x[ahead] - x[behind], y[ahead] - y[behind]) / np.maximum(t[ahead] - t[behind], 1e-9)
     name = next((name for name in ("v", "vx", "omega_r") if name in signals), None)
     return None if name is None else np.abs(np.interp(t, t[seen], signals[name][seen]))
-
-
-def _spans(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

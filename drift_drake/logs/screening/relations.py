@@ -57,21 +57,18 @@ class _Kind:
     columns: Callable[[Windows, VehicleParameters], tuple[np.ndarray, np.ndarray]]
 
 
-def _turn(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    return w.r, w.turning
+def _grip(w: Windows) -> np.ndarray:
+    """Windows without much sideslip; where none is logged, those of little lateral acceleration."""
+    unseen = np.isnan(w.beta)
+    rows: np.ndarray = np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
+    return rows
 
 
-def _course(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    return w.course, w.turning
-
-
-def _across(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    return w.ay, w.v * w.r
-
-
-def _along(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    kept = _straight(w)
-    return w.ax[kept], w.gain[kept]
+def _straight(w: Windows) -> np.ndarray:
+    """Windows in which the car goes more or less straight, so that body and course have one direction."""
+    across = np.abs(w.v * w.r)
+    rows: np.ndarray = across <= np.quantile(across, CALM) if len(across) else across > 0.0
+    return rows & _grip(w)
 
 
 def _steer(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
@@ -87,19 +84,15 @@ def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
     return (p.gear_ratio / p.wheel_radius * w.tau_cmd)[kept], (p.mass * w.gain + spun_up)[kept]
 
 
-def _slide(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    return w.swing, w.ay / w.v - w.r
-
-
-def _slide_by_course(w: Windows, _: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    return w.swing, w.course - w.turning
-
-
 SLOPES = {
-    "turn": _Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi", _turn),
-    "course": _Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi", _course),
-    "across": _Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r", _across),
-    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v", _along),
+    "turn": _Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi",
+                  lambda w, _: (w.r, w.turning)),
+    "course": _Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi",
+                    lambda w, _: (w.course, w.turning)),
+    "across": _Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r",
+                    lambda w, _: (w.ay, w.v * w.r)),
+    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v",
+                   lambda w, _: (w.ax[_straight(w)], w.gain[_straight(w)])),
     "steer": _Kind({"delta_cmd": 1, "r": -1, "v": 1}, ("delta_cmd", "r"), 0.4, 0.75,
                    "delta_cmd over r (a + b) / v", _steer),
     "drive": _Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
@@ -107,10 +100,11 @@ SLOPES = {
 }  # fmt: skip
 # Whose witnesses have to agree first: (kind, the relation that says so).
 DEPENDENT = {
-    "slide": (_Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r", _slide),
-              "across"),
+    "slide": (_Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r",
+                    lambda w, _: (w.swing, w.ay / w.v - w.r)), "across"),
     "slide by course": (_Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7,
-                              "the rate of beta over that of course less psi", _slide_by_course), "course"),
+                              "the rate of beta over that of course less psi",
+                              lambda w, _: (w.swing, w.course - w.turning)), "course"),
 }  # fmt: skip
 WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
@@ -128,20 +122,6 @@ def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
         if at is not None and at.sign > 0.0 and abs(at.off) < WITNESS:
             found[name] = _slope(name, kind, windows, vehicle)
     return [relation for relation in found.values() if relation is not None]
-
-
-def _grip(w: Windows) -> np.ndarray:
-    """Windows without much sideslip; where none is logged, those of little lateral acceleration."""
-    unseen = np.isnan(w.beta)
-    rows: np.ndarray = np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
-    return rows
-
-
-def _straight(w: Windows) -> np.ndarray:
-    """Windows in which the car goes more or less straight, so that body and course have one direction."""
-    across = np.abs(w.v * w.r)
-    rows: np.ndarray = across <= np.quantile(across, CALM) if len(across) else across > 0.0
-    return rows & _grip(w)
 
 
 def _slope(name: str, kind: _Kind, windows: Windows, vehicle: VehicleParameters) -> Relation | None:

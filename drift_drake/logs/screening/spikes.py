@@ -52,10 +52,10 @@ def filled(values: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
 def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
     """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
     taken = np.zeros(len(values), dtype=np.bool_)
-    noise = white_noise_level(values)
+    noise, medians = white_noise_level(values), np.median(sliding_window_view(values, BESIDE), axis=1)
     found = []
     for width in range(LONGEST, 0, -1):
-        outside, half_range = outside_neighbours(values, width)
+        outside, half_range = _outside_neighbours(values, medians, width)
         usual = max(float(np.quantile(outside, USUAL)), 0.0)
         least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))
         # What is as small as the rounding of the numbers is no evidence.
@@ -69,19 +69,22 @@ def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]
     return found
 
 
-def outside_neighbours(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     """How far each window of `width` rows lies outside of its neighbours' range, and half that range.
 
     Both [n - 2 BESIDE - width + 1], in the signal's unit, beside the line through the medians of either side; of the
     neighbours the farthest is left out. Of a window's rows the one that lies outside least counts.
+
+    Args:
+        medians: of the signal's stretches of BESIDE rows [n - BESIDE + 1].
     """
     total = 2 * BESIDE + width
     window = sliding_window_view(values, total)
-    left, right = np.median(window[:, :BESIDE], axis=1), np.median(window[:, BESIDE + width :], axis=1)
+    left, right = medians[: len(window)], medians[BESIDE + width :]
     place = np.arange(total) - 0.5 * (total - 1)
     rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (BESIDE + width))[:, None] * place
     beside = np.sort(np.concatenate([rest[:, :BESIDE], rest[:, BESIDE + width :]], axis=1), axis=1)
-    middle = np.median(beside, axis=1)
+    middle = 0.5 * (beside[:, BESIDE - 1] + beside[:, BESIDE])
     lowest_farthest = middle - beside[:, 0] > beside[:, -1] - middle
     low = np.where(lowest_farthest, beside[:, 1], beside[:, 0])
     high = np.where(lowest_farthest, beside[:, -1], beside[:, -2])

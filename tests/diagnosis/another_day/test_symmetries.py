@@ -44,7 +44,7 @@ def mirrored_effects(effects: Effects) -> Effects:
 @pytest.fixture(scope="module")
 def biased_runs(other_car) -> list[Run]:
     """Half a day whose yaw-rate sensor is off by 0.04 rad/s."""
-    return other_car.day({"gyro_bias": 0.04}, 4, duration=8.0)[:2]
+    return other_car.day({"gyro_bias": 0.04}, 4, duration=7.0)[:2]
 
 
 @pytest.fixture(scope="module")

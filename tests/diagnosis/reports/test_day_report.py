@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
-from drift_drake.diagnosis.reports.day_report import coverage_rows, report_html, write_day_report
+from drift_drake.diagnosis.reports.day_report import coverage_rows, report_html
 from drift_drake.diagnosis.reports.day_report_figures import by_horizon, overlay
 from drift_drake.diagnosis.reports.limit_rows import limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import SHOWN_BY, shown_by
@@ -24,10 +24,9 @@ def text_of(html):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html.replace("<wbr>", "")))
 
 
-def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_it(late_day, tmp_path):
+def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_it(late_day):
     source = Source("drift-drake diagnose late", Path("late"), Path("car.yaml"), Path("car.json"), Path("late.json"))
-    write_day_report(late_day, tmp_path / "late.html", source)
-    html = (tmp_path / "late.html").read_text(encoding="utf-8")
+    html = report_html(late_day, source)
     said = text_of(html)
     answer = late_day.answer
     assert answer.sentence() in said
@@ -49,7 +48,7 @@ def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_i
 
 @needs_browser
 def test_its_charts_are_drawn(late_day, tmp_path):
-    write_day_report(late_day, tmp_path / "late.html")
+    (tmp_path / "late.html").write_text(report_html(late_day), encoding="utf-8")
     check_charts(tmp_path / "late.html")
 
 

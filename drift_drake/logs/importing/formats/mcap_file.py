@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from drift_drake.logs.importing.formats.topics import Topic, topic_of_messages
+from drift_drake.logs.importing.formats.topics import Topic, topics_of_messages
 
 
 def read_mcap(path: Path) -> list[Topic]:
@@ -18,8 +18,7 @@ def read_mcap(path: Path) -> list[Topic]:
 
     factory = DecoderFactory()  # type: ignore[no-untyped-call]
     decoders: dict[int, Any] = {}
-    messages: dict[str, list[Any]] = {}
-    times: dict[str, list[float]] = {}
+    messages: list[tuple[str, int, Any]] = []
     unread: set[str] = set()
     with path.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
@@ -32,9 +31,8 @@ def read_mcap(path: Path) -> list[Topic]:
             if decode is None:
                 unread.add(f"{channel.topic} ({channel.message_encoding})")
                 continue
-            times.setdefault(channel.topic, []).append(1e-9 * message.log_time)
-            messages.setdefault(channel.topic, []).append(decode(message.data))
+            messages.append((channel.topic, message.log_time, decode(message.data)))
     if not messages:
         found = f"; its topics are {', '.join(sorted(unread))}" if unread else ""
         raise ValueError(f"holds no messages of ROS 2 (cdr) or JSON{found}")
-    return [topic_of_messages(name, times[name], messages[name]) for name in sorted(messages)]
+    return topics_of_messages(messages)

@@ -1,9 +1,8 @@
 """Bags of ROS 2 (a folder with metadata.yaml; SQLite or MCAP inside) and ROS 1 (.bag)."""
 
 from pathlib import Path
-from typing import Any
 
-from drift_drake.logs.importing.formats.topics import Topic, topic_of_messages
+from drift_drake.logs.importing.formats.topics import Topic, topics_of_messages
 
 
 def bag_of(path: Path) -> Path:
@@ -20,16 +19,15 @@ def read_bag(path: Path) -> list[Topic]:
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
 
-    messages: dict[str, list[Any]] = {}
-    times: dict[str, list[float]] = {}
     try:
         with AnyReader([bag_of(path)], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             known = [item for item in reader.connections if item.msgtype in reader.typestore.fielddefs]
-            for connection, time, data in reader.messages(known):
-                times.setdefault(connection.topic, []).append(1e-9 * time)
-                messages.setdefault(connection.topic, []).append(reader.deserialize(data, connection.msgtype))
+            topics = topics_of_messages(
+                (connection.topic, time, reader.deserialize(data, connection.msgtype))
+                for connection, time, data in reader.messages(known)
+            )
     except AnyReaderError as error:
         raise ValueError(str(error)) from None
-    if not messages:
+    if not topics:
         raise ValueError("holds no messages of a known type; record the bag with its message definitions (MCAP)")
-    return [topic_of_messages(name, times[name], messages[name]) for name in sorted(messages)]
+    return topics

@@ -22,18 +22,18 @@ class Topic:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
-def topic_of_messages(name: str, times: Iterable[float], messages: Iterable[Any]) -> Topic:
-    """A topic of messages: nested fields by dots, arrays by indices, a stamp in seconds.
+def topics_of_messages(messages: Iterable[tuple[str, int, Any]]) -> list[Topic]:
+    """The topics of messages: nested fields by dots, arrays by indices, a stamp in seconds.
 
     Args:
-        times: when each was logged [s]; messages: objects, mappings or numbers, nested.
+        messages: name of the topic, when it was logged [ns], and what it says: objects, mappings or numbers, nested.
     """
-    rows = []
-    for time, message in zip(times, messages, strict=True):
-        row: dict[str, Any] = {f"{name}.log_time": time}
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for name, time, message in messages:
+        row: dict[str, Any] = {f"{name}.log_time": PIECE * time}
         _flatten(row, name, message)
-        rows.append(row)
-    return Topic(name, pd.DataFrame(rows), {f"{name}.log_time": "s"})
+        rows.setdefault(name, []).append(row)
+    return [Topic(name, pd.DataFrame(rows[name]), {f"{name}.log_time": "s"}) for name in sorted(rows)]
 
 
 def with_yaw(table: pd.DataFrame) -> pd.DataFrame:

@@ -117,7 +117,7 @@ def _first_parameters(
 ) -> Parameters:
     """The numbers to begin with: drawn at random, but for those of a model that training starts from."""
     generator, device, scale = torch.Generator().manual_seed(config.seed), scale.device, scale.cpu()
-    parameters = initial_parameters(generator, config.physical_inputs, coupled=config.lane is not None)
+    parameters = initial_parameters(generator, config.physical_inputs, config.coupled or config.lane is not None)
     if start is not None:
         parameters |= _started(start, parameters, scale, config, vehicle)
     if config.lane is not None:
@@ -127,7 +127,14 @@ def _first_parameters(
         logit = math.log(FIRST_WEIGHT / (1.0 - FIRST_WEIGHT))
         parameters["logit_weight"] = torch.full((STATE_COUNT,), logit, dtype=torch.float64, requires_grad=True)
     # Drawn on the CPU, so that every device begins with the same numbers.
-    return {name: value.detach().to(device).requires_grad_() for name, value in parameters.items()}
+    parameters = {name: value.detach().to(device).requires_grad_() for name, value in parameters.items()}
+    if not config.tyres:
+        known = torch.ones(len(parameters["w1"]), 1, device=device)
+        known[INPUT_COUNT:] = 0.0
+        with torch.no_grad():
+            parameters["w1"] *= known
+        parameters["w1"].register_hook(torch.utils.hooks.unserializable_hook(lambda gradient: gradient * known))
+    return parameters
 
 
 def _optimizer(config: TrainingConfig, parameters: Parameters) -> tuple[Any, Any]:
@@ -190,8 +197,9 @@ def _started(
             f"{config.start}: its network has {len(numbers['w1'])} inputs, training is set up for {len(fresh['w1'])}; "
             "start from another checkpoint, or change physical_inputs"
         )
-    if config.lane is None:  # windows choose the weight of a sample at the end, and do not couple the states
+    if config.lane is None:  # windows choose the weight of a sample at the end
         numbers.pop("logit_weight", None)
+    if config.lane is None and not config.coupled:
         factor = numbers["precision_factor"].detach()
         blocks = state_blocks(factor.numpy())
         if not np.array_equal(block_diagonal(blocks), factor.numpy()):

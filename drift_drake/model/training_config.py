@@ -49,7 +49,11 @@ class TrainingConfig:
     temper: bool = True
     """Choose the weight of a sample in the posterior on the validation vehicles; else it is 1."""
     physical_inputs: bool = True
-    """Give the network the slips and forces of the nominal car's tyres beside z."""
+    """Give the network the slips and forces of the nominal car's tyres beside z, and the actuators' memory."""
+    tyres: bool = True
+    """False: of the physical inputs the actuators' memory (lagged commands) alone; the others' weights stay zero."""
+    coupled: bool = False
+    """Over windows, too: one belief of all states in place of four; the objective over tasks always has one."""
     adaptive: bool = True
     """False: a network of the same size that never adapts."""
     epochs: int = 1200

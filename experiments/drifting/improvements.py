@@ -10,7 +10,7 @@ after the other, all rungs of each, so that what is done is balanced; broken off
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.bayesian_step import PathStep
@@ -43,8 +44,10 @@ class ImprovementsConfig:
     vehicle_seed: int = 0  # of the draw of the vehicles
     models: tuple[Model, ...] = (*PREDICTING, "online", "twice_online")
     """Of each rung, as far as it changes them."""
-    between: Path | None = None
-    """Checkpoint of a recipe between the paper's and the shipped one: a further rung, with the shipped gathering."""
+    between: tuple[Path, ...] = ()
+    """Checkpoints of recipes between the paper's and the shipped one: a rung each, with the shipped gathering."""
+    rungs: tuple[str, ...] = ()
+    """Names of the rungs to drive (a checkpoint's is that of its file); without, all."""
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     out: Path | None = None
     """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
@@ -56,16 +59,16 @@ class Rung(NamedTuple):
     name: str  # of its folder
     what: str
     models: tuple[Model, ...]
-    learnt: Literal["paper", "between", "shipped"]
+    learnt: str  # "paper", "shipped" or the name of a checkpoint between the two
     gathering: GatheringConfig
     path_step: PathStep
 
 
-def ladder(between: bool = False) -> list[Rung]:
+def ladder(between: Sequence[str] = ()) -> list[Rung]:
     """All rungs, from the paper's recipe on; only the one that leaves the paper's model goes back to its gathering.
 
     Args:
-        between: whether there is a model between the two.
+        between: names of the models between the two.
     """
     change = dataclasses.replace
     paper, shipped = as_in_paper(GatheringConfig()), GatheringConfig()
@@ -81,14 +84,30 @@ def ladder(between: bool = False) -> list[Rung]:
              "euler"),
         Rung("control", "+ the learnt car's path in the controller", PREDICTING, "paper", shipped, "trapezoid"),
     ]  # fmt: skip
-    if between:
-        rungs.append(Rung("between", "the model between the two", PREDICTING, "between", shipped, "trapezoid"))
+    rungs += [Rung(name, f"the model {name}", PREDICTING, name, shipped, "trapezoid") for name in between]
     return [
         *rungs,
         Rung("model", "the shipped model, the paper's gathering", PREDICTING, "shipped", paper, "trapezoid"),
         Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "online", "twice_online"), "shipped",
              shipped, "trapezoid"),
     ]  # fmt: skip
+
+
+def names_between(config: ImprovementsConfig) -> dict[str, Path]:
+    """The checkpoints between the two models, by the names of their rungs.
+
+    Raises:
+        InvalidOptionError: two rungs of one name, or a rung that there is not.
+    """
+    found = {path.stem: path for path in config.between}
+    names = [rung.name for rung in ladder()] + [path.stem for path in config.between]
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise InvalidOptionError(f"--between: {', '.join(sorted(twice))} names two rungs; rename the file")
+    unknown = [name for name in config.rungs if name not in names]
+    if unknown:
+        raise InvalidOptionError(f"--rungs {' '.join(unknown)}: give some of {', '.join(names)}")
+    return found
 
 
 def of_models(rungs: Sequence[Rung], models: Sequence[Model]) -> list[Rung]:
@@ -104,9 +123,7 @@ def checkpoints(config: ImprovementsConfig, folder: Path) -> dict[str, Path | No
     which are samples of drives, not numbers of a network.
     """
     found: dict[str, Path | None] = {"shipped": None}
-    for name, path in (("paper", paper_checkpoint()), ("between", config.between)):
-        if path is None:
-            continue
+    for name, path in {"paper": paper_checkpoint(), **names_between(config)}.items():
         model = load_model(path)
         found[name] = folder / f"{name}.npz"
         dataclasses.replace(model, drifts=load_model().drifts).save(folder / f"{name}.npz")
@@ -195,11 +212,12 @@ def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_inf
 def main(config: ImprovementsConfig) -> None:
     """Runs what is missing, then writes numbers, the report and the picture."""
     folder = make_run_folder("improvements", config.out)
-    between = None if config.between is None else load_model(config.between).content_hash()
-    free = ("vehicles", "first", "models", "between", "between_hash", "run_on", "out")
+    between = {name: load_model(path).content_hash() for name, path in names_between(config).items()}
+    free = ("vehicles", "first", "models", "between", "between_hash", "rungs", "run_on", "out")
     keep_settings(folder, dataclasses.asdict(config) | {"between_hash": between}, free)
     write_versions(folder)
-    rungs = of_models(ladder(config.between is not None), config.models)
+    rungs = [rung for rung in ladder(list(between)) if not config.rungs or rung.name in config.rungs]
+    rungs = of_models(rungs, config.models)
     runs = drive_ladder(config, rungs, folder)
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_ladder(runs)

@@ -16,7 +16,7 @@ import dataclasses
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -123,14 +123,15 @@ def compared(config: BuildConfig, made: Path) -> dict[str, Any]:
     return out
 
 
-def main(config: BuildConfig) -> None:
-    """Does the stages that the folder lacks.
+def do_stages(config: Any, todo: Sequence[Stage]) -> dict[str, float]:
+    """Does the stages that the folder `config.output` lacks; the seconds of each.
+
+    Args:
+        config: dataclass of what is made, all but its `output` and `run_on` the same whenever it is gone on with.
 
     Raises:
         OtherBuildError: the folder holds another build.
     """
-    if config.rounds < 1:
-        raise OtherBuildError(f"--rounds {config.rounds}: give 1 or more; without lane drives a model learns no drift")
     path = config.output / "build.json"
     asked = {key: value for key, value in dataclasses.asdict(config).items() if key not in ("output", "run_on")}
     record = json.loads(path.read_text()) if is_done(path) else {"config": asked, "seconds": {}}
@@ -139,7 +140,6 @@ def main(config: BuildConfig) -> None:
         raise OtherBuildError(f"{config.output} holds a build with another {', '.join(differ)}; give another --output")
     config.output.mkdir(parents=True, exist_ok=True)
     write_versions(config.output)
-    todo = stages(config)
     for number, stage in enumerate(todo):
         if stage.name in record["seconds"]:
             continue
@@ -148,9 +148,21 @@ def main(config: BuildConfig) -> None:
         stage.work()
         record["seconds"][stage.name] = time.monotonic() - began
         write_json(path, record)
+    return dict(record["seconds"])
+
+
+def main(config: BuildConfig) -> None:
+    """Does the stages that the folder lacks.
+
+    Raises:
+        OtherBuildError: the folder holds another build, or none can be made.
+    """
+    if config.rounds < 1:
+        raise OtherBuildError(f"--rounds {config.rounds}: give 1 or more; without lane drives a model learns no drift")
+    seconds = do_stages(config, stages(config))
     result = json.loads((config.output / "quality.json").read_text())
     ratios = ", ".join(f"{state} {ratio:.2f}" for state, ratio in result["ratio"].items() if math.isfinite(ratio))
-    hours = sum(record["seconds"].values()) / 3600.0
+    hours = sum(seconds.values()) / 3600.0
     print(f"{config.output / f'model_{config.rounds - 1}.npz'}: made in {hours:.2f} h; one-step errors on held-out "
           f"vehicles over the shipped model's: {ratios}")  # fmt: skip
 

@@ -1,6 +1,7 @@
 """The ladder from the paper's recipe to the shipped model."""
 
 import dataclasses
+import shutil
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
@@ -23,6 +25,7 @@ from experiments.drifting.improvements import (
     ladder,
     markdown,
     medians_table,
+    names_between,
     of_models,
     picture,
     summarise_ladder,
@@ -62,9 +65,34 @@ def test_the_papers_model_is_only_told_which_drifts_to_plan_for(tmp_path: Path) 
     found, paper = load_model(files["paper"]), load_model(paper_checkpoint())
     assert found.content_hash() == paper.content_hash()
     np.testing.assert_array_equal(found.drifts, load_model().drifts)
-    between = checkpoints(ImprovementsConfig(between=paper_checkpoint()), tmp_path)["between"]
-    assert load_model(between).content_hash() == paper.content_hash()
-    assert [rung.name for rung in ladder(between=True)][-3:] == ["between", "model", "shipped"]
+
+
+def test_checkpoints_between_the_two_are_rungs_of_their_own(tmp_path: Path) -> None:
+    files = (tmp_path / "memory.npz", tmp_path / "tyres.npz")
+    for file in files:
+        shutil.copy(paper_checkpoint(), file)
+    config = ImprovementsConfig(between=files, rungs=("memory", "shipped"))
+    (tmp_path / "out").mkdir()
+    found = checkpoints(config, tmp_path / "out")
+    assert load_model(found["tyres"]).content_hash() == load_model(paper_checkpoint()).content_hash()
+    assert load_model(found["tyres"]).drifts is not None
+    rungs = ladder(list(names_between(config)))
+    assert [rung.name for rung in rungs][-4:] == ["memory", "tyres", "model", "shipped"]
+    assert (rungs[-4].gathering, rungs[-4].path_step) == (rungs[-1].gathering, rungs[-1].path_step)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"between": ("a/x.npz", "b/x.npz")}, "--between: x names two rungs"),
+        ({"between": ("paper.npz",)}, "--between: paper names two rungs"),
+        ({"rungs": ("x",)}, "--rungs x: give some of paper, bounds"),
+    ],
+)
+def test_rungs_have_names_of_their_own(options: dict[str, Any], message: str) -> None:
+    options["between"] = tuple(Path(path) for path in options.get("between", ()))
+    with pytest.raises(InvalidOptionError, match=message):
+        names_between(ImprovementsConfig(**options))
 
 
 def made_up(rungs: list[improvements.Rung]) -> pd.DataFrame:

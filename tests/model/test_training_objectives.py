@@ -19,7 +19,7 @@ from drift_drake.model.torch_network import (  # noqa: E402
     initial_parameters,
 )
 from drift_drake.model.transfer_objective import STRETCH, Tasks, predictive_nll  # noqa: E402
-from drift_drake.model.window_objective import window_nll  # noqa: E402
+from drift_drake.model.window_objective import _LogDetLessSquare, window_nll  # noqa: E402
 
 
 def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
@@ -43,6 +43,47 @@ def test_objective_is_the_sequential_likelihood_of_the_recursion() -> None:
             total += (y[w, k] - prediction.mean) ** 2 / prediction.variance + np.log(prediction.variance)
             posterior = update(posterior, model.sigma, phi[w, k], y[w, k])
         np.testing.assert_allclose(loss[w] + 2.0 * length * np.log(scale.numpy()), total, rtol=1e-9)
+
+
+def test_the_objective_over_windows_is_that_of_a_belief_that_couples_the_states() -> None:
+    parameters = initial_parameters(torch.Generator().manual_seed(1), coupled=True)
+    factor = np.eye(64) + 0.1 * np.random.default_rng(5).normal(size=(64, 64))
+    parameters["precision_factor"] = torch.as_tensor(factor)
+    parameters["log_sigma"] = torch.log(torch.tensor([0.3, 0.1, 0.6, 0.2], dtype=torch.float64))
+    scale = torch.tensor([0.1, 0.5, 0.05, 2.0], dtype=torch.float64)
+    model = meta_training.to_model(parameters, scale, VehicleParameters(), {})
+    phi = np.random.default_rng(2).normal(size=(2, 12, 4, FEATURE_COUNT))
+    y = np.random.default_rng(3).normal(size=(2, 12, 4)) * scale.numpy()
+    mask = np.ones((2, 12), dtype=bool)
+    mask[1, 7:] = False
+    arguments = (torch.as_tensor(phi), torch.as_tensor(y) / scale, torch.as_tensor(mask))
+    loss = window_nll(parameters, *arguments).detach().numpy()
+    for w, length in enumerate((12, 7)):
+        posterior, total = model.prior(), 0.0
+        for k in range(length):
+            prediction = predict(posterior, model.sigma, phi[w, k])
+            error = y[w, k] - prediction.mean
+            total += error @ np.linalg.solve(prediction.covariance, error)
+            total += np.linalg.slogdet(prediction.covariance)[1]
+            posterior = update(posterior, model.sigma, phi[w, k], y[w, k])
+        np.testing.assert_allclose(loss[w] + 2.0 * length * np.log(scale.numpy()).sum(), total, rtol=1e-9)
+    blocks = np.eye(16) + 0.2 * np.random.default_rng(5).normal(size=(4, 16, 16))
+    apart = parameters | {"precision_factor": torch.as_tensor(blocks)}
+    together = parameters | {"precision_factor": torch.as_tensor(block_diagonal(blocks))}
+    np.testing.assert_allclose(
+        window_nll(together, *arguments).detach().numpy(),
+        window_nll(apart, *arguments).sum(dim=1).detach().numpy(), rtol=1e-9,
+    )  # fmt: skip
+
+
+def test_what_couples_the_states_over_windows_is_differentiated_exactly() -> None:
+    generator = torch.Generator().manual_seed(3)
+    root, b = (torch.randn(2, 5, n, generator=generator, dtype=torch.float64).requires_grad_() for n in (5, 1))
+
+    def terms(root: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+        return _LogDetLessSquare.apply(root @ root.transpose(-1, -2) + torch.eye(5), b)
+
+    assert torch.autograd.gradcheck(terms, (root, b))
 
 
 def test_the_loss_of_a_task_is_the_predictive_density_after_its_context() -> None:

@@ -87,3 +87,25 @@ def test_tasks_couple_a_prior_that_windows_have_trained(config: TrainingConfig, 
     np.testing.assert_allclose(taken.sample_weight, meta_training.FIRST_WEIGHT)
     further = train(dataclasses.replace(begun, epochs=2))
     assert np.abs(further.precision_factor - block_diagonal(state_blocks(further.precision_factor))).max() > 1e-4
+
+
+def test_windows_may_couple_the_states(config: TrainingConfig) -> None:
+    coupled = dataclasses.replace(config, coupled=True, output=config.output.with_name("together.npz"))
+    model = train(coupled)
+    assert np.abs(model.precision_factor - block_diagonal(state_blocks(model.precision_factor))).max() > 1e-4
+    first, last = model.record["history"][0], model.record["history"][-1]
+    assert last["validation_10"] < first["validation_10"]
+    begun = dataclasses.replace(coupled, start=coupled.output, output=config.output.with_name("on.npz"), epochs=0)
+    np.testing.assert_allclose(train(begun).precision_factor, model.precision_factor, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["config", "transfer"])
+def test_without_tyres_the_network_knows_lagged_commands_beside_the_papers_inputs(
+    kind: str, request: pytest.FixtureRequest
+) -> None:
+    config = request.getfixturevalue(kind)
+    model = train(dataclasses.replace(config, tyres=False, epochs=3, output=config.output.with_name("memory.npz")))
+    weights = load_model(config.output.with_name("memory.npz")).network.w1
+    np.testing.assert_array_equal(model.network.w1, weights)
+    np.testing.assert_array_equal(weights[10:], 0.0)
+    assert np.abs(weights[8:10]).min() > 0.0

@@ -1,17 +1,21 @@
 """Identification on short runs: the truth within the intervals, the vehicle file, what the logs cannot tell."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
+from drift_drake.drives.command import Simulate
+from drift_drake.drives.simulate import simulate_drive
 from drift_drake.estimation.problem import make_problem
 from drift_drake.identification.by_likelihood import stretched
 from drift_drake.identification.estimate import mean_square
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import report_html
 from drift_drake.logs.table import InvalidLogError
+from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
@@ -96,3 +100,18 @@ def test_the_report_is_one_file(identified, tmp_path):
 def test_the_reports_charts_are_drawn(identified, tmp_path):
     (tmp_path / "report.html").write_text(report_html(identified), encoding="utf-8")
     check_charts(tmp_path / "report.html")
+
+
+def test_an_axles_inertia_is_not_taken_for_a_lag():
+    """From a torque lag of 50 ms the likelihood leads into a valley with a tenth of the axle's inertia."""
+    car = VehicleParameters()
+    true = make_effects({"steering_lag": 0.08, "aero_drag": 1.2})
+    runs = [
+        simulate_drive(Simulate(name, Path("car.yaml"), Path(f"{name}.csv"), duration=6.0), car, true)[0]
+        for name in ("slalom", "straight")
+    ]
+    found = identify(runs, car, criterion="likelihood").calibration
+    assert "torque_lag" in found.left_out
+    assert (
+        found.parameters["rear_axle_inertia"].low < car.rear_axle_inertia < found.parameters["rear_axle_inertia"].high
+    )

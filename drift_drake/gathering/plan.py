@@ -25,6 +25,7 @@ from drift_drake.threads import one_blas_thread
 
 Array = NDArray[np.float64]
 
+MORE = 2  # times as many first guesses where none has led to a plan
 QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
@@ -65,8 +66,14 @@ def plan_drive(
     cost = information_cost(model, belief, config.objective, alpha)
     solver = LineSearchSqp(problem, sqp_options(config))
     straight = problem.GetInitialGuess(problem.decision_variables())
-    guesses = _first_guesses(problem, straight, config.starts if alpha > 0.0 else 1, np.random.default_rng(seed))
-    best = _best(solver, guesses)
+    generator, count = np.random.default_rng(seed), config.starts if alpha > 0.0 else 1
+    guesses = _first_guesses(problem, straight, count, generator)
+    try:
+        best = _best(solver, guesses)
+    except InfeasiblePlanError:
+        if alpha == 0.0:
+            raise
+        best = _best(solver, _first_guesses(problem, straight, MORE * count + 1, generator)[1:])
     if config.lane == "track":
         best = _where_it_drives(config, problem, solver, best)
     x, u, _ = problem.unstack(best.z)

@@ -213,6 +213,27 @@ def test_the_guess_that_leads_furthest_is_gone_on_with_and_the_next_where_it_fai
     assert asked == [(3.0, trial), (1.0, trial), (2.0, trial), (1.0, 60 - trial), (2.0, 60 - trial)]
 
 
+def test_further_first_guesses_are_tried_where_none_leads_to_a_plan(
+    model: BayesianModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    best = planning._best
+
+    def fails_first(solver: LineSearchSqp, guesses: list[np.ndarray]) -> SqpResult:
+        asked.append(len(guesses))
+        if len(asked) == 1:
+            raise planning.InfeasiblePlanError("none")
+        return best(solver, guesses)
+
+    monkeypatch.setattr(planning, "_best", fails_first)
+    found = plan_drive(model, model.prior(), dataclasses.replace(CONFIG, starts=2), CONFIG.alpha)
+    assert asked == [2, 4]
+    assert found.information > 0.0
+    asked.clear()
+    with pytest.raises(planning.InfeasiblePlanError):
+        plan_drive(model, model.prior(), CONFIG, 0.0)  # the plain OCP has no other guess
+
+
 def test_the_lane_of_pictures_is_as_long_as_the_farthest_drive() -> None:
     near, far = (pd.DataFrame({"s": [0.0, s]}) for s in (5.0, 40.0))
     assert lane_for_pictures(CONFIG, [near]).distance == pytest.approx(0.5 * (7.5 + 11.0) * 1.2)

@@ -1,0 +1,51 @@
+"""Who would be refused by informative drives: the table, the picture and the kept limits."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drift_drake.drives.vehicles import EXTREME
+from drift_drake.gathering.trust import usual_for
+from drift_drake.model.checkpoint import load_model
+from experiments.gathering import lane_trust
+from experiments.gathering.beliefs import Taught
+from experiments.gathering.lane_trust import GROUPS, LaneTrust, main
+
+
+def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng, asked = np.random.default_rng(0), []
+
+    def gathered(attempts, effects_of, _wanted, _learnt, _gathering, folder, _run_on, plant):
+        name = folder.name
+        asked.append((name, len(attempts), plant, effects_of(0).mass_error))
+        surprise, learnt_error, identified_error = {
+            "extreme": (40.0, 0.08, 0.0075), "double-track": (30.0, 0.15, 0.12),
+        }.get(name, (8.0, 0.03, 0.0072))  # fmt: skip
+        shares = np.exp(0.1 * rng.standard_normal((len(attempts), 3)))
+        return {
+            attempt: Taught({}, surprise * a, None, (learnt_error * b, identified_error * c))
+            for attempt, (a, b, c) in zip(attempts, shares, strict=True)
+        }
+
+    monkeypatch.setattr(lane_trust, "gather_all", gathered)
+    keep = tmp_path / "kept.json"
+    main(LaneTrust(vehicles=12, out=tmp_path / "out", keep=keep))
+    assert [name for name, *_ in asked] == list(GROUPS)
+    counts = {name: count for name, count, *_ in asked}
+    assert (counts["wide"], counts["extreme"]) == (12, len(EXTREME))
+    assert {plant for name, _, plant, _ in asked if name == "double-track"} == {"double_track"}
+    said = capsys.readouterr().out
+    rows = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in said.splitlines()
+            if line.startswith("| ")}  # fmt: skip
+    assert rows["double-track"][-3:] == ["0 of 12", "0 of 12", "12 of 12"]
+    assert rows["extreme"][1] == "4 of 4"
+    assert int(rows["extreme"][-2].split()[0]) >= 3  # believed as the identified car
+    usual = usual_for(load_model(), keep)
+    assert usual is not None
+    assert usual.surprise.mean == pytest.approx(np.log(8.0), abs=0.1)
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"lane_trust.png", "report.md", "numbers.json"}
+    assert json.loads((tmp_path / "out" / "numbers.json").read_text())["usual"]["identified"]["vehicles"] == 12

@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
 STATE_SIZE = 6 + MEMORIES
 COMPLEX_STEP = 1e-30
+STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
+FASTEST = 30.0  # [m/s] at which slips still settle so
 PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
               "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
 """Effects that only change the car's constants: nothing of the motion then depends on a memory."""
@@ -108,8 +110,12 @@ class EffectsStepModel(StepModel):
 
 
 def _stable_substeps(effects: Effects, duration: float) -> int:
-    """A rate-limited wheel settles within 2 ms; RK4 then needs steps of at most 4 ms."""
-    return math.ceil(duration / (2.0 * RATE_LIMIT_TIME)) if effects.steering_rate_limit > 0.0 else 1
+    """Steps of Runge-Kutta over a duration [s] that what settles fastest asks for: lags, slips, a limited wheel."""
+    settling = (effects.steering_lag, effects.torque_lag, effects.tyre_relaxation / FASTEST)
+    steps = [duration / (STABLE * time) for time in settling if time > 0.0]
+    if effects.steering_rate_limit > 0.0:
+        steps.append(duration / (2.0 * RATE_LIMIT_TIME))  # 2 ms: steps of at most 4 ms
+    return math.ceil(max(steps, default=1.0))
 
 
 def _contiguous(x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:

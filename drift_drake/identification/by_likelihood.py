@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from drift_drake.estimation.fit import cost_of, parameter_limits
+from drift_drake.estimation.prior import scale
 from drift_drake.estimation.problem import Problem, flat, make_problem
 from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
@@ -15,6 +16,7 @@ from drift_drake.identification.held_out import held_out_error, held_out_rows, s
 from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import (
     FIRST_SHARE,
+    KEEPS,
     PARAMETERS,
     effect_ranges,
     first_magnitude,
@@ -72,7 +74,7 @@ def identify_by_likelihood(
     asked_for = summarise(found, vehicle, effects, known)[0]
     dropped = [n for n in chosen if asked_for[n].low <= 0.0 <= asked_for[n].high]
     kept = refit_without(problem, found, dropped)
-    while least := at_least(kept):
+    while least := negligible(kept):
         kept, dropped = refit_without(problem, kept, least), [*dropped, *least]
     # Stated values, intervals, tolerances and the file are of one fit: the last.
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
@@ -188,10 +190,14 @@ def summarise(
     return parameters, correlation, correlation * np.outer(sigmas, sigmas)
 
 
-def at_least(found: Estimate) -> list[str]:
-    """Effects that came out at the least of their range, above zero: they would rather not be there."""
+def negligible(found: Estimate) -> list[str]:
+    """Effects that came out at the least of their range, above zero, or as next to nothing of the range."""
     low, first = parameter_limits(found.problem, found.names)[0], found.problem.nuisances
-    return [name for i, name in enumerate(found.names, first) if 0.0 < low[i] >= found.theta[i]]
+    return [
+        name
+        for i, name in enumerate(found.names, first)
+        if 0.0 < low[i] >= found.theta[i] or abs(found.theta[i]) < KEEPS * scale(name, found.problem.vehicle)
+    ]
 
 
 def refit_without(problem: Problem, found: Estimate, dropped: Sequence[str]) -> Estimate:

@@ -13,6 +13,7 @@ from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded,
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, thinned
 from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
+from drift_drake.identification.unknowns import KEEPS
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -24,7 +25,6 @@ FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
-KEEPS = 0.025  # of the practical range, below which an effect is left out
 STATES = ("r", "v", "beta", "omega_r")
 
 Progress = Callable[[str, float], None]

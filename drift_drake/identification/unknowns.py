@@ -18,6 +18,7 @@ WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, 
 LONGEST_LAG = 0.5  # [s]
 RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
 LARGEST_SPLIT = 0.5
+KEEPS = 0.025  # of the practical range, below which an effect is left out
 FIRST_SHARE = 0.1  # of its range that an effect starts from where the vehicle file has none
 
 

@@ -98,3 +98,14 @@ def test_a_model_that_only_steps_is_linearised_by_differences() -> None:
     for found, wanted in zip(StepAlone().linearize(X, U, U_NEXT, CURVATURE), exact, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-5)
     assert StepAlone().observer(0.01) is None
+
+
+@pytest.mark.parametrize("name", ["steering_lag", "torque_lag"])
+def test_a_lag_of_half_a_millisecond_is_next_to_none(name: str) -> None:
+    """Its settling asks for shorter steps than the car's own."""
+    models = [EffectsStepModel(PARAMETERS, make_effects({name: lag, "aero_drag": 0.5})) for lag in (5e-4, 0.0)]
+    ends = []
+    for model in models:
+        memory = [settled_memory(*x[:4], *u, model.constants, model.effects) for x, u in zip(X, U, strict=True)]
+        ends.append(model.step(np.concatenate([X, np.array(memory)], axis=1), U, U_NEXT, CURVATURE)[:, :6])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=0.02)

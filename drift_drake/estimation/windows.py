@@ -32,6 +32,7 @@ from drift_drake.vehicle.effects import Effects, settled_memory, unbiased
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
+STATES = 4  # of these: r, v, beta, omega_r
 HORIZONS = 5  # of a tenth of a second
 STRIDE = 0.1  # [s] between horizons, of a car with a wheelbase of FULL_LENGTH or more
 FULL_LENGTH = 1.0  # [m]
@@ -213,6 +214,21 @@ def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizon
 def errors(runs: Sequence[WindowedRun], constants: Constants, effects: Effects, horizons: int = HORIZONS) -> np.ndarray:
     """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
     return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
+
+
+def forecast_error(found: np.ndarray) -> float:
+    """How far predictions are off at the last horizon [-].
+
+    Args:
+        found: errors [windows, horizons, channels] of which the first four are r [rad/s], v [m/s], beta [rad] and
+            omega_r [m/s].
+
+    Returns:
+        the geometric mean over these of the median absolute error: of two models of a car, the ratio does not depend
+        on units.
+    """
+    last = np.abs(found[:, -1, :STATES])
+    return float(np.exp(np.mean(np.log(np.median(last, axis=0) + 1e-12))))
 
 
 def errors_of_all(

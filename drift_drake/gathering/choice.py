@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, windowed
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.logs.table import Run
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -59,21 +59,6 @@ class Choice(NamedTuple):
 def windows(runs: Sequence[Run]) -> list[WindowedRun]:
     """The drives as windows of half a second."""
     return [windowed(run) for run in runs]
-
-
-def forecast_error(found: Array) -> float:
-    """How far predictions are off half a second ahead [-].
-
-    Args:
-        found: errors [windows, horizons, channels] of which the first four are r [rad/s], v [m/s], beta [rad] and
-            omega_r [m/s].
-
-    Returns:
-        the geometric mean over these of the median absolute error at the last horizon: of two models of a car, the
-        ratio does not depend on units.
-    """
-    last = np.abs(found[:, -1, :STATE_COUNT])
-    return float(np.exp(np.mean(np.log(np.median(last, axis=0) + 1e-12))))
 
 
 def learnt_errors(model: BayesianStepModel, runs: Sequence[WindowedRun]) -> Array:

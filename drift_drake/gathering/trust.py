@@ -47,7 +47,7 @@ class Usual(NamedTuple):
     """What is usual for a model."""
 
     surprise: Familiar  # mean squared distance of the first informative drive
-    learnt: Familiar  # `choice.forecast_error` of the model after two
+    learnt: Familiar  # `windows.forecast_error` of the model after two
     identified: Familiar  # the same of the car that these two identify
 
     def choice(self, forecasts: tuple[float, float]) -> Choice:

@@ -146,8 +146,8 @@ def least_deaf_fit(
     tell("fit 2", 0.2)
     eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
     ways = (direct, eased, estimate(kept, names, hardly, DEAFNESS[0]))
-    most = ALIKE * min(error(at) for at in ways)
-    fits = [min((at for at in ways if error(at) <= most), key=neglog_posterior)]
+    off = [error(at) for at in ways]
+    fits = [min((at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)), key=neglog_posterior)]
     for number, deafness in enumerate(DEAFNESS[1:], 3):
         tell(f"fit {number}", 0.15 * number)
         fits.append(estimate(kept, names, fits[-1].theta, deafness))

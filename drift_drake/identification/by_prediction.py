@@ -10,7 +10,7 @@ from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
-from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, thinned
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
 from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.unknowns import KEEPS
@@ -95,8 +95,7 @@ def fit_by_prediction(
         return robust_fit(some, constants, effects, unknowns, EVIDENCE, start, widths)
 
     def furthest(fit: RobustFit) -> float:
-        e = errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta)))
-        return float(np.mean(np.log(np.median(np.abs(e[:, -1, : len(STATES)]), axis=0) + 1e-12)))
+        return forecast_error(errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta))))
 
     progress("the car alone", 0.0)
     alone = fitted_to(fitted, base)

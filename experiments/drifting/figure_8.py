@@ -13,7 +13,14 @@ overhead.png. Broken off, it goes on where it was (give --out).
 from diagrams.command import run_command
 from drift_drake.results_table import write_results_table
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from experiments.drifting.report import completion_table, draw, paper_table, refusal_sentence, summarise
+from experiments.drifting.report import (
+    completion_table,
+    draw,
+    over_oracle_table,
+    paper_table,
+    refusal_sentence,
+    summarise,
+)
 from experiments.drifting.runs import ModelsConfig, open_folder, reference, run_models
 from experiments.made import write_report
 
@@ -29,7 +36,7 @@ def main(config: ModelsConfig) -> None:
     summary = summarise(runs)
     write_json(folder / "numbers.json", summary)
     report = (
-        f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
+        f"{completion_table(summary)}\n\n{over_oracle_table(runs)}{refusal_sentence(summary)}"
         f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"

@@ -44,6 +44,8 @@ PICTURED = (
 )  # of those run: the paper's, and the oracle
 
 
+FAR_OFF = 1.5  # times the oracle's error
+STRAYED = 0.5  # [m] from the reference
 DRIFTED = 0.9  # share of the steady drifts from which on a completed run held the drift throughout
 
 
@@ -143,6 +145,33 @@ def refusal_sentence(summary: dict[str, Any]) -> str:
         if "refused" in s
     ]
     return f"By the informative drives' logs, {'; '.join(parts)}.\n\n" if parts else ""
+
+
+def over_oracle_table(runs: pd.DataFrame) -> str:
+    """RMS e over the oracle's on the same attempts, of those that the oracle completes, as Markdown; empty without it.
+
+    A run that was not completed is infinitely far off.
+    """
+    by_attempt = runs.assign(ranked=runs["rms_e"].where(runs["completed"], np.inf)).pivot(
+        index=["vehicle", "noise_seed"], columns="model", values=["ranked", "max_e"]
+    )
+    if "oracle" not in by_attempt["ranked"]:
+        return ""
+    by_attempt = by_attempt[np.isfinite(by_attempt["ranked"]["oracle"])]
+    errors, strays = by_attempt["ranked"], by_attempt["max_e"] > STRAYED
+    lines = [
+        f"| RMS e over the oracle's | median | most | above {FAR_OFF:g} "
+        f"| beyond {STRAYED:g} m where the oracle is not |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for model in errors.columns.drop("oracle"):
+        ratio = (errors[model] / errors["oracle"]).dropna()
+        count, strayed = len(ratio), int((strays[model] & ~strays["oracle"]).sum())
+        lines.append(
+            f"| {LABELS.get(model, model)} | {_said(_quantile(ratio.to_numpy(), 0.5), 2)} | {_said(ratio.max(), 2)} "
+            f"| {int((ratio > FAR_OFF).sum())} of {count} | {strayed} of {count} |"
+        )
+    return "\n".join(lines) + "\n\n"
 
 
 def paper_table(summary: dict[str, Any], error: str) -> str:

@@ -19,7 +19,6 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 import pandas as pd
 import tyro
 
-from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -150,10 +149,9 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
     else:
-        if isinstance(believes, IdentifiedCar):
-            model = believes.step_model()
-        else:
-            model = EffectsStepModel(parameters, job.effects) if believes == "oracle" else NominalStepModel(parameters)
+        true_car = IdentifiedCar(parameters, job.effects)
+        known = believes if isinstance(believes, IdentifiedCar) else true_car if believes == "oracle" else None
+        model = NominalStepModel(parameters) if known is None else known.step_model()
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
     plant = plant_of(job.plant, job.effects, driven.path)

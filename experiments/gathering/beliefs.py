@@ -14,13 +14,13 @@ from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import forecasts
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
-from drift_drake.gathering.gather import drive_samples, gather
+from drift_drake.gathering.gather import drive_samples, gather, learn_drive
 from drift_drake.gathering.identified import IdentifiedCar, identified, runs_of
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn, step_model
+from drift_drake.model.quality import step_model
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.true_plant import TruePlant, plant_of
@@ -71,26 +71,22 @@ def gather_beliefs(job: GatherJob) -> Taught:
         table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant, (learnt, before))
         return table
 
-    def after(table: pd.DataFrame, before: Posterior) -> Posterior:
-        return learn(learnt, before, drive_samples(table, config))
-
     if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = after(drive(job.ocp, seed, prior), prior)
+        beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed, prior), config)
     if not job.wanted & {"once_info", "twice_info", "identified"}:
         return Taught(beliefs, None)
     driven = [drive(job.info, seed, prior)]
     surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
-    beliefs["once_info"] = once = after(driven[0], prior)
+    beliefs["once_info"] = once = learn_drive(learnt, prior, driven[0], config)
     if job.wanted & {"twice_info", "identified"}:
         try:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
             return Taught(beliefs, surprise)
         driven.append(drive(second, SECOND_ROUND + seed, once))
-        beliefs["twice_info"] = after(driven[1], once)
-    return (
-        judged(Taught(beliefs, surprise), driven, learnt) if "identified" in job.wanted else Taught(beliefs, surprise)
-    )
+        beliefs["twice_info"] = learn_drive(learnt, once, driven[1], config)
+    taught = Taught(beliefs, surprise)
+    return judged(taught, driven, learnt) if "identified" in job.wanted else taught
 
 
 def judged(taught: Taught, driven: Sequence[pd.DataFrame], learnt: BayesianModel) -> Taught:

@@ -11,6 +11,7 @@ judged by them. Written: numbers.json, report.md, lane_trust.png. Broken off, it
 """
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -30,6 +31,7 @@ from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure
 from drift_drake.simulation.true_plant import TruePlant, effects_on
+from drift_drake.vehicle.effects import Effects
 from experiments.gathering.beliefs import gather_all
 from experiments.made import write_report
 from experiments.settings import keep_settings
@@ -69,6 +71,11 @@ class Found(NamedTuple):
     identified: Array  # the same of the car that they identify; infinite where none was
 
 
+def true_effects(population: Population, plant: TruePlant, seed: int, vehicle: int) -> Effects:
+    """What is true of a group's vehicle."""
+    return effects_on(plant, draw_effects(population, vehicle, seed))
+
+
 def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, Found]:
     """All groups' vehicles, but those without a second plan."""
     found = {}
@@ -76,13 +83,10 @@ def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, F
         count = len(EXTREME) if population == "extreme" else config.vehicles
         drives = folder / name
         drives.mkdir(exist_ok=True)
-        taught = gather_all(
-            [(config.first + i, 0) for i in range(count)],
-            lambda i, population=population, plant=plant: effects_on(  # type: ignore[misc]
-                plant, draw_effects(population, i, config.vehicle_seed)
-            ),
-            frozenset({"identified"}), learnt, config.gathering, drives, config.run_on, plant,
-        )  # fmt: skip
+        attempts = [(config.first + i, 0) for i in range(count)]
+        effects_of = partial(true_effects, population, plant, config.vehicle_seed)
+        taught = gather_all(attempts, effects_of, frozenset({"identified"}), learnt, config.gathering, drives,
+                            config.run_on, plant)  # fmt: skip
         rows = [(t.surprise, *t.forecasts) for t in taught.values() if t.surprise is not None and t.forecasts]
         found[name] = Found(*np.array(rows).T)
     return found

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.drifting.report import completion_table, paper_table, refusal_sentence, summarise
+from experiments.drifting.report import completion_table, over_oracle_table, paper_table, refusal_sentence, summarise
 
 
 @pytest.fixture
@@ -74,3 +74,17 @@ def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
     assert refusal_sentence(summarise(twice)).startswith(
         "By the informative drives' logs, Twice-Info: 2 of 6 runs refused beforehand, 1 of the others were"
     )
+
+
+def test_errors_are_compared_with_the_oracles_on_the_same_attempts() -> None:
+    rows = [
+        ("oracle", 0, True, 0.1, 0.2), ("oracle", 1, True, 0.2, 0.7), ("oracle", 2, False, 0.1, 3.0),
+        ("chosen", 0, True, 0.2, 0.6), ("chosen", 1, True, 0.22, 0.9), ("chosen", 2, True, 0.1, 0.2),
+        ("online", 0, True, 0.1, 0.2), ("online", 1, False, 0.05, 0.1), ("online", 2, True, 9.0, 9.0),
+    ]  # fmt: skip
+    runs = pd.DataFrame(rows, columns=["model", "vehicle", "completed", "rms_e", "max_e"]).assign(noise_seed=0)
+    assert over_oracle_table(runs).splitlines()[2:4] == [
+        "| chosen by the drives | 1.55 | 2.00 | 1 of 2 | 1 of 2 |",
+        "| prior, adapting | - | - | 1 of 2 | 0 of 2 |",
+    ]
+    assert over_oracle_table(runs[runs["model"] != "oracle"]) == ""

@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 
 from drift_drake.control.plan import DT
-from drift_drake.gathering.choice import Choice, forecast_error, forecasts, learnt_errors, windows
+from drift_drake.estimation.windows import forecast_error
+from drift_drake.gathering.choice import Choice, forecasts, learnt_errors, windows
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
 from drift_drake.gathering.gather import gather, learn_drive

@@ -9,6 +9,8 @@ BIN := .venv/bin
 # The compiled equations and BLAS are fastest on one thread each, and runs replay to the bit.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
+# Kept bytecode: without it every worker, and every command under test, compiles all sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help docs demo blind test test-python test-slow fuzz lint format clean
 

@@ -11,12 +11,12 @@ from typing import Annotated
 import matplotlib
 
 from diagrams.command import run_command
+from drift_drake.arrays import Array
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
@@ -33,8 +33,6 @@ from drift_drake.model.posterior import covariance_norms, state_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays, write_figure
-
-Array = NDArray[np.float64]
 
 STATES = ("r", "v", "beta", "omega_r")
 COMMANDS = ("delta_cmd", "tau_cmd")

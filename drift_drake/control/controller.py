@@ -4,7 +4,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.mpc import Mpc, MpcSolution, SolveStatistics
@@ -16,8 +15,6 @@ from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import StepModel
-
-Array = NDArray[np.float64]
 
 # Numbers far off, or an error of the solver itself (Drake's assertions exit): no plan, as where none is found.
 FAILURES = (ArithmeticError, IndexError, RuntimeError, SystemExit, ValueError)

@@ -18,15 +18,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.effects_step import MEMORY_SCALE, EffectsStepModel
 from drift_drake.control.stacked import DifferencedExpansion
 from drift_drake.vehicle.effects import Effects, measured
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.step_model import StepModel, block_scale
-
-Array = NDArray[np.float64]
 
 STATE_COUNT = 4  # r, v, beta, omega_r
 BODY = 6  # states of the car ahead of its memory

@@ -9,9 +9,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.vehicle.compilation import compiled
@@ -29,8 +29,6 @@ from drift_drake.vehicle.effects import (
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 from drift_drake.vehicle.step_model import STEP, SUBSTEPS, NominalStepModel, StepModel
-
-Array = NDArray[np.float64]
 
 MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
 STATE_SIZE = 6 + MEMORIES

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.riccati import costates, factorise, substitute
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 TO_THE_BOUNDARY = 0.995  # share of the way to it that a step takes
 FLOOR = 0.1  # of the tolerance: the least complementarity that is aimed at

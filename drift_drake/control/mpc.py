@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT, Plan
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
@@ -14,8 +14,6 @@ from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import StepModel
-
-Array = NDArray[np.float64]
 
 FOLLOWED = 2.0
 LOOK = 0.2  # [s] from one plan from a fresh guess to the next

@@ -16,16 +16,14 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import DT
 from drift_drake.control.stacked import StackedCost, StackedDynamics, StageCost, StageLayout
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE, StepModel
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,15 +4,14 @@ import time
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.control.mpc import NoPlanError, SolveStatistics
 from drift_drake.control.plan import DT, Plan, no_plan
 from drift_drake.errors import DriftDrakeError
 from drift_drake.vehicle.bicycle import INPUTS
-
-Array = NDArray[np.float64]
 
 
 class InvalidPlanError(DriftDrakeError, ValueError):

@@ -4,12 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 TIME_TOLERANCE = 1e-9  # [s] by which a plan's start and Drake's event times may differ through rounding
 DT = 0.1  # [s] between the commands of the MPC's plans

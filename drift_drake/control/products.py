@@ -10,10 +10,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array, Index
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Rows(NamedTuple):

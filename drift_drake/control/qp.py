@@ -16,13 +16,13 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from pydrake.solvers import MathematicalProgram
 
+from drift_drake.arrays import Array
 from drift_drake.control.interior_point import FIRST_ATTEMPT
 from drift_drake.control.products import blocks_times
 from drift_drake.control.stacked import StackedDynamics
 from drift_drake.control.stagewise_qp import StagewiseQp
 from drift_drake.interruption import ctrl_c_waits
 
-Array = NDArray[np.float64]
 QpMethod = Literal["osqp", "osqp then stagewise", "stagewise"]
 
 

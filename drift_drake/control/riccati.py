@@ -9,11 +9,9 @@ beside. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright and 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 
 @compiled

@@ -12,13 +12,11 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.products import Iterate, Rows, along, iterate, largest, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
-
-Array = NDArray[np.float64]
 
 SUFFICIENT_DECREASE, SHRINK, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
 

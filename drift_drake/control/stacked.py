@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.step_model import (
     CURVATURE_STEP,
     INPUT_SCALE,
@@ -19,8 +20,6 @@ from drift_drake.vehicle.step_model import (
     StepModel,
     block_scale,
 )
-
-Array = NDArray[np.float64]
 
 
 class StageCost(Protocol):

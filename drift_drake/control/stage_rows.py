@@ -4,13 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array, Index
 from drift_drake.control.interior_point import StageRows
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class LinearRows(NamedTuple):

@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.interior_point import StageRows, interior_point
 from drift_drake.control.stage_rows import by_stages, one_sided
-
-Array = NDArray[np.float64]
 
 
 class StagewiseProblem(NamedTuple):

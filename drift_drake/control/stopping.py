@@ -7,14 +7,12 @@ torque that keeps a pace.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import Plan
 from drift_drake.vehicle.bicycle import MIN_SPEED, rear_slip, static_loads
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.tyre import tyre_force
-
-Array = NDArray[np.float64]
 
 UNWINDING = 1.0  # [1/s] of the sideslip
 YAW_DAMPING = 8.0  # [1/s]

@@ -16,13 +16,11 @@ QP stays what it is and its lane's bounds alone move. It is cut off at `MAX_SHAR
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, Network, features, network_inputs
 from drift_drake.vehicle.step_model import StepModel
-
-Array = NDArray[np.float64]
 
 MAX_SHARE = 0.8
 LATERAL = 4  # index of e

@@ -3,14 +3,12 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import Plan, plan_size
 from drift_drake.vehicle.step_model import StepModel
-
-Array = NDArray[np.float64]
 
 STATE_WEIGHT = np.array([2.0, 0.2, 8.0, 0.02, 0.5, 4.0])  # of (r, v, beta, omega_r, e, dphi)
 INPUT_WEIGHT = np.array([40.0, 1e-4])  # of (delta, tau)

@@ -4,13 +4,11 @@ from typing import Protocol
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.samples import Samples, concatenate
 from drift_drake.vehicle.bicycle import INPUTS, STATES
-
-Array = NDArray[np.float64]
 
 DECIMATION = 10  # rows of a log to a sample
 MIN_SAMPLES = 5  # a drive shorter than this teaches nothing

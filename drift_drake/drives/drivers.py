@@ -1,16 +1,14 @@
 """Drivers other than the MPC: feedback that holds a drift, and scripts of a manual kind."""
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.controllers import LinearQuadraticRegulator
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import interpolate_knots
 from drift_drake.drives.row_by_row import RowByRowDriver
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 KNOT_SPACING = 0.1  # [s] of scripts, wander and dither
 HOLD_STATE_COST = (4.0, 0.3, 20.0, 0.05)  # of (r, v, beta, omega_r)

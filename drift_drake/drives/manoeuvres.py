@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource
 
+from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.names import Name
@@ -18,8 +18,6 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
-
-Array = NDArray[np.float64]
 
 SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
 ACCELERATION = 2.5  # [m/s^2] of the straight

@@ -3,13 +3,11 @@
 from abc import abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import Plan, no_plan
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 ROW_PERIOD = 0.01  # [s]
 

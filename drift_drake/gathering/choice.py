@@ -12,17 +12,14 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.logs.table import Run
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT
-
-Array = NDArray[np.float64]
-
 
 Believed = Literal["learnt", "identified", "neither"]
 

@@ -19,8 +19,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import DT
 from drift_drake.control.tracking import lqr_gains
 from drift_drake.gathering.predictive_information import NarrowingCost, feature_rows
@@ -31,8 +31,6 @@ from drift_drake.model.feature_expansion import Expansions
 from drift_drake.model.features import MEAN_COUNT, features, network_inputs
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 
 class Task(NamedTuple):

@@ -5,16 +5,14 @@ from functools import cache
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpData
 from drift_drake.control.plan import DT
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.lane import problem_data
 from drift_drake.reference.stadium import Stadium, stadium
 from drift_drake.reference.trajectory import Reference, circle
-
-Array = NDArray[np.float64]
 
 
 def lane(config: GatheringConfig) -> Reference:

@@ -4,12 +4,10 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import Network, network_inputs, places_of_inputs
-
-Array = NDArray[np.float64]
 
 
 class ByFeatures(NamedTuple):

@@ -5,11 +5,9 @@ number a of z. A is a matrix [64, 64], the same for all stages, L one of each st
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 
 def bent(tangents: Array, *terms: tuple[Array, Array]) -> Array:

@@ -18,15 +18,13 @@ and of the sum, with what is left of the covariance after all stages, A = (Lambd
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
 from drift_drake.gathering.feature_curvature import bent, crossed, met
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import STATE_COUNT, Network
 from drift_drake.model.posterior import block_diagonal, spread_of_features
-
-Array = NDArray[np.float64]
 
 
 class StageInformation(InformationCost):

@@ -3,15 +3,12 @@
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpData, OptimalControlProblem, described
 from drift_drake.control.plan import DT
 from drift_drake.errors import InvalidOptionError
 from drift_drake.vehicle.step_model import STATE_SCALE
-
-Array = NDArray[np.float64]
-
 
 SLOWEST, FASTEST = 1.0, 60.0  # [m/s] of a plan's ends
 WIDEST = 50.0  # [m] of a lane to either side

@@ -4,8 +4,8 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
@@ -22,8 +22,6 @@ from drift_drake.model.feature_expansion import Expansions
 from drift_drake.model.posterior import Posterior, weighed
 from drift_drake.model.quality import step_model
 from drift_drake.threads import one_blas_thread
-
-Array = NDArray[np.float64]
 
 MORE = 2  # times as many first guesses where none has led to a plan
 QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's

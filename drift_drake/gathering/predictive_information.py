@@ -17,16 +17,14 @@ left of the covariance, and the weights W = mean_t sum_i phi_i(z_t) phi_i(z_t)' 
 from abc import abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
 from drift_drake.gathering.feature_curvature import bent, crossed, met
 from drift_drake.gathering.information import inverse, own_blocks, precision_after, rows_and_products
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import STATE_COUNT, Network, features
 from drift_drake.model.posterior import block_diagonal, state_blocks, weighed
-
-Array = NDArray[np.float64]
 
 
 class NarrowingCost(InformationCost):

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.tracking import Tracked, TrackingController, tracking_gains
@@ -28,8 +28,6 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.step_model import NominalStepModel
-
-Array = NDArray[np.float64]
 
 SHORTEST = 5  # steps: a rest of a drive shorter than this is driven as it was planned
 

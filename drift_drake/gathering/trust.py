@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from drift_drake.arrays import Array
 from drift_drake.gathering.choice import Choice
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.out_of_distribution import squared_distance
@@ -23,8 +23,6 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
-
-Array = NDArray[np.float64]
 
 SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
 REFUSED = 0.005  # share of the training distribution's vehicles that are refused

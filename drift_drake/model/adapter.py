@@ -1,9 +1,9 @@
 """BayesianAdapter: the last layer's posterior, updated in the loop."""
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.compiled_step import TIME_STEP
@@ -16,8 +16,6 @@ from drift_drake.model.features import (
     network_inputs,
 )
 from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
-
-Array = NDArray[np.float64]
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 DEFAULT_THRESHOLD = 8.0

@@ -14,9 +14,9 @@ have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
@@ -25,7 +25,6 @@ from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
 
-Array = NDArray[np.float64]
 PathStep = Literal["euler", "trapezoid"]
 
 

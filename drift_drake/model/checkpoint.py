@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line, shown
 from drift_drake.model.features import (
     FEATURE_COUNT,
@@ -25,8 +25,6 @@ from drift_drake.plain_files import check_file, parse_json
 from drift_drake.safe_files import replacing
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.plausible import check_plausible
-
-Array = NDArray[np.float64]
 
 FORMAT = 1
 PRECISION_FLOOR = 1e-6  # added to the diagonal of Lambda_0 = L L^T, which may be singular while it trains

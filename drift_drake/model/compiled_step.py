@@ -7,15 +7,13 @@ equations of motion and the features, and the derivatives to differences.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.features import STATE_COUNT
 from drift_drake.vehicle.bicycle_jacobian import linearize_point
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
-
-Array = NDArray[np.float64]
 
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
 PLACE_IN_Z = (0, 1, 2, 3, -1, -1, 8, 9, 4, 5, 6, 7)  # of each of (x, u, u_next); none of e and dphi

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.features import (
     HIDDEN_COUNT,
     INPUT_COUNT,
@@ -19,8 +19,6 @@ from drift_drake.model.features import (
     output_rows,
 )
 from drift_drake.model.physical_inputs import physical_curvature
-
-Array = NDArray[np.float64]
 
 
 class FeatureExpansion:

@@ -14,13 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, with_physical_inputs
 from drift_drake.model.posterior import spread_of_features
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
-
-Array = NDArray[np.float64]
 
 INPUT_COUNT = 10
 PAPER_COUNT = 8  # of z, in the paper

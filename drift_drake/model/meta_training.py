@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from tqdm import tqdm
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line
 from drift_drake.model.checkpoint import WEIGHTS, BayesianModel, InvalidCheckpointError, load_model
 from drift_drake.model.features import INPUT_COUNT, MEAN_COUNT, STATE_COUNT, Network, input_scaling, network_inputs
@@ -27,8 +27,6 @@ from drift_drake.model.window_objective import WindowObjective
 from drift_drake.safe_files import write_bytes
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plausible import check_plausible
-
-Array = NDArray[np.float64]
 
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
 DRIFT_COUNT = 200  # samples that stand for what is to be predicted

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from scipy.stats import chi2
 
+from drift_drake.arrays import Array
 from drift_drake.model.adapter import MEASURED_COUNT
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
@@ -28,8 +28,6 @@ from drift_drake.model.features import (
     network_inputs,
 )
 from drift_drake.model.posterior import Posterior, mahalanobis, predict
-
-Array = NDArray[np.float64]
 
 WINDOW = 20  # samples: 2 s
 

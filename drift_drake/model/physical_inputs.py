@@ -10,8 +10,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.command_lag import lag_factors
 from drift_drake.vehicle.bicycle import static_loads
 from drift_drake.vehicle.bicycle_jacobian import slip_point
@@ -19,8 +19,6 @@ from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
 from drift_drake.vehicle.tyre import tyre_gradient
-
-Array = NDArray[np.float64]
 
 PHYSICAL_COUNT = 8
 # Front lateral slip and force, rear slips and forces (x, y), all at x_k under the lagged steering; the front's under

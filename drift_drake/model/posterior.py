@@ -17,9 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 
 class Posterior(NamedTuple):

@@ -4,15 +4,13 @@ import dataclasses
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict, update_all
 from drift_drake.model.samples import Samples, concatenate
-
-Array = NDArray[np.float64]
 
 SAMPLE_WEIGHTS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
 ADAPTED_TO = (10, 100)  # samples, after which a weight is judged

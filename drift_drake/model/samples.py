@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import replacing
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PHASE_STRIDE = 1000  # between the vehicle numbers of two phases of the same drives

@@ -3,12 +3,9 @@
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
-
 
 WHEELBASE = 2.47  # [m] of the car that the other sizes are of
 FULL_SIZE = 1.0  # [m] of wheelbase from which a car is no model

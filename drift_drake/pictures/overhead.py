@@ -10,8 +10,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.pictures.car_shape import CarShape, placed
 from drift_drake.pictures.style import (
     DEGREES,
@@ -26,8 +26,6 @@ from drift_drake.pictures.style import (
 )
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
 MOST_ABREAST = 5  # entries of the legend in a row: a longer one would be wider than the picture

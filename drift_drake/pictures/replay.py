@@ -10,10 +10,10 @@ import jinja2
 import numpy as np
 import pandas as pd
 from markupsafe import escape
-from numpy.typing import NDArray
 from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
 from pydrake.math import RigidTransform
 
+from drift_drake.arrays import Array
 from drift_drake.pictures.car_shape import CarShape
 from drift_drake.pictures.scene import (
     BACKGROUND,
@@ -29,8 +29,6 @@ from drift_drake.pictures.style import DEGREES, KMH, colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 FRAMES_PER_SECOND = (10.0, 30.0)  # as many as keep a long run to
 MOST_FRAMES = 3000.0

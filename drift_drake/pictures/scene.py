@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
+from drift_drake.arrays import Array
 from drift_drake.logs.driving import spans
 from drift_drake.pictures.car_shape import CarShape, model_scale
 from drift_drake.pictures.style import check_runs, colours_of
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
 COLUMNS = ("t", "x", "y", "psi", "delta")

@@ -28,6 +28,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
+from drift_drake.arrays import Array
 from drift_drake.pictures.scene import (
     BACKGROUND,
     FIELD_OF_VIEW,
@@ -41,8 +42,6 @@ from drift_drake.pictures.scene import (
 from drift_drake.pictures.style import RESOLUTION, colours_of, styled
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 LINES_WIDTH = 0.08  # [m] of a canvas's thin lines
 CLOSE = np.array([0.0, -0.85, 0.53])  # where a close camera is from the cars, of its distance

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.pictures.style import (
     BOUND,
     DEGREES,
@@ -24,8 +25,6 @@ from drift_drake.pictures.style import (
 )
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 # Above the runs, or a car that does what is wanted would hide it.
 REFERENCE_LINE: dict[str, Any] = {"color": INK, "linewidth": 0.8, "linestyle": (0, (4, 3)), "zorder": 3.0}

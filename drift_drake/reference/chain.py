@@ -6,12 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.reference.path import Path
 from drift_drake.reference.transition import Transition, plan_transition
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 GRID_SPACING = 0.2  # [m]
 COLUMNS = ("r", "v", "beta", "omega_r", "delta", "tau")

@@ -5,9 +5,9 @@ from bisect import bisect_right
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from drift_drake.arrays import Array
 
 TABLE_SPACING = 1.0  # [m] between tabulated poses
 CLOSURE_TOLERANCE = 1e-6  # [m] and [rad]

@@ -4,14 +4,12 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.errors import InvalidOptionError
 from drift_drake.reference.chain import GRID_SPACING
 from drift_drake.reference.path import Path
 from drift_drake.reference.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 HARDEST = 8.0  # [m/s^2] of lateral acceleration that a lane may ask for: tyres on dry asphalt give hardly more
 LONGEST = 1000.0  # [m] of a straight, and of a radius

@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-
-Array = NDArray[np.float64]
 
 SPACING = 0.2  # [m] between nodes
 SMOOTHING_LENGTH = 3.0  # [m] that weighs the inputs' curvature against their slope

@@ -8,16 +8,14 @@ car of half the grip is within it. Gross errors of the sensors are not.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from drift_drake.arrays import Array
 from drift_drake.logs.driving import slowest
 from drift_drake.reference.path import Path
 from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
-
-Array = NDArray[np.float64]
 
 UNMODELLED = 0.3  # of the friction limit: standard deviation of the forces
 ANGLE = 0.05  # [rad] of the course: what offsets of the sensors make of the motion along the path

@@ -5,13 +5,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.sensing.innovation import Innovation
 from drift_drake.sensing.sensors import MEASURED_STATE
-
-Array = NDArray[np.float64]
 
 # How fast a reading can change, by channel of the measured state, [unit/s]: some times what tyres can do, a collision
 # aside. The path position is left out: on a closed path it may start anew.

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, State
 from pydrake.systems.primitives import Multiplexer, RandomSource, Selector, SelectorParams
 
+from drift_drake.arrays import Array
 from drift_drake.errors import InvalidOptionError, shown
 from drift_drake.sensing.delay import TransportDelay
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import COUNT, Effects, measured
 from drift_drake.vehicle.scalar import fixed_tuple
-
-Array = NDArray[np.float64]
 
 SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
 """The measured signals: `state`, `path_position`, `pose` and `acceleration` of the plant, in this order."""

@@ -5,15 +5,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, DiscreteValues, EventStatus, LeafSystem, ValueProducer
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 
 class PlanStatus(enum.IntEnum):

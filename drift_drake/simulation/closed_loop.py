@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
+from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.ocp import OcpWeights
@@ -47,7 +47,6 @@ from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 from drift_drake.vehicle.plant import acts_on_motion
 from drift_drake.vehicle.step_model import StepModel
 
-Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-9  # [N s^2/m^2] of drag, with which a car has the states of effects and nothing else
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 Outcome = Literal["completed", "stopped safely", "spin", "left the lane", "time is up", "simulation failed"]

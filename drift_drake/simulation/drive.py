@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.control.plan import interpolate_knots
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
@@ -18,8 +18,6 @@ from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import PathPlant
-
-Array = NDArray[np.float64]
 
 LOG_PERIOD = 0.01  # [s]
 

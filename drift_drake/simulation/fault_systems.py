@@ -4,14 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
+from drift_drake.arrays import Array
 from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 
 class SensorFaults(LeafSystem):

@@ -2,14 +2,12 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, OutputPort, System
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
-Array = NDArray[np.float64]
+from drift_drake.arrays import Array
 
 # [s] of the integrator: just above the events' period. At 0.01 itself, rounding of the events' times leaves one step in
 # seven with 1e-15 s to go, which takes another three derivatives.

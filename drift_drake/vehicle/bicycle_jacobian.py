@@ -7,15 +7,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, MIN_SPEED, motion, path_rates, static_loads
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import cos, jitable, sin
 from drift_drake.vehicle.tyre import tyre_gradient
-
-Array = NDArray[np.float64]
 
 
 @jitable

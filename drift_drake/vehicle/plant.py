@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.compilation import compiled
@@ -14,8 +14,6 @@ from drift_drake.vehicle.effects import COUNT, MEMORIES, Effects, Memory, motion
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
-
-Array = NDArray[np.float64]
 
 PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
 

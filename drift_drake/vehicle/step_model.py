@@ -3,14 +3,12 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle_jacobian import linearize_point
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-
-Array = NDArray[np.float64]
 
 STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not told otherwise, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver
 from pydrake.systems.framework import Context
 
 from diagrams.command import run_command
+from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
@@ -39,8 +39,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.made import write_benchmark
-
-Array = NDArray[np.float64]
 
 START, ADVANCE = 40.0, 0.127  # [m] along the reference: of the first problem, from one problem to the next
 SPREAD = np.array([0.02, 0.05, 0.01, 0.1, 0.02, 0.01])  # standard deviations of the state about the reference

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from diagrams.command import run_command
@@ -32,7 +31,6 @@ from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.made import write_benchmark
 
-Array = NDArray[np.float64]
 DERIVATIVES = "DoCalcTimeDerivatives"
 ERROR = np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])  # at the start, as in `drift-drake drive`
 

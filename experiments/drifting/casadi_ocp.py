@@ -10,8 +10,8 @@ import importlib.util
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.model.command_lag import lag_factors
 from drift_drake.model.compiled_step import TIME_STEP
@@ -23,7 +23,6 @@ from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE
 with contextlib.suppress(ModuleNotFoundError):
     import casadi as ca
 
-Array = NDArray[np.float64]
 TINY = 1e-18  # under the root of the combined slip, as in `vehicle.scalar.norm2`
 
 

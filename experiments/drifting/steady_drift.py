@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from diagrams.command import run_command
+from drift_drake.arrays import Array
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.drives.vehicles import Population
 from drift_drake.model.checkpoint import load_model
@@ -30,8 +30,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.drifting.runs import DriftConfig, open_folder
 from experiments.made import write_report
-
-Array = NDArray[np.float64]
 
 RADIUS, SIDESLIP = 18.0, 0.6  # of `figure_8`
 STEPS = 3  # of 0.1 s after which the response is read

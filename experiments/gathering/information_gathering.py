@@ -20,7 +20,6 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 import tyro
-from numpy.typing import NDArray
 
 from diagrams.command import run_command
 from drift_drake.control.plan import DT
@@ -44,8 +43,6 @@ from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.summary import markdown, summarise, summarise_halves
 from experiments.made import write_report
-
-Array = NDArray[np.float64]
 
 # The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
 RANDOM_STEERING, RANDOM_PERIOD = 0.05, 0.4  # [rad], [s]

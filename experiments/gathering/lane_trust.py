@@ -18,9 +18,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from diagrams.command import run_command
+from drift_drake.arrays import Array
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.executors import ExecutorConfig
 from drift_drake.gathering.choice import Believed
@@ -36,7 +36,6 @@ from experiments.gathering.beliefs import gather_all
 from experiments.made import write_report
 from experiments.settings import keep_settings
 
-Array = NDArray[np.float64]
 GROUPS: dict[str, tuple[Population, TruePlant]] = {
     "validation": ("validation", "single_track"),
     "held-out": ("held_out", "single_track"),

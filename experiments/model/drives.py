@@ -17,10 +17,10 @@ from typing import Annotated, Any
 import numpy as np
 import pandas as pd
 import tyro
-from numpy.typing import NDArray
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.command import run_command
+from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
@@ -38,8 +38,6 @@ from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
-
-Array = NDArray[np.float64]
 
 # Kind of drive and its longest duration [s], in the order in which a vehicle is driven, from a place of its own on.
 SCHEDULE = (

@@ -20,7 +20,6 @@ from diagrams.command import run_command
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
@@ -43,8 +42,6 @@ from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
-
-Array = NDArray[np.float64]
 
 POINTS = (0, 1, 2, 5, 10, 20, 50, 100)
 REPORTED = (0, 10, 100)  # of them, in the table

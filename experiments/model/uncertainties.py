@@ -5,10 +5,11 @@ from pathlib import Path
 
 import matplotlib
 
+from drift_drake.arrays import Array
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from numpy.typing import NDArray
 
 from drift_drake.model.bayesian_step import euler_step
 from drift_drake.model.checkpoint import BayesianModel
@@ -18,8 +19,6 @@ from drift_drake.model.posterior import Posterior, predict
 from drift_drake.safe_files import write_figure
 from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
 from drift_drake.vehicle.parameters import Constants
-
-Array = NDArray[np.float64]
 
 UNCERTAINTIES_AT = {"r": 0.9, "v": 14.5, "beta": -0.45, "omega_r": 21.0, "tau": 200.0}
 SUBSTEPS = 100  # of the true vehicle

@@ -8,8 +8,8 @@ Simulated worlds alone use it. ISO 8855, body velocities (u, w) at the centre of
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.rollout import runge_kutta_row
 from drift_drake.vehicle.effects import Effects, steering_rate
@@ -158,9 +158,6 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
 @compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
     return runge_kutta_row(rates, z, row, delta, tau, p, q)
-
-
-Array = NDArray[np.float64]
 
 
 def advance(z: Array, row: int, delta: Array, tau: Array, p: BrushCar, q: Effects) -> tuple[Array, Array]:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.containers import namedview
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
@@ -17,8 +17,6 @@ from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
-
-Array = NDArray[np.float64]
 
 DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
 DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import world_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
@@ -13,8 +13,6 @@ from drift_drake.vehicle.double_track.motion import OwnStates, double_track_moti
 from drift_drake.vehicle.double_track.settled import settled_states
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable
-
-Array = NDArray[np.float64]
 
 LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
 PERIOD = 0.01  # [s] of the rows

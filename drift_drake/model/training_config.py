@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from drift_drake.errors import InvalidOptionError, shown
 
@@ -87,20 +87,26 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
     of mixed lengths, up to all of a vehicle's samples with its drives in random order, and chooses the weight of a
     sample on the validation vehicles. "paper" is the paper's plain recipe: windows of 10 samples in the order driven,
     1000 epochs of Adam at 1e-3 with a decay of 0.9975, every sample at full weight (give it the table of every tenth
-    row, train.npz). "fixed" is "windows" without adaptation.
+    row, train.npz). "fixed" is "windows" without adaptation. What the configuration has other than its defaults stays.
+
+    Raises:
+        InvalidOptionError: lane drives for a recipe whose objective is over windows.
     """
     if recipe == "transfer":
         return config
-    windows = dataclasses.replace(
-        config, lane=None, physical_inputs=False, learning_rate=1e-3, decay=0.9975, gradient_clip=None
-    )
+    default = TrainingConfig()
+    if config.lane not in (None, default.lane):
+        raise InvalidOptionError(f"--lane {config.lane}: --recipe {recipe} has no lane drives; leave one of both out")
+    changes: dict[str, Any] = {
+        "lane": None, "physical_inputs": False, "learning_rate": 1e-3, "decay": 0.9975, "gradient_clip": None,
+    }  # fmt: skip
     if recipe == "paper":
-        return dataclasses.replace(
-            windows, horizons=(10,), shuffled_share=0.0, weight_decay=0.0, epochs=1000, epoch_samples=None, temper=False
-        )
-    if recipe == "fixed":
-        return dataclasses.replace(windows, adaptive=False, temper=False)
-    return windows
+        changes |= {"horizons": (10,), "shuffled_share": 0.0, "weight_decay": 0.0, "epochs": 1000}
+        changes |= {"epoch_samples": None, "temper": False}
+    elif recipe == "fixed":
+        changes |= {"adaptive": False, "temper": False}
+    given = {name for name in changes if name != "lane" and getattr(config, name) != getattr(default, name)}
+    return dataclasses.replace(config, **{name: value for name, value in changes.items() if name not in given})
 
 
 def check_training(config: TrainingConfig) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import forecasts
 from drift_drake.gathering.config import GatheringConfig
@@ -30,6 +31,10 @@ from drift_drake.vehicle.parameters import VehicleParameters
 Attempt = tuple[int, int]  # vehicle, noise seed
 
 SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
+
+
+class OtherVersionError(DriftDrakeError, ValueError):
+    """A folder of an older version; the message names the file and the remedy."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,6 +145,8 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
     if not is_done(path):
         return frozenset(), Taught({}, None)
     with np.load(path) as stored:
+        if "forecasts" not in stored.files:
+            raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
         names = {key.split(".")[0] for key in stored.files if "." in key}
         beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
         surprise, text = float(stored["surprise"]), str(stored["car"])

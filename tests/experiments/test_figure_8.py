@@ -51,6 +51,12 @@ def short_course(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
 
 
+def test_a_folder_of_an_older_version_is_told(tmp_path: Path, here: ExecutorConfig) -> None:
+    np.savez(tmp_path / "beliefs-000-0.npz", surprise=1.0, wanted=["once_info"])
+    with pytest.raises(beliefs.OtherVersionError, match=r"beliefs-000-0\.npz: written by an older version"):
+        main(config(tmp_path, here))
+
+
 def test_runs_and_resumes(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:
     main(config(tmp_path, here))
     report = capsys.readouterr().out

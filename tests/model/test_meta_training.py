@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.errors import OutputError
+from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.features import (
     all_inputs,
@@ -75,7 +75,8 @@ def test_a_checkpoint_holds_drifting_samples_that_it_was_trained_on(config: Trai
     assert drifts_of(straight, 0) is None
 
 
-def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
+def test_the_papers_recipe_is_windows_of_ten() -> None:
+    config = TrainingConfig()
     plain = with_recipe(config, "paper")
     assert plain.horizons == (10,)
     assert plain.shuffled_share == plain.weight_decay == 0.0
@@ -84,6 +85,13 @@ def test_the_papers_recipe_is_windows_of_ten(config: TrainingConfig) -> None:
     assert not with_recipe(config, "fixed").adaptive
     assert with_recipe(config, "transfer") == config
     assert (plain.epochs, plain.learning_rate, plain.decay) == (1000, 1e-3, 0.9975)
+
+
+def test_options_that_are_given_stay_under_a_recipe() -> None:
+    config = dataclasses.replace(TrainingConfig(), epochs=7, decay=0.5)
+    assert (with_recipe(config, "paper").epochs, with_recipe(config, "windows").decay) == (7, 0.5)
+    with pytest.raises(InvalidOptionError, match=r"--lane runs/other\.npz: --recipe paper has no lane drives"):
+        with_recipe(dataclasses.replace(config, lane=Path("runs/other.npz")), "paper")
 
 
 def test_a_model_that_never_adapts_stays_where_it_is(config: TrainingConfig) -> None:

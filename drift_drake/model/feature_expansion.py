@@ -15,6 +15,7 @@ from drift_drake.model.features import (
     INPUT_COUNT,
     Network,
     feature_outputs,
+    hidden_layers,
     inputs_and_jacobian,
     output_rows,
 )
@@ -31,8 +32,7 @@ class FeatureExpansion:
     def __init__(self, network: Network, z: Array) -> None:
         inputs, self._by_physics = inputs_and_jacobian(z, network.nominal)
         self._network, self.z = network, z
-        self._h1 = np.tanh((inputs - network.input_offset) / network.input_scale @ network.w1 + network.b1)
-        self._h2 = np.tanh(self._h1 @ network.w2 + network.b2)
+        self._h1, self._h2 = hidden_layers(network, inputs)
         self.phi = feature_outputs(network, self._h2)
 
     @cached_property

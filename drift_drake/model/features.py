@@ -8,7 +8,6 @@ both or neither. The output layers are linear, so theta folds into them: for the
 become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 from drift_drake.arrays import Array
 from drift_drake.model.command_lag import LAGGED
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, with_physical_inputs
-from drift_drake.model.posterior import spread_of_features
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 
@@ -76,11 +74,10 @@ def all_inputs(z: Array, nominal: Constants | None) -> Array:
     return inputs_and_jacobian(z, nominal)[0]
 
 
-def _hidden(network: Network, z: Array) -> tuple[Array, Array, Array | None]:
-    inputs, by_physics = inputs_and_jacobian(z, network.nominal)
-    scaled = (inputs - network.input_offset) / network.input_scale
-    h1 = np.tanh(scaled @ network.w1 + network.b1)
-    return h1, np.tanh(h1 @ network.w2 + network.b2), by_physics
+def hidden_layers(network: Network, inputs: Array) -> tuple[Array, Array]:
+    """The values [..., 128] of both hidden layers at a network's inputs [..., 8 or 18]."""
+    h1 = np.tanh((inputs - network.input_offset) / network.input_scale @ network.w1 + network.b1)
+    return h1, np.tanh(h1 @ network.w2 + network.b2)
 
 
 def feature_outputs(network: Network, h2: Array) -> Array:
@@ -94,79 +91,9 @@ def output_rows(network: Network) -> Array:
     return network.w_out.transpose(0, 2, 1).reshape(-1, HIDDEN_COUNT)
 
 
-def _by_z(by_inputs: Array, by_physics: Array | None) -> Array:
-    """Gradients [..., k, 10] with respect to z, from those [..., k, inputs] with respect to all inputs."""
-    if by_physics is None:
-        unused = np.zeros((*by_inputs.shape[:-1], INPUT_COUNT - PAPER_COUNT))
-        return np.concatenate([by_inputs, unused], axis=-1)
-    return by_inputs[..., :INPUT_COUNT] + by_inputs[..., INPUT_COUNT:] @ by_physics
-
-
-def _reverse(network: Network, hidden: tuple[Array, Array, Array | None], seed: Array) -> Array:
-    """Gradients with respect to z, [..., k, 10], of k functions whose gradients in h2 are `seed` [..., k, 128]."""
-    h1, h2, by_physics = hidden
-    # Each product as one of two matrices: NumPy would make one of each point's few rows.
-    flat = (-1, HIDDEN_COUNT)
-    g2 = seed * (1.0 - h2 * h2)[..., None, :]
-    g1 = (g2.reshape(flat) @ network.w2.T).reshape(seed.shape) * (1.0 - h1 * h1)[..., None, :]
-    by_inputs = (g1.reshape(flat) @ network.w1.T).reshape(*seed.shape[:-1], -1)
-    return _by_z(by_inputs / network.input_scale, by_physics)
-
-
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
-    h2 = _hidden(network, z)[1]
-    return feature_outputs(network, h2)
-
-
-def feature_jacobian(network: Network, z: Array) -> tuple[Array, Array]:
-    """phi [..., 4, 16] and d phi / dz [..., 4, 16, 10]."""
-    hidden = _hidden(network, z)
-    h2 = hidden[1]
-    phi = feature_outputs(network, h2)
-    rows = output_rows(network)
-    jacobian = _reverse(network, hidden, np.broadcast_to(rows, (*h2.shape[:-1], *rows.shape)))
-    return phi, jacobian.reshape(*phi.shape, INPUT_COUNT)
-
-
-def information_gain(network: Network, covariance: Array, z: Array) -> tuple[Array, Array]:
-    """Information that a sample at z would bring: the paper's eq. (8), one term of the sum over k.
-
-    Args:
-        covariance: Lambda^{-1}, [64, 64], or one for each z [..., 64, 64]; z: [..., 10].
-
-    Returns:
-        (gain [...] = 1/2 log det(I + Phi Lambda^{-1} Phi^T) [nat], where the prior does not couple the states 1/2 sum_i
-        log(1 + phi_i^T Lambda_i^{-1} phi_i); its gradient in z [..., 10]).
-    """
-    phi, pullback = features_and_pullback(network, z)
-    projected, spread = spread_of_features(covariance, phi)
-    return 0.5 * np.linalg.slogdet(spread)[1], pullback(_gain_by_features(projected, spread))
-
-
-def information_by_features(covariance: Array, phi: Array) -> Array:
-    """The derivative of `information_gain` by the features [..., 4, 16]."""
-    return _gain_by_features(*spread_of_features(covariance, phi))
-
-
-def _gain_by_features(projected: Array, spread: Array) -> Array:
-    by_phi: Array = np.einsum("...ij,...jif->...if", np.linalg.inv(spread), projected, optimize=True)
-    return by_phi
-
-
-def features_and_pullback(network: Network, z: Array) -> tuple[Array, Callable[[Array], Array]]:
-    """phi [..., 4, 16] at z [..., 10], and what turns a function's gradient in phi into that in z.
-
-    The gradient costs one reverse row.
-    """
-    hidden = _hidden(network, z)
-
-    def pullback(by_phi: Array) -> Array:
-        rows = output_rows(network)
-        seed = by_phi.reshape(-1, len(rows)) @ rows
-        return _reverse(network, hidden, seed.reshape(*by_phi.shape[:-2], 1, HIDDEN_COUNT))[..., 0, :]
-
-    return feature_outputs(network, hidden[1]), pullback
+    return feature_outputs(network, hidden_layers(network, all_inputs(z, network.nominal))[1])
 
 
 class MeanFunction:
@@ -246,7 +173,7 @@ def _through_tanh(h: Array, by_h: Array, out: Array) -> None:
 
 @compiled
 def _gather(by_inputs: Array, by_physics: Array, out: Array) -> None:
-    """Writes derivatives by z [n, 4, 10] into zeros, from those by all inputs [4, n, inputs]; see `_by_z`."""
+    """Writes derivatives by z [n, 4, 10] into zeros, from those by all inputs [4, n, inputs], physical ones too."""
     states, count, size = by_inputs.shape
     direct = min(size, out.shape[2])
     for n in range(count):

@@ -4,8 +4,8 @@ For each learnt state i a sample adds y_i = theta_i^T phi_i + eps_i, eps_i ~ N(0
 h_i(x_k, u_k). In the paper the theta_i of different states know nothing of each other, theta_i ~ N(mean_i, sigma_i^2
 Lambda_i^{-1}). Here the prior may couple them: theta / sigma, all 64 numbers, has the covariance Lambda^{-1}. A tyre's
 friction shows in all four states, best where the sensors are best, and what the rim speed and the yaw rate tell of it
-then reaches the sideslip. With a Lambda of four blocks all of this is the paper's, equation by equation. All arrays may
-carry leading axes (a batch of posteriors), written [...].
+then reaches the sideslip. With a Lambda of four blocks all of this is the paper's, equation by equation. Points
+may have any leading axes, written [...].
 
 A sample may count with a weight w_i below one for state i, as w_i of a sample: Lambda's block grows by w_i phi phi^T.
 On a car that the features do not fit exactly, what is left over is alike from one sample to the next, and n samples
@@ -24,9 +24,9 @@ from drift_drake.vehicle.compilation import compiled
 class Posterior(NamedTuple):
     """What is believed of theta; the prior is the posterior of no data."""
 
-    mean: Array  # [..., 4, 16]
-    covariance: Array  # Lambda^{-1}, of theta / sigma, [..., 64, 64], states by features in a row
-    q: Array  # Q = Lambda (mean / sigma), [..., 4, 16]
+    mean: Array  # [4, 16]
+    covariance: Array  # Lambda^{-1}, of theta / sigma, [64, 64], states by features in a row
+    q: Array  # Q = Lambda (mean / sigma), [4, 16]
 
 
 class Prediction(NamedTuple):
@@ -42,11 +42,10 @@ class Prediction(NamedTuple):
 
 
 def from_precision(mean: Array, precision: Array, sigma: Array) -> Posterior:
-    """The belief with a mean [..., 4, 16] and a precision Lambda [..., 64, 64] of theta / sigma."""
-    covariance = _symmetric(np.linalg.inv(precision))
-    mean = np.array(mean, dtype=float)
-    scaled = (mean / sigma[:, None]).reshape(*mean.shape[:-2], -1)
-    return Posterior(mean, covariance, np.einsum("...fg,...g->...f", precision, scaled).reshape(mean.shape))
+    """The belief with a mean [4, 16] and a precision Lambda [64, 64] of theta / sigma."""
+    scaled = (mean / sigma[:, None]).ravel()
+    q = np.einsum("fg,g->f", precision, scaled).reshape(mean.shape)
+    return Posterior(np.array(mean, dtype=float), _symmetric(np.linalg.inv(precision)), q)
 
 
 def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
@@ -57,27 +56,23 @@ def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Arr
     rounding; the mean by the innovation, which equals Lambda^{-1} Q of eq. (5c) and does not lose digits as Q grows.
 
     Args:
-        sigma: noise scales [4]; phi: features [..., 4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states
-            [..., 4]; weight: of the sample, for each state or for all.
+        sigma: noise scales [4]; phi: features [4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [4];
+            weight: of the sample, for each state or for all.
     """
     weight = np.broadcast_to(weight, np.shape(sigma))
     phi, y = np.sqrt(weight)[:, None] * phi, np.sqrt(weight) * y / sigma
-    covariance = posterior.covariance
-    shape = posterior.mean.shape
-    mean = (posterior.mean / sigma[:, None]).reshape(*shape[:-2], -1)
-    for i in range(shape[-2]):
-        own = slice(i * shape[-1], (i + 1) * shape[-1])
-        h = phi[..., i, :]
-        p_h = np.einsum("...fg,...g->...f", covariance[..., own], h)
-        spread = 1.0 + np.sum(h * p_h[..., own], axis=-1, keepdims=True)
-        gain = p_h / spread
-        innovation = y[..., i, None] - np.sum(mean[..., own] * h, axis=-1, keepdims=True)
-        mean = mean + gain * innovation
+    covariance, shape = posterior.covariance, posterior.mean.shape
+    mean = (posterior.mean / sigma[:, None]).ravel()
+    for i, h in enumerate(phi):
+        own = slice(i * shape[1], (i + 1) * shape[1])
+        p_h = np.einsum("fg,g->f", covariance[:, own], h)
+        gain = p_h / (1.0 + np.sum(h * p_h[own]))
+        mean = mean + gain * (y[i] - np.sum(mean[own] * h))
         # With A = P - K p_h^T, Joseph's form is A - (A h) K^T + K K^T.
-        reduced = covariance - gain[..., :, None] * p_h[..., None, :]
-        reduced_h = np.einsum("...fg,...g->...f", reduced[..., own], h)
-        covariance = _symmetric(reduced + (gain - reduced_h)[..., :, None] * gain[..., None, :])
-    return Posterior(mean.reshape(shape) * sigma[:, None], covariance, posterior.q + y[..., None] * phi)
+        reduced = covariance - gain[:, None] * p_h
+        reduced_h = np.einsum("fg,g->f", reduced[:, own], h)
+        covariance = _symmetric(reduced + (gain - reduced_h)[:, None] * gain)
+    return Posterior(mean.reshape(shape) * sigma[:, None], covariance, posterior.q + y[:, None] * phi)
 
 
 def update_all(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
@@ -104,40 +99,31 @@ def spread_of_features(covariance: Array, phi: Array) -> tuple[Array, Array]:
     Row i of Phi holds the features of state i in that state's place and zeros elsewhere.
 
     Args:
-        covariance: Lambda^{-1} [..., 64, 64]; phi: features [..., 4, 16].
+        covariance: Lambda^{-1} [64, 64]; phi: features [..., 4, 16].
     """
-    leading = np.broadcast_shapes(covariance.shape[:-2], phi.shape[:-2])
-    points = np.ascontiguousarray(np.broadcast_to(phi, leading + phi.shape[-2:])).reshape(-1, *phi.shape[-2:])
-    # A covariance for each point, or one for each point of the last axes, over and over.
-    own = (
-        covariance
-        if leading[len(leading) - covariance.ndim + 2 :] == covariance.shape[:-2]
-        else np.broadcast_to(covariance, leading + covariance.shape[-2:])
-    )
-    stack = np.ascontiguousarray(own).reshape(-1, *covariance.shape[-2:])
-    projected, spread = np.empty((*points.shape[:2], stack.shape[-1])), np.empty((*points.shape[:2], phi.shape[-2]))
-    _spread(stack, points, projected, spread)
-    return projected.reshape(*leading, phi.shape[-2], *phi.shape[-2:]), spread.reshape(*leading, *spread.shape[1:])
+    points = np.ascontiguousarray(phi).reshape(-1, *phi.shape[-2:])
+    projected, spread = np.empty((*points.shape[:2], len(covariance))), np.empty((*points.shape[:2], phi.shape[-2]))
+    _spread(np.ascontiguousarray(covariance), points, projected, spread)
+    return projected.reshape(*phi.shape[:-1], *phi.shape[-2:]), spread.reshape(*phi.shape[:-1], -1)
 
 
 @compiled
 def _spread(covariance: Array, phi: Array, projected: Array, spread: Array) -> None:
-    """`spread_of_features` of points phi [M, 4, 16], with covariance m modulo C of [C, 64, 64] for point m."""
-    different, (count, states, width) = covariance.shape[0], phi.shape
-    for c in range(different):
-        for m in range(c, count, different):
-            for i in range(states):
-                row = projected[m, i]
-                row[:] = 0.0
-                for f in range(width):
-                    factor, through = phi[m, i, f], covariance[c, i * width + f]
-                    for j in range(states * width):
-                        row[j] += factor * through[j]
-                for j in range(states):
-                    total = 1.0 if i == j else 0.0
-                    for g in range(width):
-                        total += row[j * width + g] * phi[m, j, g]
-                    spread[m, i, j] = total
+    """`spread_of_features` of points phi [M, 4, 16]."""
+    count, states, width = phi.shape
+    for m in range(count):
+        for i in range(states):
+            row = projected[m, i]
+            row[:] = 0.0
+            for f in range(width):
+                factor, through = phi[m, i, f], covariance[i * width + f]
+                for j in range(states * width):
+                    row[j] += factor * through[j]
+            for j in range(states):
+                total = 1.0 if i == j else 0.0
+                for g in range(width):
+                    total += row[j * width + g] * phi[m, j, g]
+                spread[m, i, j] = total
 
 
 def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.random.Generator) -> Array:
@@ -147,10 +133,10 @@ def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.r
     return posterior.mean + sigma[:, None] * (normal @ factor.T).reshape(count, *posterior.mean.shape)
 
 
-def covariance_norms(posterior: Posterior) -> tuple[Array, Array]:
-    """||Lambda_i^{-1}||_2 of each state's own block [..., 4], and their sum [...] (Table I of the paper)."""
+def covariance_norms(posterior: Posterior) -> tuple[Array, float]:
+    """||Lambda_i^{-1}||_2 of each state's own block [4], and their sum (Table I of the paper)."""
     norms = state_norms(posterior.covariance)
-    return norms, np.sum(norms, axis=-1)
+    return norms, float(np.sum(norms))
 
 
 def state_norms(covariance: Array) -> Array:

@@ -219,32 +219,18 @@ def test_a_weight_counts_as_so_much_of_a_sample(prior: Posterior) -> None:
             np.testing.assert_allclose(part.q, whole.q, rtol=1e-9, atol=1e-9)
 
 
-def test_a_batch_of_posteriors_is_as_each_alone() -> None:
+def test_predictions_of_many_points_are_as_each_alone(prior: Posterior) -> None:
     generator = np.random.default_rng(4)
     phi, y = correlated_features(6, generator).reshape(2, 3, 4, 16), generator.normal(size=(2, 3, 4))
-    single = [[coupled(10 * i + j) for j in range(3)] for i in range(2)]
-    stacked = Posterior(*(np.array([[part[name] for part in row] for row in single]) for name in range(3)))
-    rebuilt = from_precision(stacked.mean, np.linalg.inv(stacked.covariance), SIGMA)
-    together = update(stacked, SIGMA, phi, y, WEIGHT)
-    prediction = predict(stacked, SIGMA, phi)
-    distances = mahalanobis(prediction, y)
-    norms, totals = covariance_norms(stacked)
-    assert prediction.covariance.shape == (2, 3, 4, 4)
-    assert distances.shape == totals.shape == (2, 3)
-    for i in range(2):
-        for j in range(3):
-            alone = single[i][j]
-            for whole, part in zip(rebuilt, alone, strict=True):
-                np.testing.assert_allclose(whole[i, j], part, rtol=1e-8, atol=1e-8)
-            for whole, part in zip(together, update(alone, SIGMA, phi[i, j], y[i, j], WEIGHT), strict=True):
-                np.testing.assert_allclose(whole[i, j], part, rtol=1e-12, atol=1e-12)
-            one = predict(alone, SIGMA, phi[i, j])
-            np.testing.assert_allclose(prediction.mean[i, j], one.mean, rtol=1e-12)
-            np.testing.assert_allclose(prediction.covariance[i, j], one.covariance, rtol=1e-12)
-            np.testing.assert_allclose(prediction.variance[i, j], np.diag(one.covariance), rtol=1e-12)
-            np.testing.assert_allclose(distances[i, j], mahalanobis(one, y[i, j]), rtol=1e-10)
-            np.testing.assert_allclose(norms[i, j], covariance_norms(alone)[0], rtol=1e-12)
-            assert totals[i, j] == pytest.approx(norms[i, j].sum())
+    together = predict(prior, SIGMA, phi)
+    distances = mahalanobis(together, y)
+    assert together.covariance.shape == (2, 3, 4, 4)
+    for place in np.ndindex(2, 3):
+        alone = predict(prior, SIGMA, phi[place])
+        np.testing.assert_allclose(together.mean[place], alone.mean, rtol=1e-12)
+        np.testing.assert_allclose(together.covariance[place], alone.covariance, rtol=1e-12)
+        np.testing.assert_allclose(together.variance[place], np.diag(alone.covariance), rtol=1e-12)
+        np.testing.assert_allclose(distances[place], mahalanobis(alone, y[place]), rtol=1e-10)
 
 
 def test_samples_of_theta_spread_as_predictions_do(prior: Posterior) -> None:

@@ -7,13 +7,8 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.mpc import Mpc, MpcSolution, SolveStatistics
-from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import Plan, no_plan
-from drift_drake.control.sqp import SqpOptions
-from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
-from drift_drake.reference.trajectory import Reference
-from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import StepModel
 
 # Numbers far off, or an error of the solver itself (Drake's assertions exit): no plan, as where none is found.
@@ -43,39 +38,24 @@ class MpcController(LeafSystem):
     guess (NaN without), the statistics.
 
     Args:
+        mpc: what plans; its `delay` is one period, which the solve may use up.
         period: [s] between plans.
-        delay: [s] from a measurement until its plan is in force: one period, which the solve may use up.
         theta_size: length of the port `theta`; 0 for a model without.
-        the others: see `Mpc`.
     """
 
-    def __init__(
-        self,
-        model: StepModel,
-        parameters: VehicleParameters,
-        reference: Reference,
-        horizon: int = 25,
-        weights: OcpWeights | None = None,
-        options: SqpOptions | None = None,
-        period: float = 0.01,
-        delay: float = 0.01,
-        initial_command: tuple[float, float] = (0.0, 0.0),
-        theta_size: int = 0,
-        tightening: LaneTightening | None = None,
-    ) -> None:
+    def __init__(self, mpc: Mpc, period: float = 0.01, theta_size: int = 0) -> None:
         LeafSystem.__init__(self)
-        self.period = period
-        self.mpc = Mpc(model, parameters, reference, horizon, weights, options, delay, initial_command, tightening)
-
+        self.mpc, self.period = mpc, period
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
-        memory_size = model.memory_scale.size
+        memory_size, horizon = mpc.model.memory_scale.size, mpc.horizon
         self._memory = self.DeclareVectorInputPort("memory", memory_size) if memory_size else None
-        self._covariance = self.DeclareVectorInputPort("posterior_covariance", COVARIANCE_COUNT) if tightening else None
+        asked = mpc.tightening is not None
+        self._covariance = self.DeclareVectorInputPort("posterior_covariance", COVARIANCE_COUNT) if asked else None
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._primal = self.DeclareDiscreteState(np.full(self.mpc.problem.size, np.nan))
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
-        beside = np.full(self.mpc.problem.size + self.mpc.multiplier_count, np.nan)
+        beside = np.full(mpc.problem.size + mpc.multiplier_count, np.nan)
         self._beside = self.DeclareDiscreteState(beside)
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)

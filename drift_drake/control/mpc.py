@@ -102,7 +102,7 @@ class Mpc:
         self.model, self.reference, self.horizon, self.delay = model, reference, horizon, delay
         self.problem = OptimalControlProblem(model, parameters, horizon, weights)
         self._initial_command = np.array(initial_command, dtype=float)
-        self._tightening = tightening
+        self.tightening = tightening
         self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
 
     @property
@@ -175,9 +175,9 @@ class Mpc:
 
     def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
         """The data with the lane narrowed, where that is asked for."""
-        if self._tightening is None or covariance is None:
+        if self.tightening is None or covariance is None:
             return data
-        network, sigma, kappa = self._tightening
+        network, sigma, kappa = self.tightening
         x, u, _ = self.problem.unstack(guess)
         margin = kappa * lateral_deviation(model, network, sigma, covariance, x, u, data.curvature)
         e_min, e_max = tightened(data.e_min, data.e_max, margin)

@@ -9,6 +9,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
+from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.names import Name
 from drift_drake.drives.row_by_row import ROW_PERIOD, RowByRowDriver
@@ -107,6 +108,6 @@ def _scripted(p: VehicleParameters, speed: float, script: Callable[[float], tupl
 def _tracked(p: VehicleParameters, reference: Reference) -> Manoeuvre:
     """Drifts under model predictive control that believes in the vehicle file without effects."""
     delta, tau = (float(value) for value in reference.input(0.0))
-    driver = MpcController(NominalStepModel(p), p, reference, HORIZON, period=PLAN_PERIOD, delay=PLAN_PERIOD,
-                           initial_command=(delta, tau))  # fmt: skip
+    mpc = Mpc(NominalStepModel(p), p, reference, HORIZON, delay=PLAN_PERIOD, initial_command=(delta, tau))
+    driver = MpcController(mpc, PLAN_PERIOD)
     return Manoeuvre(driver, HORIZON, DT, reference.state(0.0), (delta, tau), reference.duration, reference)

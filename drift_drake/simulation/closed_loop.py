@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 
 from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
-from drift_drake.control.mpc import SolveStatistics
+from drift_drake.control.mpc import Mpc, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.own_controller import Controller, ControllerSystem
 from drift_drake.control.plan import DT
@@ -176,11 +176,12 @@ class ClosedLoop:
         if controller is not None:
             return ControllerSystem(controller, control.horizon, control.period, control.delay)
         assert learners.model is not None
-        return MpcController(
+        mpc = Mpc(
             learners.model, self.parameters, self.reference, control.horizon, control.weights,
-            SqpOptions.real_time(control.iterations, control.qp), control.period, control.delay, self.initial_command,
-            theta_size=learners.theta_size or effects_size, tightening=learners.tightening,
+            SqpOptions.real_time(control.iterations, control.qp), control.delay, self.initial_command,
+            learners.tightening,
         )  # fmt: skip
+        return MpcController(mpc, control.period, learners.theta_size or effects_size)
 
     def _screened(
         self, builder: DiagramBuilder, control: ControlConfig, noise: NoiseLevels, received: OutputPort

@@ -24,6 +24,7 @@ from pydrake.systems.framework import Context
 from diagrams.command import run_command
 from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
+from drift_drake.control.mpc import Mpc
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
@@ -128,7 +129,7 @@ class Bench:
         self.sqp = LineSearchSqp(self.problem, SqpOptions.real_time())
         self.exact = LineSearchSqp(self.problem)
         command = tuple(reference.input(START))
-        self.controller = MpcController(model, vehicle, reference, horizon, weights, initial_command=command)
+        self.controller = MpcController(Mpc(model, vehicle, reference, horizon, weights, initial_command=command))
         self.context: Context = self.controller.CreateDefaultContext()
         self._products = network_products(network, horizon)
         self._last: tuple[Array, Array | None] = np.empty(0), None

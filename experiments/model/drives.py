@@ -22,6 +22,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from diagrams.command import run_command
 from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
+from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import HoldDriver, dither, manual_script, wander
@@ -187,10 +188,9 @@ def _prepare(kind: str, duration: float, parameters: VehicleParameters, effects:
     start = generator.uniform(0.0, 25.0) if kind == "mpc_loops" else generator.uniform(0.0, reference.path.length)
     state = reference.state(start) + STATE_SCATTER * generator.standard_normal(6)
     steering, torque = (float(value) for value in reference.input(start))
-    controller = MpcController(
-        NominalStepModel(believed), parameters, reference, HORIZON, period=PERIOD, delay=PERIOD,
-        initial_command=(steering, torque))  # fmt: skip
-    drive = Drive(parameters, controller, HORIZON, DT, shake, (steering, torque), effects, reference)
+    mpc = Mpc(NominalStepModel(believed), parameters, reference, HORIZON, delay=PERIOD,
+              initial_command=(steering, torque))  # fmt: skip
+    drive = Drive(parameters, MpcController(mpc, PERIOD), HORIZON, DT, shake, (steering, torque), effects, reference)
     return drive, state, float(start), reference
 
 

@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.mpc import SolveStatistics
+from drift_drake.control.mpc import Mpc, SolveStatistics
 from drift_drake.control.plan import interpolate_plan
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -30,13 +30,8 @@ SECONDS = SolveStatistics._fields.index("seconds")
 @pytest.fixture(scope="module")
 def controller(references: dict[str, Reference]) -> MpcController:
     reference = references["figure_8"]
-    return MpcController(
-        NominalStepModel(PARAMETERS),
-        PARAMETERS,
-        reference,
-        HORIZON,
-        initial_command=(float(reference.input(START)[0]), float(reference.input(START)[1])),
-    )
+    command = (float(reference.input(START)[0]), float(reference.input(START)[1]))
+    return MpcController(Mpc(NominalStepModel(PARAMETERS), PARAMETERS, reference, HORIZON, initial_command=command))
 
 
 def measured(controller: MpcController, s: float = START, e: float = 0.3) -> np.ndarray:
@@ -71,13 +66,14 @@ def test_ports(controller: MpcController) -> None:
 
 def test_a_model_with_memory_or_theta_has_a_port_for_it(references: dict[str, Reference]) -> None:
     model = EffectsStepModel(PARAMETERS, make_effects({"steering_lag": 0.05}))
-    oracle = MpcController(model, PARAMETERS, references["figure_8"], 2)
+    mpc = Mpc(model, PARAMETERS, references["figure_8"], 2)
+    oracle = MpcController(mpc)
     assert oracle.GetInputPort("memory").size() == 8
-    adaptive = MpcController(model, PARAMETERS, references["figure_8"], 2, theta_size=STATE_COUNT * FEATURE_COUNT)
+    adaptive = MpcController(mpc, theta_size=STATE_COUNT * FEATURE_COUNT)
     assert adaptive.GetInputPort("theta").size() == 64
     assert hasattr(BayesianStepModel, "with_theta")
     learnt = load_model()
-    controller = MpcController(step_model(learnt, learnt.prior()), PARAMETERS, references["figure_8"], 2)
+    controller = MpcController(Mpc(step_model(learnt, learnt.prior()), PARAMETERS, references["figure_8"], 2))
     assert controller.GetInputPort("memory").size() == 2
     assert controller.GetOutputPort("prediction").size() == 3 * 8
 
@@ -86,7 +82,7 @@ def test_a_learnt_plan_starts_from_the_lagged_commands(references: dict[str, Ref
     learnt, reference = load_model(), references["figure_8"]
     model = step_model(learnt, learnt.prior())
     command = reference.input(START)
-    controller = MpcController(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1]))
+    controller = MpcController(Mpc(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1])))
     context = controller.CreateDefaultContext()
     lagged = command - np.array([0.05, 20.0])
     controller.GetInputPort("memory").FixValue(context, lagged)
@@ -183,14 +179,10 @@ class BrokenOnceMoved(NominalStepModel):
 
 def test_a_later_iteration_that_fails_leaves_the_plan_of_those_before(references: dict[str, Reference]) -> None:
     command = references["figure_8"].input(START)
-    controller = MpcController(
-        BrokenOnceMoved(PARAMETERS),
-        PARAMETERS,
-        references["figure_8"],
-        HORIZON,
-        options=dataclasses.replace(SqpOptions.real_time(3), defect_tolerance=0.0),
-        initial_command=(float(command[0]), float(command[1])),
-    )
+    options = dataclasses.replace(SqpOptions.real_time(3), defect_tolerance=0.0)
+    mpc = Mpc(BrokenOnceMoved(PARAMETERS), PARAMETERS, references["figure_8"], HORIZON, options=options,
+              initial_command=(float(command[0]), float(command[1])))  # fmt: skip
+    controller = MpcController(mpc)
     context = controller.CreateDefaultContext()
     tick(controller, context, 0.0, measured(controller))
     assert np.isfinite(plan(controller, context)).all()

@@ -55,8 +55,8 @@ class PathPlant:
 
     A plant has `declare`, in which it names its continuous state (of which the first ten are `PLANT_STATES`) and calls
     `declare_numbers` with its constants and its effects' magnitudes; `car`, which gives these their names; `settled`,
-    the states behind the ten of a car that has been as it is for long; `rates` and
-    `acceleration`, and both `compiled_`. `plant_template` makes the system of it.
+    the states behind the ten of a car that has been as it is for long; `rates` of the state, with the body's
+    acceleration (a_x, a_y) behind them, and `compiled_rates`. `plant_template` makes the system of it.
     """
 
     path: CurvedPath | None
@@ -128,22 +128,20 @@ class PathPlant:
 
     def DoCalcTimeDerivatives(self: Any, context: Any, derivatives: Any) -> None:  # noqa: N802
         x = context.get_continuous_state_vector().CopyToVector()
-        u, (wrench, p, q) = self._actuation.Eval(context), self._given.Eval(context)
         curvature = self.path_curvature(context, x[6])
         if self.scalar is float:
             self.check_finite(x, context)
-            rates = self.compiled_rates(x, u, wrench, curvature, p, q)
-        else:
-            rates = self.rates(x, u, wrench, curvature, *self.car(p, q))
-        derivatives.SetFromVector(rates)
+        derivatives.SetFromVector(self._rates(context, x, curvature)[:-2])
 
     def _calc_acceleration(self: Any, context: Any, output: Any) -> None:
         x = context.get_continuous_state_vector().CopyToVector()
+        output.SetFromVector(self._rates(context, x, 0.0)[-2:])  # the path does not enter
+
+    def _rates(self: Any, context: Any, x: Any, curvature: Any) -> Any:
         u, (wrench, p, q) = self._actuation.Eval(context), self._given.Eval(context)
         if self.scalar is float:
-            output.SetFromVector(self.compiled_acceleration(x, u, wrench, p, q))
-        else:
-            output.SetFromVector(self.acceleration(x, u, wrench, *self.car(p, q)))
+            return self.compiled_rates(x, u, wrench, curvature, p, q)
+        return self.rates(x, u, wrench, curvature, *self.car(p, q))
 
     def placed(self, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None) -> tuple[float, ...]:
         """Values of `PLANT_STATES` at one of the paper's six states, `s` [m] along the path.

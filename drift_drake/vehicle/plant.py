@@ -29,31 +29,24 @@ def acts_on_motion(effects: Effects) -> bool:
 
 
 @jitable
-def nominal_motion(x: Any, u: Any, wrench: Any, p: Constants) -> Any:
-    """`bicycle.motion` at the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment)."""
-    return motion(x[0], x[1], x[2], x[3], u[0], u[1], p, wrench[0], wrench[1], wrench[2])
-
-
-@jitable
-def changed_motion(x: Any, u: Any, wrench: Any, p: Constants, q: Effects) -> Any:
-    """`effects.motion_with_effects` at the plant's state x, with the effects' states behind the ten of the car."""
-    memory = Memory(*fixed_tuple(x[10:], MEMORIES))
-    return motion_with_effects(x[0], x[1], x[2], x[3], x[9], memory, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2])
-
-
-@jitable
 def nominal_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants) -> tuple[Any, ...]:
-    """Rates of `PLANT_STATES`."""
-    m = nominal_motion(x, u, wrench, p)
-    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
+    """Rates of `PLANT_STATES` at the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment).
+
+    Behind them (a_x, a_y) [m/s^2].
+    """
+    m = motion(x[0], x[1], x[2], x[3], u[0], u[1], p, wrench[0], wrench[1], wrench[2])
+    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature), m.a_x, m.a_y)
 
 
 @jitable
 def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> tuple[Any, ...]:
-    """Rates of `PLANT_STATES_WITH_MEMORY`."""
-    m, memory = changed_motion(x, u, wrench, p, q)
+    """The same of `PLANT_STATES_WITH_MEMORY` with effects."""
+    memory = Memory(*fixed_tuple(x[10:], MEMORIES))
+    m, own = motion_with_effects(
+        x[0], x[1], x[2], x[3], x[9], memory, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2]
+    )
     rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
-    return (*rates, *memory[:])  # a slice is a plain tuple, which numba can add
+    return (*rates, *own[:], m.a_x, m.a_y)  # a slice is a plain tuple, which numba can add
 
 
 # The same functions compiled for floats. Constants and magnitudes come as arrays, which compiled code takes faster than
@@ -67,19 +60,6 @@ def _nominal_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array
 def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
     constants, effects = Constants(*fixed_tuple(p, CONSTANTS)), Effects(*fixed_tuple(q, COUNT))
     return np.array(changed_rates(x, u, wrench, curvature, constants, effects))
-
-
-@compiled
-def _nominal_acceleration(x: Array, u: Array, wrench: Array, p: Array) -> Array:
-    m = nominal_motion(x, u, wrench, Constants(*fixed_tuple(p, CONSTANTS)))
-    return np.array((m.a_x, m.a_y))
-
-
-@compiled
-def _changed_acceleration(x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
-    constants, effects = Constants(*fixed_tuple(p, CONSTANTS)), Effects(*fixed_tuple(q, COUNT))
-    m = changed_motion(x, u, wrench, constants, effects)[0]
-    return np.array((m.a_x, m.a_y))
 
 
 class SingleTrackPlant(PathPlant):
@@ -132,7 +112,7 @@ class SingleTrackPlant(PathPlant):
         return settled_memory(*placed[:4], delta, tau, p, q, psi=placed[9]) if self.has_memory else ()
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> Sequence[Any]:
-        """Rates of the state."""
+        """Rates of the state, and behind them (a_x, a_y) [m/s^2] in the body frame."""
         if self.has_memory:
             return changed_rates(x, u, wrench, curvature, p, q)
         return nominal_rates(x, u, wrench, curvature, p)
@@ -142,17 +122,6 @@ class SingleTrackPlant(PathPlant):
         if self.has_memory:
             return _changed_rates(x, u, wrench, curvature, p, q)
         return _nominal_rates(x, u, wrench, curvature, p)
-
-    def acceleration(self, x: Any, u: Any, wrench: Any, p: Constants, q: Effects) -> Sequence[Any]:
-        """(a_x, a_y) [m/s^2] in the body frame."""
-        m = changed_motion(x, u, wrench, p, q)[0] if self.has_memory else nominal_motion(x, u, wrench, p)
-        return m.a_x, m.a_y
-
-    def compiled_acceleration(self, x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
-        """The same on floats, from the Context's numbers."""
-        if self.has_memory:
-            return _changed_acceleration(x, u, wrench, p, q)
-        return _nominal_acceleration(x, u, wrench, p)
 
 
 VehiclePlant_ = plant_template("VehiclePlant_", SingleTrackPlant)

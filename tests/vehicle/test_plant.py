@@ -83,13 +83,15 @@ def test_compiled_derivatives_are_the_plain_ones(wrench):
             else nominal_rates(x, ACTUATION, wrench, 0.03, p)
         )
         rates = plant.EvalTimeDerivatives(context).CopyToVector()
-        np.testing.assert_allclose(rates, plain, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(rates, plain[:-2], rtol=1e-12, atol=1e-12)
         r, v, beta = x[:3]
         body = (
             rates[1] * np.cos(beta) - v * (rates[2] + r) * np.sin(beta),
             rates[1] * np.sin(beta) + v * (rates[2] + r) * np.cos(beta),
         )
-        np.testing.assert_allclose(plant.GetOutputPort("acceleration").Eval(context), body, rtol=1e-10)
+        acceleration = plant.GetOutputPort("acceleration").Eval(context)
+        np.testing.assert_allclose(acceleration, plain[-2:], rtol=1e-12)
+        np.testing.assert_allclose(acceleration, body, rtol=1e-10)
 
 
 def test_curvature_port_goes_before_the_path():

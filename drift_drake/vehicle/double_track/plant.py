@@ -33,19 +33,19 @@ def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
 
 
 @jitable
-def motion_of(x: Any, u: Any, wrench: Any, p: DoubleTrackConstants, q: Effects) -> Any:
-    """`double_track_motion` at the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment)."""
-    own = OwnStates(x[10], x[11], x[12], x[13], x[14], x[15], x[16], x[17], x[18], x[19], x[20], x[21], x[22])
-    return double_track_motion(x[0], x[1], x[2], x[3], x[9], own, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2])
-
-
-@jitable
 def double_track_rates(
     x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects
-) -> tuple[tuple[Any, ...], OwnStates]:
-    """Rates of `PLANT_STATES` and of the car's own states."""
-    m, own = motion_of(x, u, wrench, p, q)
-    return (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature)), own
+) -> tuple[tuple[Any, ...], OwnStates, tuple[Any, Any]]:
+    """Rates of `PLANT_STATES` and of the car's own states, and (a_x, a_y) [m/s^2].
+
+    At the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment).
+    """
+    own = OwnStates(x[10], x[11], x[12], x[13], x[14], x[15], x[16], x[17], x[18], x[19], x[20], x[21], x[22])
+    m, own_rates = double_track_motion(
+        x[0], x[1], x[2], x[3], x[9], own, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2]
+    )
+    rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
+    return rates, own_rates, (m.a_x, m.a_y)
 
 
 # Compiled for floats, which comes with constants and magnitudes as arrays.
@@ -57,19 +57,8 @@ def _named(p: Any) -> DoubleTrackConstants:
 
 @compiled
 def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    first, own = double_track_rates(x, u, wrench, curvature, _named(p), Effects(*fixed_tuple(q, COUNT)))
-    rates = np.empty(23)
-    for i, value in enumerate(first):
-        rates[i] = value
-    for i, value in enumerate(own):
-        rates[10 + i] = value
-    return rates
-
-
-@compiled
-def _acceleration(x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
-    m, _ = motion_of(x, u, wrench, _named(p), Effects(*fixed_tuple(q, COUNT)))
-    return np.array((m.a_x, m.a_y))
+    first, own, acceleration = double_track_rates(x, u, wrench, curvature, _named(p), Effects(*fixed_tuple(q, COUNT)))
+    return np.array(first + own[:] + acceleration)
 
 
 class DoubleTrackCarPlant(PathPlant):
@@ -118,22 +107,13 @@ class DoubleTrackCarPlant(PathPlant):
         return settled_states(*placed[:4], delta, tau, p, q)
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects) -> Sequence[Any]:
-        """Rates of the state."""
-        first, own = double_track_rates(x, u, wrench, curvature, p, q)
-        return (*first, *own)
+        """Rates of the state, and behind them (a_x, a_y) [m/s^2] in the body frame."""
+        first, own, acceleration = double_track_rates(x, u, wrench, curvature, p, q)
+        return (*first, *own, *acceleration)
 
     def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
         """The same on floats, from the Context's numbers."""
         return _rates(x, u, wrench, curvature, p, q)
-
-    def acceleration(self, x: Any, u: Any, wrench: Any, p: DoubleTrackConstants, q: Effects) -> Sequence[Any]:
-        """(a_x, a_y) [m/s^2] in the body frame."""
-        m, _ = motion_of(x, u, wrench, p, q)
-        return m.a_x, m.a_y
-
-    def compiled_acceleration(self, x: Array, u: Array, wrench: Array, p: Array, q: Array) -> Array:
-        """The same on floats, from the Context's numbers."""
-        return _acceleration(x, u, wrench, p, q)
 
 
 def check_supported(effects: Effects) -> None:

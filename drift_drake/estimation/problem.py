@@ -282,6 +282,13 @@ def observe(
     return e if run.trace is None else e + run.trace[since:]
 
 
+def filtered_states(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
+    """Corrected states [rows, SIZE] of one run under frozen gains."""
+    states = np.empty((len(problem.runs[index].y), SIZE))
+    observe(problem, gains, theta, names, index, states=states)
+    return states
+
+
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
     """Innovations that count, of all runs in a row [count], such that half their squares are weighted nats."""
     return np.concatenate([counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)])

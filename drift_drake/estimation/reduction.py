@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, minimise, sensitivity
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, prediction_squares, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
 from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations
 from drift_drake.estimation.run_data import RunData
@@ -87,9 +87,7 @@ def errors_of(
     rough = with_more_process_noise(problem)
     gains = filter_case(rough, theta, names)
     starts = [start_rows(run) for run in problem.runs] if starts is None else starts
-    return [
-        np.minimum(predictions(rough, theta, names, i, gains, some).squares, WORST) for i, some in enumerate(starts)
-    ]
+    return [np.minimum(prediction_squares(rough, theta, names, i, gains, some), WORST) for i, some in enumerate(starts)]
 
 
 def held_out_errors(problem: Problem, fitted: Fit) -> list[np.ndarray]:

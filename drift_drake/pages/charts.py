@@ -22,6 +22,7 @@ FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
 MARGIN = {"l": 48, "r": 12, "t": 34, "b": 40}
 HEAT = "YlOrBr"
 FEW_DECADES = 100.0  # a logarithmic axis of less has labels between the powers of ten
+ASTRAY = 1.5  # times the measured range beyond which a prediction is left out of the picture
 MOST_POINTS = 4000  # of a line: a longer one is thinned
 
 
@@ -52,6 +53,15 @@ class Panel:
     normal: float | None = None
     reach: tuple[float, float] | None = None  # of the y axis at first
     log: bool = False
+
+
+def reach_of(measured: np.ndarray, predicted: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Of an axis that shows all predictions, but for those that go far astray."""
+    low, high = float(np.min(measured)), float(np.max(measured))
+    span, all_of = high - low, np.concatenate(predicted)
+    ends = max(float(np.nanmin(all_of)), low - ASTRAY * span), min(float(np.nanmax(all_of)), high + ASTRAY * span)
+    low, high = min(low, ends[0]), max(high, ends[1])
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
 
 
 def stacked(panels: Sequence[Panel], events: Mapping[str, float] | None = None) -> Markup:

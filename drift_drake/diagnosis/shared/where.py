@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.filter_state import SIZE
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.horizons import JUDGED, STATES
-from drift_drake.estimation.problem import Problem, filter_case, observe
+from drift_drake.estimation.problem import Problem, filter_case, filtered_states
 from drift_drake.estimation.regression import Regression
 
 SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]
@@ -116,8 +115,7 @@ def lags(problem: Problem) -> dict[str, float]:
     gains = filter_case(deaf, theta, ())
     scores: dict[str, dict[int, float]] = {}
     for index, run in enumerate(problem.runs):
-        states = np.empty((len(run.y), SIZE))
-        observe(deaf, gains, theta, (), index, states=states)
+        states = filtered_states(deaf, gains, theta, (), index)
         most = int(LONGEST_LAG / run.period)
         for i, name in enumerate(STATES):
             if run.used[i]:

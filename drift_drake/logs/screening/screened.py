@@ -9,12 +9,10 @@ import numpy as np
 from drift_drake.logs.screening.frozen import frozen
 from drift_drake.logs.screening.rounding import coarse, noise_of, step
 from drift_drake.logs.screening.spikes import filled, spikes
-from drift_drake.logs.table import Run
+from drift_drake.logs.table import UNITS, Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
 ANGLES = ("psi", "beta")  # that may be wrapped
-UNITS = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
-         "ay": "m/s^2"}  # fmt: skip
 LISTED = 3  # spikes of a column that are reported one by one
 
 Span = tuple[int, int]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.logs.driving import driven, reversing, slowest, spans
-from drift_drake.logs.screening.screened import Screened, screened
+from drift_drake.logs.screening.screened import screened
 from drift_drake.logs.table import SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -26,7 +26,7 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     kept: list[Run] = []
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
-        frozen = _long(one)
+        frozen = one.mask(LONGEST_FILLED / run.period)
         least = least_rows(run)
         parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
         why = _reasons(run, vehicle, frozen)
@@ -46,15 +46,6 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
 def least_rows(run: Run) -> int:
     """Rows that a part has to have."""
     return max(round(LEAST_PART / run.period), SHORTEST_RUN)
-
-
-def _long(one: Screened) -> np.ndarray:
-    """Rows [rows] (bool) of bad samples that last too long to be filled."""
-    rows = np.zeros(len(one.run), dtype=np.bool_)
-    for part in one.bad:
-        if part.stop - part.start > LONGEST_FILLED / one.run.period:
-            rows[part.start : part.stop] = True
-    return rows
 
 
 def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from drift_drake.logs.importing.checks import disagreement
 from drift_drake.logs.importing.clock import estimate_offset
 from drift_drake.logs.importing.mapping import Align, Clock, RecorderMapping
-from drift_drake.logs.importing.motion_capture import Stretch
 from drift_drake.logs.importing.recording import Readings, Recording
-from drift_drake.logs.importing.stretches import LARGEST_GAP
+from drift_drake.logs.importing.stretches import LARGEST_GAP, Stretch
 from drift_drake.logs.importing.units import QUANTITIES, dimension
 
 Array = NDArray[np.float64]

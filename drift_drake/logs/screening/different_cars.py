@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.relations import Relation, relations
+from drift_drake.logs.screening.relations import KINDS, Relation, relations
 from drift_drake.logs.screening.windows import Windows
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -24,9 +24,10 @@ def disagreements(names: Sequence[str], windows: Windows, vehicle: VehicleParame
         known = {i: size for i, size in sizes.items() if size is not None}
         if len(known) < 2 or max(known.values()) < factor * min(known.values()):
             continue
-        says = next(relation.says for relation in by_run[next(iter(known))] if relation.name == name)
         odd, usual = _odd_one(known)
-        reported.setdefault(odd, []).append(f"{says} is {known[odd]:.3g} there and {usual:.3g} in the others")
+        reported.setdefault(odd, []).append(
+            f"{KINDS[name].says} is {known[odd]:.3g} there and {usual:.3g} in the others"
+        )
     return [
         (
             f"{names[index]} disagrees with the other runs ({'; '.join(texts)}): is it the same car, logged in the "

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from drift_drake.logs.driving import in_spans, spans
 from drift_drake.logs.white_noise import white_noise_level
 
 LONGEST = 5  # rows of a spike; what lasts longer may be the car
@@ -37,15 +38,12 @@ def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]
             break
         found += new
         cleaned = filled(values, found)
-    return _joined(found)
+    return spans(in_spans(found, len(values)))
 
 
-def filled(values: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
-    """The signal [n] with spans of rows on the line between the rows beside them."""
-    good = np.ones(len(values), dtype=np.bool_)
-    for start, stop in spans:
-        good[start:stop] = False
-    rows = np.arange(len(values))
+def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The signal [n] with bad spans of rows on the line between the rows beside them."""
+    good, rows = ~in_spans(bad, len(values)), np.arange(len(values))
     return np.where(good, values, np.interp(rows, rows[good], values[good]))
 
 
@@ -91,14 +89,3 @@ def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> 
     half_range = 0.5 * (high - low)
     apart = np.abs(rest[:, BESIDE : BESIDE + width] - 0.5 * (high + low)[:, None])
     return np.min(apart, axis=1) - half_range, half_range
-
-
-def _joined(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Spans in order, those that touch made one."""
-    joined: list[tuple[int, int]] = []
-    for start, stop in sorted(spans):
-        if joined and start <= joined[-1][1]:
-            joined[-1] = (joined[-1][0], max(stop, joined[-1][1]))
-        else:
-            joined.append((start, stop))
-    return joined

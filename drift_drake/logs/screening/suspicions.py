@@ -74,7 +74,7 @@ def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list
     for mistake in mistakes(vehicle):
         touched = [relation for relation in found if _power(relation, mistake) != 0]
         # Every column of the mistake has to be seen.
-        if not all(any(column in relation.powers for relation in touched) for column in mistake.columns):
+        if not all(any(column in relation.kind.powers for relation in touched) for column in mistake.columns):
             continue
         size = _best_size(mistake, touched)
         changes = dict.fromkeys(mistake.columns, size)
@@ -95,22 +95,22 @@ def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list
 
 def _power(relation: Relation, mistake: Mistake) -> int:
     """Power with which the mistake's factor enters the relation; its columns may cancel."""
-    return sum(relation.powers.get(column, 0) for column in mistake.columns)
+    return sum(relation.kind.powers.get(column, 0) for column in mistake.columns)
 
 
 def _best_size(mistake: Mistake, touched: Sequence[Relation]) -> float:
     """The factor; of a range, the one that the relation held most tightly asks for."""
     if mistake.low == mistake.high or not touched:
         return mistake.low
-    tight = min(touched, key=lambda relation: relation.tolerance)
+    tight = min(touched, key=lambda relation: relation.kind.tolerance)
     asked = tight.size ** (1.0 / _power(tight, mistake))
     return float(min(max(asked, mistake.low), mistake.high))
 
 
 def _left(relation: Relation, changes: dict[str, float]) -> float:
     """How far off the relation is, in tolerances, once the factors are taken out."""
-    out = sum(power * math.log(changes[column]) for column, power in relation.powers.items() if column in changes)
-    return relation.off - out / relation.tolerance
+    out = sum(power * math.log(changes[column]) for column, power in relation.kind.powers.items() if column in changes)
+    return relation.off - out / relation.kind.tolerance
 
 
 def _cost(found: Sequence[Relation], changes: dict[str, float]) -> float:
@@ -120,11 +120,11 @@ def _cost(found: Sequence[Relation], changes: dict[str, float]) -> float:
 def _suspicion(
     column: str, mistake: Mistake, size: float, found: Sequence[Relation], rivals: Sequence[Mistake]
 ) -> Suspicion:
-    witnesses = [relation for relation in found if column in relation.powers and abs(relation.off) > SUSPECT]
-    evidence = "; ".join(f"{relation.says} is {relation.size:.3g}" for relation in witnesses)
+    witnesses = [relation for relation in found if column in relation.kind.powers and abs(relation.off) > SUSPECT]
+    evidence = "; ".join(f"{relation.kind.says} is {relation.size:.3g}" for relation in witnesses)
     seen = [relation for relation in witnesses if len(mistake.columns) == 1 or _power(relation, mistake)]
-    measured = min(seen or witnesses or found, key=lambda relation: relation.tolerance)
-    power = measured.powers.get(column, 1)
+    measured = min(seen or witnesses or found, key=lambda relation: relation.kind.tolerance)
+    power = measured.kind.powers.get(column, 1)
     says = "an engine behind gear_ratio gives" if column == "tau_cmd" else "other columns say"
     times = f"{measured.size ** (1.0 / power):.3g} times what {says}"
     what = "the clock t" if column == "t" else f"column {column}"
@@ -137,18 +137,17 @@ def _suspicion(
 
 def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
     """The fewest columns whose mirroring makes all signs agree."""
-    signed = [
-        relation for relation in found
-        if relation.mirrors and relation.likeness >= (MIRRORED if len(relation.mirrors) > 1 else MIRRORED_FORWARD)
-    ]  # fmt: skip
+    least = {1: MIRRORED_FORWARD, 2: MIRRORED}  # by the number of columns that a relation holds against each other
+    signed = [at for at in found if at.kind.mirrors and at.likeness >= least[len(at.kind.mirrors)]]
     wrong = [relation for relation in signed if relation.sign < 0.0]
     if not wrong:
         return [], []
-    columns = [name for name in SIGNS if any(name in relation.mirrors for relation in signed)]
+    columns = [name for name in SIGNS if any(name in relation.kind.mirrors for relation in signed)]
 
     def agree(flipped: Sequence[str]) -> bool:
         return all(
-            relation.sign * (-1.0) ** sum(name in flipped for name in relation.mirrors) > 0.0 for relation in signed
+            relation.sign * (-1.0) ** sum(name in flipped for name in relation.kind.mirrors) > 0.0
+            for relation in signed
         )
 
     for count in range(1, len(columns) + 1):
@@ -161,7 +160,9 @@ def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
     either = f"; or {', or '.join(' and '.join(choice) for choice in others)} instead" if others else ""
     reported = []
     for column in first:
-        evidence = "; ".join(f"{relation.says} is negative" for relation in wrong if column in relation.mirrors)
+        evidence = "; ".join(
+            f"{relation.kind.says} is negative" for relation in wrong if column in relation.kind.mirrors
+        )
         axis = " (or x)" if column == "y" else ""
         sentence = (
             f"column {column}{axis} looks mirrored, against the other columns{either}: the log is ISO 8855 (x forward, "

@@ -13,9 +13,9 @@ from drift_drake.plain_files import check_file
 READERS = {  # of an ending: module, function, what the format is called, the extra that it needs
     ".csv": ("tables", "read_csv", "CSV", ""),
     ".parquet": ("tables", "read_parquet", "Parquet", "parquet"),
-    ".mcap": ("mcap_file", "read_mcap", "MCAP", "ros"),
-    ".bag": ("ros_bag", "read_bag", "ROS bags", "ros"),
-    ".db3": ("ros_bag", "read_bag", "ROS bags", "ros"),
+    ".mcap": ("ros", "read_mcap", "MCAP", "ros"),
+    ".bag": ("ros", "read_bag", "ROS bags", "ros"),
+    ".db3": ("ros", "read_bag", "ROS bags", "ros"),
     ".mf4": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".mdf": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".dat": ("mdf4", "read_mdf", "MDF", "mdf"),

@@ -17,10 +17,16 @@ from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
-from drift_drake.diagnosis.another_day.not_excluded import not_excluded
-from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
+from drift_drake.diagnosis.another_day.posterior import (
+    PRIORS,
+    at_bound,
+    interval,
+    not_excluded,
+    ranked,
+    tells_from_zero,
+)
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
+from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
@@ -58,7 +64,7 @@ class DayDiagnosis:
 
     answer: Answer
     search: Search
-    ranked: Ranked
+    ranked: Ranked[Hypothesis]
     reduction: Reduction
 
 
@@ -91,8 +97,9 @@ def diagnose_day(
     tell("how far it shrinks", 0.8)
     found, shrinks = ranked_hypotheses(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        beyond = judged_by_errors(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
-        found, shrinks = beyond.ranked, beyond.reduction
+        found, shrinks = judged_by_errors(
+            search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
+        )
         warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
     limits = detection_limits(search, search.curves)
@@ -135,7 +142,7 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
 
 
 def details_of(
-    search: Search, found: Ranked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+    search: Search, found: Ranked[Hypothesis], shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
 ) -> dict[str, Any]:
     """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
     h, named = found.leading, found.verdict == "effect"
@@ -179,7 +186,7 @@ def search_of(
 
 def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
-) -> tuple[Ranked, Reduction]:
+) -> tuple[Ranked[Hypothesis], Reduction]:
     """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
     counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)

@@ -11,11 +11,7 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge_hypotheses
 from drift_drake.diagnosis.likelihood.learned import learned
 from drift_drake.diagnosis.likelihood.search import Found, search
-from drift_drake.diagnosis.shared.posterior import (
-    HypothesisPosterior,
-    PosteriorConstants,
-    read_constants,
-)
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, read_constants
 from drift_drake.diagnosis.shared.where import locate
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
@@ -45,7 +41,7 @@ class Diagnosis:
     answer: Answer
     problem: Problem
     found: Found
-    posterior: HypothesisPosterior
+    posterior: Ranked[Fit]
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
@@ -105,8 +101,8 @@ def diagnose(
     warnings += judged.warnings(problem)
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
-    return Diagnosis(answer, problem, found, judged.posterior, judged.posterior.fit, judged.reduction, judged.left[0],
-                     lacking)  # fmt: skip
+    posterior = judged.posterior
+    return Diagnosis(answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking)
 
 
 def find_gap(

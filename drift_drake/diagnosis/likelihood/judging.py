@@ -12,8 +12,8 @@ from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.diagnosis.likelihood.nearest import nearest
 from drift_drake.diagnosis.shared.posterior import (
     UNKNOWN,
-    HypothesisPosterior,
     PosteriorConstants,
+    Ranked,
     hypothesis_name,
     implausibility,
     make_posterior,
@@ -38,7 +38,7 @@ class Judged:
 
     hypotheses: list[tuple[Fit, float]]  # with their evidence, the best first; without causes that remove nothing
     best: Fit
-    posterior: HypothesisPosterior
+    posterior: Ranked[Fit]
     reduction: Reduction
     left: list[Regression]  # pulses and functions of state that the best hypothesis leaves
     calibration: PosteriorConstants
@@ -55,7 +55,7 @@ class Judged:
 
     def intervals(self, vehicle: VehicleParameters) -> dict[str, Interval]:
         """Of the causes, or of the leading hypothesis's."""
-        fit = self.posterior.fit
+        fit = self.posterior.leading
         return {name: magnitude_interval(fit, name, self.calibration, vehicle) for name in fit.names}
 
     def magnitudes(self, vehicle: VehicleParameters) -> dict[str, Interval]:
@@ -69,14 +69,14 @@ class Judged:
 
     def as_data(self, problem: Problem, names: Sequence[str]) -> dict[str, Any]:
         """An answer's details; `names`: the effects that were considered."""
-        fit, calibration = self.posterior.fit, self.calibration
+        fit, calibration = self.posterior.leading, self.calibration
         beside: dict[str, Any] = {}
         if self.posterior.verdict == "none":
             beside["detection"] = isolability(problem, self.nothing, names, small=True).limits(problem.vehicle)
         if self.posterior.verdict == UNKNOWN:
             causes = hypothesis_name(fit.names)
             fitted = self.intervals(problem.vehicle)
-            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted).as_data()
+            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted)
         return {
             "reduction_by_state": self.reduction.by_state,
             "reduction_by_horizon": self.reduction.by_horizon,
@@ -97,7 +97,7 @@ class Judged:
         seconds: float,
     ) -> Answer:  # fmt: skip
         """What is said of the case."""
-        posterior, tolerances = self.posterior, self.posterior.fit.theta[:TOLERANCES]
+        posterior, tolerances = self.posterior, self.posterior.leading.theta[:TOLERANCES]
         return Answer(
             case=case,
             verdict=posterior.verdict,
@@ -134,14 +134,14 @@ def judge_hypotheses(
     for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
         if posterior.verdict != "effect" or shrinks.estimate > 0.0:
             break
-        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.fit.names]
+        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.leading.names]
         posterior = make_posterior(hypotheses, gain, count, calibration)
         shrinks = _shrinks(problem, posterior, best)
     return Judged(hypotheses, best, posterior, shrinks, left, calibration)
 
 
-def _shrinks(problem: Problem, posterior: HypothesisPosterior, best: Fit) -> Reduction:
-    return reduction(problem, posterior.fit if posterior.verdict == "effect" else no_effects(problem), best)
+def _shrinks(problem: Problem, posterior: Ranked[Fit], best: Fit) -> Reduction:
+    return reduction(problem, posterior.leading if posterior.verdict == "effect" else no_effects(problem), best)
 
 
 def refine_noise(problem: Problem, fit: Fit) -> Problem:

@@ -17,37 +17,27 @@ from drift_drake.estimation.reduction import folds, held_out_thetas, with_folds
 from drift_drake.estimation.regression import Equations, left_over, regress, solve_equations, summed_equations
 
 
-@dataclasses.dataclass(frozen=True)
-class Nearest:
-    """The best known hypothesis beside a verdict of `unknown`, and the free forces' ceiling."""
+def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dict[str, Interval]) -> dict[str, Any]:
+    """The best known hypothesis and free forces judged on held-out blocks, for an answer's details.
 
-    name: str  # "none" if no effect comes nearer than the car as it is
-    magnitudes: dict[str, Interval]
-    removes: float  # share of the nominal car's squared innovations, on blocks that were not fitted
-    free_forces_remove: float  # the same of functions of the state beside the car without effects
-
-    def as_data(self) -> dict[str, Any]:
-        """Plain data, for an answer's details."""
-        return dataclasses.asdict(self)
-
-
-def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dict[str, Interval]) -> Nearest:
-    """Judges the best known hypothesis and free forces on held-out blocks.
+    `removes` is the hypothesis's share of the nominal car's squared innovations, `free_forces_remove` that of functions
+    of the state beside the car without effects.
 
     Args:
-        fit: of the best known hypothesis; nothing: of the car without effects.
+        name: of the hypothesis, "none" if no effect comes nearer than the car as it is; fit: of it; nothing: of the car
+            without effects; magnitudes: of the hypothesis.
     """
-    before = squares(problem, np.zeros(problem.nuisances), (), all_rows(problem))
+    before = squares(problem, np.zeros(problem.nuisances), (), np.ones(problem.count, dtype=bool))
     known = sum(
         squares(problem, theta, fit.names, rows)
         for theta, rows in zip(held_out_thetas(problem, fit), folds(problem), strict=True)
     )
-    return Nearest(name, magnitudes, 1.0 - known / before, 1.0 - free_squares(problem, nothing) / before)
-
-
-def all_rows(problem: Problem) -> np.ndarray:
-    """Every measurement that counts [count]."""
-    return np.ones(problem.count, dtype=bool)
+    return {
+        "name": name,
+        "magnitudes": {effect: dataclasses.asdict(m) for effect, m in magnitudes.items()},
+        "removes": 1.0 - known / before,
+        "free_forces_remove": 1.0 - free_squares(problem, nothing) / before,
+    }
 
 
 def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: np.ndarray) -> float:

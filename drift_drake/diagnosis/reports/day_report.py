@@ -8,11 +8,12 @@ import numpy as np
 from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-from drift_drake.diagnosis.another_day.gap import STATES, squares
+from drift_drake.diagnosis.another_day.gap import squares
 from drift_drake.diagnosis.reports.limit_rows import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import LOST, Normal
 from drift_drake.estimation.robust_fit import MAD
 from drift_drake.estimation.scores import Day

@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -44,29 +44,37 @@ def locate(
     judged = [np.nan_to_num(e[:, JUDGED]) for e in excess]
     by_state = shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
     by_run = shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
-    onset = {}
-    for run, e, first in zip(problem.runs, judged, rows, strict=True):
-        total = np.cumsum(np.maximum(e.sum(axis=1), 0.0))
-        if by_run[run.name] > LEAST_SHARE and total[-1] > 0.0:
-            onset[run.name] = float(first[int(np.searchsorted(total, ONSET * total[-1]))] * run.period)
+    gaps = [
+        (run.name, e.sum(axis=1), first * run.period) for run, e, first in zip(problem.runs, judged, rows, strict=True)
+    ]
     channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
     if pushes is not None and len(pushes.weights):
         power = [float(np.sum(pushes.weights[pushes.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
         channels = shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
     grip = problem.nominal.friction * problem.nominal.gravity
-    region = np.concatenate(
-        [
-            region_of(run.y[first, 1], run.y[first, 0], run.y[first, 2], grip)
-            for run, first in zip(problem.runs, rows, strict=True)
-        ]
-    )
-    excess_of_all = np.concatenate([e.sum(axis=1) for e in judged])
-    return Where(by_state, by_run, channels, regions(excess_of_all, region), onset, lags(problem))
+    places = [run.y[first] for run, first in zip(problem.runs, rows, strict=True)]
+    region = np.concatenate([region_of(y[:, 1], y[:, 0], y[:, 2], grip) for y in places])
+    excess_of_all = np.concatenate([gap for _, gap, _ in gaps])
+    return Where(by_state, by_run, channels, regions(excess_of_all, region), onsets(by_run, gaps), lags(problem))
 
 
 def shares(parts: dict[str, float]) -> dict[str, float]:
     total = sum(max(p, 0.0) for p in parts.values())
     return {name: (max(p, 0.0) / total if total > 0.0 else 0.0) for name, p in parts.items()}
+
+
+def onsets(by_run: dict[str, float], gaps: Iterable[tuple[str, np.ndarray, np.ndarray]]) -> dict[str, float]:
+    """When the gap has set in [s], of each run that holds some of it.
+
+    Args:
+        by_run: share of each; gaps: name of a run, its gap and the times [s] of that [starts].
+    """
+    out = {}
+    for name, gap, t in gaps:
+        total = np.cumsum(np.maximum(gap, 0.0))
+        if by_run[name] > LEAST_SHARE and total[-1] > 0.0:
+            out[name] = float(t[int(np.searchsorted(total, ONSET * total[-1]))])
+    return out
 
 
 def region_of(v: np.ndarray, r: np.ndarray, beta: np.ndarray, grip: float) -> np.ndarray:
@@ -97,9 +105,7 @@ def regions(excess: np.ndarray, region: np.ndarray) -> list[str]:
         excess: squared errors beyond the floor [starts]; region: of each start (`region_of`).
     """
     names = region_names()
-    total, count = np.zeros(len(names)), np.zeros(len(names))
-    np.add.at(total, region, excess)
-    np.add.at(count, region, 1.0)
+    total, count = np.bincount(region, excess, len(names)), np.bincount(region, minlength=len(names))
     gap = float(np.sum(np.maximum(total, 0.0)))
     mean = total / np.maximum(count, 1.0)
     if gap <= 0.0:

@@ -11,9 +11,8 @@ import tyro
 
 from drift_drake import safe_files
 from drift_drake.command_line import command_line
-from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.diagnosis.answers.provenance import all_answered
-from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
 from drift_drake.estimation.part import MOST_SECONDS, PIECE
 from drift_drake.executors import ExecutorConfig

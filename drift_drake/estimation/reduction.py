@@ -163,9 +163,14 @@ def mean_squares(errors: np.ndarray) -> list[float]:
     return [float(total / count) if count else float("nan") for total, count in zip(sums, counts, strict=True)]
 
 
+def at_judged(errors: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Errors [starts, states] half a second ahead, of those of all horizons."""
+    return [part[:, JUDGED] for part in errors]
+
+
 def share_removed(before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> float:
-    """Share of the gap at half a second that `after` removes, from the squared errors of all runs."""
-    return removed_share(*(sum(float(np.nansum(run[:, JUDGED])) for run in part) for part in (before, after, floor)))
+    """Share of the gap at half a second that `after` removes, from the squared errors there of all runs."""
+    return removed_share(*(sum(float(np.nansum(run)) for run in part) for part in (before, after, floor)))
 
 
 def removed_share(before: float, after: float, floor: float) -> float:

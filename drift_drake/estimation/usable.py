@@ -1,4 +1,4 @@
-"""The parts of runs that an estimator can use: forwards, moving, not spun, and measured."""
+"""What an estimator can use of runs: parts that go forwards, not spun, and measured; effects that the columns show."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -7,7 +7,8 @@ import numpy as np
 
 from drift_drake.logs.driving import driven, reversing, slowest, spans
 from drift_drake.logs.screening.screened import screened
-from drift_drake.logs.table import SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.logs.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 LEAST_PART = 1.5  # [s]
@@ -41,6 +42,17 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
             kept.append(dataclasses.replace(run.rows(a, b), name=name, recording=run.name))
     _check_enough(runs, kept, vehicle)
     return kept, warnings
+
+
+def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects that the columns of the log can show, and a warning about missing columns and the others."""
+    missing = [name for name in OPTIONAL if any(run.column(name) is None for run in runs)]
+    kept = [name for name in names if not set(CATALOGUE[name].needs) & set(missing)]
+    lost = [name for name in names if name not in kept]
+    if not missing:
+        return kept, []
+    what = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
+    return kept, [f"{what}: {', '.join(lost)} cannot be judged without" if lost else what]
 
 
 def least_rows(run: Run) -> int:

@@ -1,14 +1,15 @@
 """A car calibrated by the likelihood of the diagnosis's filter: exact where innovations are white."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from drift_drake.estimation.fit import cost_of, parameter_limits
+from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.estimation.prior import scale
-from drift_drake.estimation.problem import Problem, flat, make_problem
-from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
+from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
+from drift_drake.estimation.usable import seen_effects
 from drift_drake.identification.calibration import Calibration, Identification, Parameter
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
@@ -26,16 +27,17 @@ from drift_drake.identification.unknowns import (
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
 STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
 HARDLY = 1e-3  # of an effect's range
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
-TWO_SIDED = 1.96
 LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are not, half a second ahead in both
+ABSOLUTE = ("front_axle_distance", "steering_offset")  # tolerances with a unit; the others are relative
+FIELD = {"torque": "gear_ratio"}  # the parameter that a deviation changes, where it has another name
 STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
 
 Progress = Callable[[str, float], None]
@@ -188,6 +190,54 @@ def summarise(
         )  # fmt: skip
     sigmas = np.array([p.deviation for p in parameters.values()])
     return parameters, correlation, correlation * np.outer(sigmas, sigmas)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """An unknown's value is `origin + factor * theta`, in `unit`."""
+
+    name: str
+    origin: float
+    factor: float
+    unit: str
+
+
+def scales(problem: Problem, vehicle: VehicleParameters, names: Sequence[str], units: dict[str, str]) -> list[Scale]:
+    """How the vehicle's own parameters and the effects `names` follow from theta, in the order of `places`."""
+    out = []
+    fields = {field.name: field.metadata for field in dataclasses.fields(VehicleParameters)}
+    for name in PARAMETERS:
+        tolerance = float(problem.tolerance[NUISANCES.index(name)])
+        if name == "steering_offset":
+            out.append(Scale(name, 0.0, tolerance, "rad"))
+            continue
+        field = FIELD.get(name, name)
+        value = float(getattr(vehicle, field))
+        out.append(Scale(field, value, tolerance * (1.0 if name in ABSOLUTE else value), fields[field]["unit"]))
+    return out + [Scale(name, 0.0, 1.0, units[name]) for name in names]
+
+
+def places(problem: Problem, names: Sequence[str]) -> np.ndarray:
+    """Indices in theta of the vehicle's own parameters and of the effects `names`."""
+    return np.concatenate([np.arange(len(PARAMETERS)), problem.nuisances + np.arange(len(names))])
+
+
+def calibrated_vehicle(
+    problem: Problem, vehicle: VehicleParameters, theta: np.ndarray, names: Sequence[str], deviations: dict[str, float]
+) -> tuple[VehicleParameters, Effects]:
+    """The vehicle and effects at theta, with posterior standard deviations (in units of `scales`) for tolerances."""
+    constants, effects = car(problem, theta, names)
+    fixed = ("gravity", "front_coupling", "tyre")
+    changes = {name: value for name, value in constants._asdict().items() if name not in fixed}
+    if problem.rim_fed:
+        changes["rear_axle_inertia"] = vehicle.rear_axle_inertia
+    tolerances = {}
+    for name in PARAMETERS:
+        field = FIELD.get(name, name)
+        tolerances[name] = deviations[field] / (1.0 if name in ABSOLUTE else changes[field])
+    tolerance: Tolerance = dataclasses.replace(vehicle.tolerance, **tolerances)
+    kept = {name: float(getattr(effects, name)) for name in {*names, "steering_offset"}}
+    return vehicle.replace(**changes, tolerance=tolerance), make_effects(kept)
 
 
 def negligible(found: Estimate) -> list[str]:

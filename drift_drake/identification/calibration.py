@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any
 
-from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import Everyday
 from drift_drake.identification.estimate import Trust
@@ -47,11 +46,6 @@ class Calibration:
     criterion: str = "likelihood"  # or "prediction"
     normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
     watching: dict[str, Any] | None = None  # `monitoring.calibrated.NormalScores`, for `drift-drake watch`
-
-    def interval(self, name: str) -> Interval:
-        """Estimate and 95 % interval of a parameter."""
-        p = self.parameters[name]
-        return Interval(p.estimate, p.low, p.high)
 
     def sentence(self) -> str:
         """What was reached, in one sentence."""

@@ -12,7 +12,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drift_drake.monitoring.evidence import TWO_SIDED, EvidenceProblem, whitened
+from drift_drake.estimation.interval import TWO_SIDED
+from drift_drake.monitoring.evidence import EvidenceProblem, whitened
 from drift_drake.monitoring.history import Sums, no_sums
 
 Level = Literal["fleet", "car", "day"]

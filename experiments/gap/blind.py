@@ -30,8 +30,7 @@ from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.drake_cases import drake_case
 from drift_drake.benchmarks.scores import score_text, scores
 from drift_drake.benchmarks.truths import Truth, drawn_truth
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.answers.row import answer_row
+from drift_drake.diagnosis.answers.answer import answer_row, read_answer
 from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.executors import ExecutorConfig, run_jobs

@@ -7,7 +7,7 @@ from drift_drake.diagnosis.likelihood.diagnose import find_gap
 from drift_drake.estimation import horizons
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import HORIZONS, prediction_squares, start_rows
+from drift_drake.estimation.horizons import prediction_squares, start_rows
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.reduction import (
     FOLDS,
@@ -40,7 +40,7 @@ def test_blocks_take_turns_in_being_held_out(problem):
 
 def test_shares_count_from_the_floor():
     def part(value):
-        return [np.full((5, len(HORIZONS), 4), value)]
+        return [np.full((5, 4), value)]
 
     assert share_removed(part(11.0), part(2.0), part(1.0)) == pytest.approx(0.9)
     assert share_removed(part(11.0), part(21.0), part(1.0)) == pytest.approx(-1.0)

@@ -31,9 +31,8 @@ from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
 from drift_drake.estimation.scores import Day, make_day
-from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
-from drift_drake.estimation.usable import usable
+from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run

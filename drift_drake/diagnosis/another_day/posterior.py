@@ -15,7 +15,7 @@ from drift_drake.diagnosis.shared.posterior import (
     ranked_by,
 )
 from drift_drake.diagnosis.shared.ranges import Range, at_end
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.interval import TWO_SIDED, Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = PosteriorConstants(
@@ -28,7 +28,6 @@ STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
 tyres are not the equations' (validation days)."""
 OF_SCATTER = 0.7  # by which magnitudes scatter less than detection is guarded against (validation days)
-TWO_SIDED = 1.96
 
 
 def ranked(

@@ -154,6 +154,25 @@ def without_rivals(answer: Answer) -> str:
     )
 
 
+def answer_row(answer: Answer) -> dict[str, Any]:
+    """An answer as a row of a table: verdict, probability, share of the gap removed, causes with intervals."""
+    causes = "+".join(sorted(answer.causes))
+    row = {
+        "case": answer.case,
+        "verdict": answer.verdict,
+        "causes": causes,
+        "probability": answer.posterior.get(causes or answer.verdict),
+        "reduction": answer.reduction.estimate,
+        "reduction_low": answer.reduction.low,
+        "reduction_high": answer.reduction.high,
+        "warnings": len(answer.warnings),
+        "seconds": answer.seconds,
+    }
+    for name, magnitude in answer.magnitudes.items():
+        row |= {name: magnitude.estimate, f"{name}_low": magnitude.low, f"{name}_high": magnitude.high}
+    return row
+
+
 def _removed(share: float | None) -> str:
     """A share of errors that is removed; what adds to them removes nothing. None: it is not known."""
     if share is None:

@@ -21,8 +21,7 @@ from drift_drake.estimation.part import MOST_SECONDS, part_of
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
 from drift_drake.estimation.regression import Regression
-from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.estimation.usable import usable
+from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.threads import one_blas_thread
@@ -31,7 +30,6 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Progress = Callable[[str, float], None]
-MOST_REFUSED = 4  # causes that remove nothing
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,8 +21,7 @@ from drift_drake.diagnosis.shared.posterior import (
 from drift_drake.estimation.everyday import traced
 from drift_drake.estimation.fit import Fit, no_effects
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.interval import Interval
-from drift_drake.estimation.noise import refined_levels
+from drift_drake.estimation.interval import TWO_SIDED, Interval
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case
 from drift_drake.estimation.reduction import Reduction, reduction
@@ -30,6 +29,7 @@ from drift_drake.estimation.regression import Regression
 from drift_drake.vehicle.parameters import VehicleParameters
 
 MOST_REFUSED = 4  # causes that remove nothing
+MOST_REFINED = 0.08  # share by which a noise level is corrected
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,11 +153,27 @@ def refine_noise(problem: Problem, fit: Fit) -> Problem:
     return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
 
 
+def refined_levels(levels: np.ndarray, used: np.ndarray, innovations: np.ndarray, whitening: np.ndarray) -> np.ndarray:
+    """Noise levels [9] corrected by a filter's innovations, by at most a share `MOST_REFINED`.
+
+    The residual after the update and the one before it have the measurement noise's variance as covariance
+    (Desroziers et al. 2005). Bounded, since a wrong model's innovations would make noise of the gap.
+
+    Args:
+        levels: standard deviations that the filter used [9]; used: channels that count [9].
+        innovations: whitened [rows, 9]; whitening: the matrices that whitened them [rows, 9, 9].
+    """
+    before = np.linalg.solve(whitening, innovations[..., None])[..., 0]
+    after = np.einsum("kji,kj->ki", whitening, innovations)  # of the noise's variance
+    ratio = np.sqrt(np.clip(np.mean(before * after, axis=0), (1.0 - MOST_REFINED) ** 2, (1.0 + MOST_REFINED) ** 2))
+    return np.where(used, levels * ratio, levels)
+
+
 def magnitude_interval(fit: Fit, name: str, calibration: PosteriorConstants, vehicle: VehicleParameters) -> Interval:
     """95 % interval of a magnitude, within its bounds."""
     q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
     low, high = bounds(name, vehicle)
-    return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
+    return Interval(q, max(q - TWO_SIDED * sigma, low), min(q + TWO_SIDED * sigma, high))
 
 
 def at_ends(magnitudes: dict[str, Interval], vehicle: VehicleParameters) -> list[str]:

@@ -19,7 +19,7 @@ from drift_drake.estimation.fit import Fit, no_effects
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predicted_ahead, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
-from drift_drake.estimation.reduction import errors_of, share_removed
+from drift_drake.estimation.reduction import at_judged, errors_of, share_removed
 from drift_drake.logs.table import UNITS
 from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map, reach_of, stacked
 from drift_drake.pages.page import GLOSSARY, Source, page_html
@@ -180,11 +180,11 @@ def comparison(d: Diagnosis) -> dict[str, float]:
     hypotheses = [f for f, _ in d.found.hypotheses()]
     named = set(d.answer.causes)
     best = hypotheses[0]
-    floor = errors_of(d.problem, best.theta, best.names)
-    before = errors_of(d.problem, d.fit.theta[: d.problem.nuisances], ())
+    floor = at_judged(errors_of(d.problem, best.theta, best.names))
+    before = at_judged(errors_of(d.problem, d.fit.theta[: d.problem.nuisances], ()))
 
     def removed(fit: Fit) -> float:
-        return share_removed(before, errors_of(d.problem, fit.theta, fit.names), floor)
+        return share_removed(before, at_judged(errors_of(d.problem, fit.theta, fit.names)), floor)
 
     out = {}
     others = [f for f in hypotheses if f.names and not named <= set(f.names)]

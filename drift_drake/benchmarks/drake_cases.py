@@ -34,15 +34,12 @@ class RowDriver(Protocol):
 
     def start(self) -> np.ndarray:
         """First state (r, v, beta, omega_r)."""
-        ...
 
     def resting_command(self) -> tuple[float, float]:
         """Command before the first row."""
-        ...
 
     def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
         """Command a row after t, from the state (r, v, beta, omega_r, e, dphi) at t and the command then."""
-        ...
 
 
 class DriverSystem(LeafSystem):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.problem import PROCESS_NOISE
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
@@ -27,7 +28,6 @@ SETTLING = 0.35  # [s] after the first row that do not count: commands before it
 CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
-STATES = ("r", "v", "beta", "omega_r")
 TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
 SPIN = 1.2  # [rad]
@@ -105,10 +105,16 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
 
 
 def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
-    """The state after one more row.
+    """The state after one more row, at t [s]; y and command as `row_taken` wants them."""
+    state = row_taken(monitor, state, y, command)
+    return _closed(monitor, state, t) if state.clock[1] >= monitor.rows_per_block else state
+
+
+def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
+    """The state with one more row in its block.
 
     Args:
-        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]); t: [s].
+        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]).
     """
     used = monitor.used & (np.abs(y) < ABSURD)
     commanded = bool((np.abs(command) < ABSURD).all())
@@ -128,8 +134,7 @@ def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray
     block = state.block
     if innovations is not None and row_counts(monitor, rows, bank):
         block = with_row(block, innovations, used)
-    state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
-    return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
+    return state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
 
 
 def lost(bank: BankState) -> bool:

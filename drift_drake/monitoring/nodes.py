@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.estimation.unknowns import added
 from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
 SIGNED_AT = 0.5  # of the end of the practical range
 CURVED = ("friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error")
 """Signed effects that act otherwise upwards than downwards: tyres saturate."""

@@ -10,12 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.plausible import ABSURD
 from drift_drake.logs.table import Run
-from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_sums
-from drift_drake.monitoring.monitor import Monitor, lost, row_counts, with_row
+from drift_drake.monitoring.monitor import Monitor, row_taken
 from drift_drake.monitoring.watch import rows_of
 
 BLOCK = 2.0  # [s]
@@ -26,24 +23,12 @@ LEAST = 4  # blocks
 
 def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
     """Sums of the full blocks of a run."""
-    n, state, out = len(monitor.problem.nodes), filters.make_state(monitor.bank), list[Sums]()
-    block, begun, left = no_sums(n), 0, allowance(monitor.bank)  # begun: rows since the bank's first one
+    state, out = monitor.start(), list[Sums]()
     for row in rows_of(run):
-        used = monitor.used & (np.abs(row.y) < ABSURD)
-        y = np.where(used, row.y, 0.0)
-        if begun == 0:
-            filters.start_bank(y, used, row.command, monitor.bank, state)
-            begun = 1
-            continue
-        state, e, left = gated_row(monitor.bank, state, left, y, used, row.command)
-        if lost(state):
-            state, begun, left = filters.make_state(monitor.bank), 0, allowance(monitor.bank)
-            continue
-        if e is not None and row_counts(monitor, begun, state):
-            block = with_row(block, e, used)
-        begun += 1
-        if block.rows * monitor.bank.period >= BLOCK:
-            out, block = [*out, block], no_sums(n)
+        state = row_taken(monitor, state, row.y, row.command)
+        if state.block.rows * monitor.bank.period >= BLOCK:
+            out.append(state.block)
+            state = state._replace(block=no_sums(len(monitor.problem.nodes)))
     return out
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import InvalidLogError, Run, write_run
-from drift_drake.monitoring import normal
+from drift_drake.monitoring import monitor
 from drift_drake.monitoring.calibrated import (
     InvalidNormalScoresError,
     calibrated_monitor,
@@ -62,7 +62,7 @@ def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
             else (bank, innovations, left)
         )
 
-    monkeypatch.setattr(normal, "gated_row", losing)
+    monkeypatch.setattr(monitor, "gated_row", losing)
     assert np.isfinite(learn_normal_scores([run, drive(4)], VEHICLE, Effects()).excess).all()
 
 

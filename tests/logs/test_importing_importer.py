@@ -118,7 +118,7 @@ def test_a_gyroscope_in_another_unit_is_noticed(tmp_path):
     mapping = CAPTURED | {"signals": CAPTURED["signals"] | {"gyro": CAPTURED["signals"]["gyro"] | {"unit": "rad/s"}}}
     _, report = imported(tmp_path, captured_table(), mapping)
     assert len(report.remarks) == 1
-    assert "gyro looks like deg/s: it is 57." in report.remarks[0]
+    assert "gyro looks like degrees: it is 57." in report.remarks[0]
 
 
 def test_a_clock_that_nothing_aligns_is_reported(tmp_path):
@@ -232,7 +232,7 @@ def test_what_looks_wrong_is_said_with_the_run(tmp_path):
     table["ay"] *= -1.0
     _, report = imported(tmp_path, table, PLAIN)
     assert len(report.remarks) == 1
-    assert report.remarks[0].startswith("drive: lateral acceleration has the opposite sign")
+    assert report.remarks[0].startswith("drive: column ay looks mirrored")
     assert report.runs[0].remarks == [report.remarks[0].removeprefix("drive: ")]
 
 

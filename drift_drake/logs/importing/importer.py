@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.logs.driving import spans
-from drift_drake.logs.importing.checks import TITLES, column_doubts
+from drift_drake.logs.importing.checks import column_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
@@ -207,7 +207,7 @@ def _slow_columns(recording: Recording) -> list[str]:
     """Sentences on measured columns that are read less often than the log has rows."""
     sentences = []
     for readings in recording.clocks.values():
-        names = sorted(set(readings.signals) & set(TITLES) & set(COLUMNS))
+        names = sorted(set(readings.signals) & {*MEASURED, "psi"} & set(COLUMNS))
         if names and readings.period > SLOW * PERIOD:
             sentences.append(
                 f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} read each {readings.period:.2g} s: the rows "

@@ -6,18 +6,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.checks import disagreement
 from drift_drake.logs.importing.clock import estimate_offset
 from drift_drake.logs.importing.mapping import Align, Clock, RecorderMapping
 from drift_drake.logs.importing.recording import Readings, Recording
 from drift_drake.logs.importing.stretches import LARGEST_GAP, Stretch
 from drift_drake.logs.importing.units import QUANTITIES, dimension
+from drift_drake.logs.screening.mistakes import mistakes
 
 Array = NDArray[np.float64]
 
 ALIKE = 0.7  # correlation below which an offset is not believed
 ABSOLUTE = 1e8  # [s] since 1970: the clock tells the date
 DRIFT = 0.03  # [s] over a recording: more, and one offset does not fit
+CLOSE, EQUAL = math.log(1.25), math.log(1.12)  # of a gain to one, where all is well, and to a unit's factor
 DEVIATIONS = 5.0  # of the drift's estimate that a drift must exceed
 
 
@@ -111,12 +112,30 @@ def _aligned(
     if abs(found.correlation) < ALIKE:
         raise ValueError(f"it is too little like {align.against} (correlation {found.correlation:.2g})")
     report = ClockReport(found.offset, found.std, found.correlation, found.gain, paired - found.offset)
-    kind = dimension(signal.unit)
-    if kind != QUANTITIES[align.against]:
-        return report, []
-    return report, disagreement(
-        align.signal, kind, z, np.interp(t + found.offset, t_ref, ref), f"motion's {align.against}"
-    )
+    comparable = dimension(signal.unit) == QUANTITIES[align.against]
+    return report, _disagreement(align, found.gain / abs(found.correlation)) if comparable else []
+
+
+def _disagreement(align: Align, ratio: float) -> list[str]:
+    """Sentences if a signal is not the motion that it is aligned with, by its scale or its sign.
+
+    Args:
+        ratio: of the signal's spread to the motion's, with the correlation's sign.
+    """
+    size, motion = abs(ratio), f"what the motion's {align.against} says"
+    same = [m for m in mistakes(None) if m.columns == (align.against,) and abs(math.log(size / m.low)) < EQUAL]
+    sentences = []
+    if same:
+        sentences.append(
+            f"{align.signal} looks like {same[0].looks_like}: it is {size:.3g} times {motion}; {same[0].remedy}."
+        )
+    elif abs(math.log(size)) > CLOSE:
+        sentences.append(f"{align.signal} is {size:.3g} times {motion}: check its unit or scale.")
+    if ratio < 0.0:
+        sentences.append(
+            f"{align.signal} has the opposite sign of {motion}: another axis convention (NED, SAE) or sign?"
+        )
+    return sentences
 
 
 def _drift(name: str, t: Array, arrived: Array, period: float) -> list[str]:

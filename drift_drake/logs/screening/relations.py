@@ -116,10 +116,10 @@ KINDS = {
 WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
-def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
+def relations(windows: Windows, vehicle: VehicleParameters, kinds: Mapping[str, Kind] = KINDS) -> list[Relation]:
     """The relations that the columns allow, those left out that are too unlike to say."""
     found: dict[str, Relation] = {}
-    for name, kind in KINDS.items():
+    for name, kind in kinds.items():
         if kind.witness is not None and not (kind.witness in found and found[kind.witness].holds):
             continue
         measured, expected = kind.columns(windows, vehicle)

@@ -3,13 +3,13 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from drift_drake.logs.screening.different_cars import disagreements
 from drift_drake.logs.screening.mistakes import Mistake, mistakes
 from drift_drake.logs.screening.relations import Relation, relations
 from drift_drake.logs.screening.screened import screen
-from drift_drake.logs.screening.windows import windows_of
+from drift_drake.logs.screening.windows import Windows, windows_of
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -50,10 +50,23 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
     left out first.
     """
     windows = windows_of([screen(run)[0].run for run in runs])
+    found, windows = contradictions(windows, lambda windows: relations(windows, vehicle), mistakes(vehicle))
+    apart = disagreements([run.name for run in runs], windows, vehicle)
+    return found + [Suspicion(sentence, None, None, evidence) for sentence, evidence in apart]
+
+
+def contradictions(
+    windows: Windows, find: Callable[[Windows], list[Relation]], known: Sequence[Mistake]
+) -> tuple[list[Suspicion], Windows]:
+    """Mistakes that explain why relations do not hold, and the windows once they are taken out.
+
+    Args:
+        find: the relations of windows; known: mistakes that are thought of, the commonest first.
+    """
     found: list[Suspicion] = []
     for _ in range(MOST):
-        at = relations(windows, vehicle)
-        reported, corrections = _scaled(at, vehicle)
+        at = find(windows)
+        reported, corrections = _scaled(at, known)
         if not reported:
             reported, corrections = _mirrored(at)
         if not reported:
@@ -61,17 +74,16 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
         found += reported
         for column, factor in corrections:
             windows = windows.corrected(column, factor)
-    apart = disagreements([run.name for run in runs], windows, vehicle)
-    return found + [Suspicion(sentence, None, None, evidence) for sentence, evidence in apart]
+    return found, windows
 
 
-def _scaled(found: Sequence[Relation], vehicle: VehicleParameters) -> tuple[list[Suspicion], Corrections]:
+def _scaled(found: Sequence[Relation], known: Sequence[Mistake]) -> tuple[list[Suspicion], Corrections]:
     """The mistake of units or clock that explains most, reported for each of its columns, and how to take it out."""
     if all(abs(relation.off) < SUSPECT for relation in found):
         return [], []
     before = _cost(found, {})
     ranked = []
-    for mistake in mistakes(vehicle):
+    for mistake in known:
         touched = [relation for relation in found if _power(relation, mistake) != 0]
         # Every column of the mistake has to be seen.
         if not all(any(column in relation.kind.powers for relation in touched) for column in mistake.columns):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from drift_drake.logs.importing.clock import estimate_offset
+from drift_drake.logs.importing.offsets import estimate_offset
 from drift_drake.logs.screening.mistakes import mistakes
 from drift_drake.logs.screening.relations import GRIP, KINDS, Relation, relations
 from drift_drake.logs.screening.suspicions import contradictions

@@ -5,9 +5,10 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 
-from drift_drake.logs.screening.different_cars import disagreements
+import numpy as np
+
 from drift_drake.logs.screening.mistakes import Mistake, mistakes
-from drift_drake.logs.screening.relations import Relation, relations
+from drift_drake.logs.screening.relations import KINDS, Relation, relations
 from drift_drake.logs.screening.screened import screen
 from drift_drake.logs.screening.windows import Windows, windows_of
 from drift_drake.logs.table import Run
@@ -23,6 +24,12 @@ MOST = 6  # mistakes of one case
 MIRRORED = 0.75  # likeness from which a sign is believed
 MIRRORED_FORWARD = 0.9  # and of a torque's or ax's alone, which nothing but the speed is a witness to
 SIGNS = ("r", "psi", "y", "ay", "delta_cmd", "beta", "ax", "tau_cmd")
+
+# Factor between two runs that no difference of drives makes, and the likeness from which a run's own ratio is believed.
+APART = {
+    "turn": (1.3, 0.9), "path": (1.3, 0.0), "across": (4.0, 0.9), "along": (2.5, 0.9), "rim": (1.25, 0.0),
+    "steer": (3.0, 0.95), "drive": (2.5, 0.85),
+}  # fmt: skip
 
 Corrections = list[tuple[str, float]]
 
@@ -51,8 +58,7 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
     """
     windows = windows_of([screen(run)[0].run for run in runs])
     found, windows = contradictions(windows, lambda windows: relations(windows, vehicle), mistakes(vehicle))
-    apart = disagreements([run.name for run in runs], windows, vehicle)
-    return found + [Suspicion(sentence, None, None, evidence) for sentence, evidence in apart]
+    return found + disagreements([run.name for run in runs], windows, vehicle)
 
 
 def contradictions(
@@ -182,3 +188,39 @@ def _mirrored(found: Sequence[Relation]) -> tuple[list[Suspicion], Corrections]:
         )
         reported.append(Suspicion(sentence, column, -1.0, evidence))
     return reported, [(column, -1.0) for column in first]
+
+
+def disagreements(names: Sequence[str], windows: Windows, vehicle: VehicleParameters) -> list[Suspicion]:
+    """Sentences on runs that disagree with the others, each with its evidence. names: of the runs."""
+    by_run = [relations(windows.where(windows.run == index), vehicle) for index in range(len(names))]
+    reported: dict[int, list[str]] = {}
+    for name, (factor, likeness) in APART.items():
+        sizes = {i: _size(found, name, likeness) for i, found in enumerate(by_run)}
+        known = {i: size for i, size in sizes.items() if size is not None}
+        if len(known) < 2 or max(known.values()) < factor * min(known.values()):
+            continue
+        odd, usual = _odd_one(known)
+        reported.setdefault(odd, []).append(
+            f"{KINDS[name].says} is {known[odd]:.3g} there and {usual:.3g} in the others"
+        )
+    out = []
+    for index, texts in sorted(reported.items()):
+        evidence = "; ".join(texts)
+        sentence = (
+            f"{names[index]} disagrees with the other runs ({evidence}): is it the same car, logged in the same units? "
+            "Give the runs of one car"
+        )
+        out.append(Suspicion(sentence, None, None, evidence))
+    return out
+
+
+def _size(found: Sequence[Relation], name: str, likeness: float) -> float | None:
+    at = next((relation for relation in found if relation.name == name), None)
+    return at.size if at is not None and at.sign > 0.0 and at.likeness >= likeness else None
+
+
+def _odd_one(known: dict[int, float]) -> tuple[int, float]:
+    """The run farthest from the median of the others, of two the one farther from one, and that median."""
+    usual = {i: float(np.median([size for j, size in known.items() if j != i])) for i in known}
+    odd = max(known, key=lambda i: abs(np.log(known[i] / (usual[i] if len(known) > 2 else 1.0))))
+    return odd, usual[odd]

@@ -10,11 +10,10 @@ from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.estimation.prior import scale
 from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
 from drift_drake.estimation.usable import seen_effects
-from drift_drake.identification.calibration import Calibration, Identification, Parameter
+from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
 from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
-from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import (
     FIRST_SHARE,
     KEEPS,
@@ -166,8 +165,7 @@ def summarise(
     found: Estimate, vehicle: VehicleParameters, effects: Effects, known: Sequence[str]
 ) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
     """Parameters with intervals, their correlation and their covariance in their own units."""
-    units = {name: info.unit for name, info in CATALOGUE.items()}
-    table = scales(found.problem, vehicle, found.names, units)
+    table = scales(found.problem, vehicle, found.names)
     at = places(found.problem, found.names)
     white = found.covariance
     wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.filtered.innovations), white)
@@ -202,7 +200,7 @@ class Scale:
     unit: str
 
 
-def scales(problem: Problem, vehicle: VehicleParameters, names: Sequence[str], units: dict[str, str]) -> list[Scale]:
+def scales(problem: Problem, vehicle: VehicleParameters, names: Sequence[str]) -> list[Scale]:
     """How the vehicle's own parameters and the effects `names` follow from theta, in the order of `places`."""
     out = []
     fields = {field.name: field.metadata for field in dataclasses.fields(VehicleParameters)}
@@ -214,7 +212,7 @@ def scales(problem: Problem, vehicle: VehicleParameters, names: Sequence[str], u
         field = FIELD.get(name, name)
         value = float(getattr(vehicle, field))
         out.append(Scale(field, value, tolerance * (1.0 if name in ABSOLUTE else value), fields[field]["unit"]))
-    return out + [Scale(name, 0.0, 1.0, units[name]) for name in names]
+    return out + [Scale(name, 0.0, 1.0, CATALOGUE[name].unit) for name in names]
 
 
 def places(problem: Problem, names: Sequence[str]) -> np.ndarray:

@@ -102,7 +102,7 @@ def run_identify(command: Identify) -> None:
 def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":
     """The calibration with what is normal for the car while it is watched, where its logs can say."""
     from drift_drake.logs.table import InvalidLogError
-    from drift_drake.monitoring.calibrated import learn_normal_scores
+    from drift_drake.monitoring.normal import learn_normal_scores
 
     try:
         scores = learn_normal_scores(runs, found.vehicle, found.effects)

@@ -118,7 +118,7 @@ def monitors(command: Watch, vehicle: VehicleParameters, own: Effects) -> "Calla
     Raises:
         InvalidNormalScoresError: the calibration cannot be used.
     """
-    from drift_drake.monitoring.calibrated import calibrated_monitor, read_normal_scores
+    from drift_drake.monitoring.normal import calibrated_monitor, read_normal_scores
     from drift_drake.monitoring.watch import monitor_of
 
     if command.calibration is None:

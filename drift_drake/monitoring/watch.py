@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.logs.white_noise import white_noise_level
 from drift_drake.monitoring.events import Events
 from drift_drake.monitoring.evidence import EvidenceProblem, whitened
 from drift_drake.monitoring.history import History, Sums, since, unpacked, until

@@ -144,7 +144,11 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
             row=row, col=column,
         )  # fmt: skip
         known.add(line.name)
-    _titled(figure, panel.title, row, column)
+    # Above the panel's left end, where a narrow screen has room for a title.
+    figure.add_annotation(
+        text=panel.title, xref="x domain", yref="y domain", x=0.0, y=1.0, xanchor="left", yanchor="bottom",
+        showarrow=False, row=row, col=column,
+    )  # fmt: skip
     if panel.normal is not None:
         figure.add_hrect(-panel.normal, panel.normal, fillcolor=NORMAL, opacity=0.35, line_width=0, row=row, col=column)
     figure.update_yaxes(range=panel.reach, row=row, col=column)
@@ -172,14 +176,6 @@ def _short(values: Array) -> Array:
     """Six digits of the largest: the page stays small."""
     largest = float(np.nanmax(np.abs(values))) if np.any(np.isfinite(values)) else 0.0
     return values if largest == 0.0 else values.round(max(0, 5 - int(np.floor(np.log10(largest)))))
-
-
-def _titled(figure: go.Figure, title: str, row: int, column: int) -> None:
-    """A title above the panel's left end, where a narrow screen has room for it."""
-    figure.add_annotation(
-        text=title, xref="x domain", yref="y domain", x=0.0, y=1.0, xanchor="left", yanchor="bottom", showarrow=False,
-        row=row, col=column,
-    )  # fmt: skip
 
 
 def finished(figure: go.Figure, height: int, legend: bool = True, ticks: int = 6) -> Markup:

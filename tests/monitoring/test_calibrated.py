@@ -9,13 +9,13 @@ import pytest
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import InvalidLogError, Run, write_run
 from drift_drake.monitoring import monitor
-from drift_drake.monitoring.calibrated import (
+from drift_drake.monitoring.gate import gated_row
+from drift_drake.monitoring.normal import (
     InvalidNormalScoresError,
     calibrated_monitor,
     learn_normal_scores,
     read_normal_scores,
 )
-from drift_drake.monitoring.gate import gated_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -15,7 +15,6 @@ from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.logs.importing.recording import Recording, read_recording
-from drift_drake.logs.importing.reversing import reversing_rows, reversing_sentence
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
     MEASURED,
@@ -23,6 +22,8 @@ from drift_drake.logs.importing.stretches import (
     Stretch,
     from_velocity,
     moving_stretches,
+    reversing_rows,
+    reversing_sentence,
     stretch_of,
 )
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
@@ -115,7 +116,10 @@ def import_recordings(
             except InvalidLogError as error:
                 raise InvalidRecordingError(f"{path}: {error}") from None
             runs.append(run)
-            reports.append(_report(run, label, stretch, sentences, noise))
+            std = stretch.std | {key: value for key, value in noise.items() if key in COLUMNS}
+            start_s, end_s = float(run.t[0]), float(run.t[-1])
+            reports.append(RunReport(name, label, start_s, end_s, len(run), stretch.noise | noise, std,
+                                     stretch.bandwidth, sentences))  # fmt: skip
             remarks += [f"{name}: {sentence}" for sentence in sentences]
     return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
 
@@ -185,22 +189,6 @@ def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> di
             if len(t) >= SHORTEST:
                 noise[name] = smooth(t, values).noise
     return noise
-
-
-def _report(
-    run: Run, recording: str, stretch: Stretch, sentences: list[str], other_noise: dict[str, float]
-) -> RunReport:
-    return RunReport(
-        name=run.name,
-        recording=recording,
-        start=float(run.t[0]),
-        end=float(run.t[-1]),
-        rows=len(run),
-        noise=stretch.noise | other_noise,
-        std=stretch.std | {name: value for name, value in other_noise.items() if name in COLUMNS},
-        bandwidth=stretch.bandwidth,
-        remarks=sentences,
-    )
 
 
 def _slow_columns(recording: Recording) -> list[str]:

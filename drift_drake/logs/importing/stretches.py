@@ -1,12 +1,13 @@
-"""What is worth keeping of a recording: stretches in motion without gaps, each with the vehicle's motion."""
+"""What is worth keeping of a recording: forward stretches in motion without gaps, each with the vehicle's motion."""
 
 import dataclasses
 import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.driving import spans
+from drift_drake.logs.driving import in_spans, spans
 from drift_drake.logs.importing.frames import PlanarMotion, at_centre_of_gravity, to_body
 from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
 from drift_drake.logs.importing.recording import Readings
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
 STOP = 0.1  # [s]; a shorter time below the speed of `moving` is no stop
+BACKWARDS = 0.5  # [m/s] of backward velocity that noise explains
+STANDING = 2.0  # [m/s] at the change of direction: a car that reverses has stopped before, one that spins has not
+SHORTEST_REVERSING = 0.1  # [s]
 VELOCITY = {"vx", "vy", "r"}  # what speed and sideslip at the centre of gravity are made of
 MEASURED = ("r", "v", "vx", "vy", "beta", "omega_r", "ax", "ay")  # whose noise is worth an estimate
 
@@ -154,3 +158,30 @@ def _rough_speed(readings: Readings, seen: NDArray[np.int64]) -> Array | None:
         return np.hypot(x[ahead] - x[behind], y[ahead] - y[behind]) / np.maximum(t[ahead] - t[behind], 1e-9)
     name = next((name for name in ("v", "vx", "omega_r") if name in signals), None)
     return None if name is None else np.abs(np.interp(t, t[seen], signals[name][seen]))
+
+
+def reversing_rows(columns: Mapping[str, Array], period: float) -> NDArray[np.bool_]:
+    """Rows [n] in which the car reverses; none of a car that never drives forwards, whose sign or heading is wrong.
+
+    Args:
+        columns: of the log [n], with `vx`, `vy` where they are known; period: time between rows [s].
+    """
+    v, beta = columns["v"], columns.get("beta", np.zeros_like(columns["v"]))
+    along = columns.get("vx", v * np.cos(beta))
+    speed = np.hypot(along, columns.get("vy", v * np.sin(beta)))
+    backwards = along < -BACKWARDS
+    found = [
+        (a, b)
+        for a, b in spans(backwards)
+        if (b - a) * period >= SHORTEST_REVERSING and min(speed[max(a - 1, 0)], speed[min(b, len(v) - 1)]) < STANDING
+    ]
+    return in_spans([] if backwards.mean() > 0.95 else found, len(v))
+
+
+def reversing_sentence(t: Array, parts: Sequence[tuple[int, int]]) -> list[str]:
+    """One sentence on what was cut, with its times t [s]; none where nothing was."""
+    if not parts:
+        return []
+    shown = ", ".join(f"{t[start]:.2f} to {t[stop - 1]:.2f} s" for start, stop in parts[:3])
+    more = f" and {len(parts) - 3} more times" if len(parts) > 3 else ""
+    return [f"the car reverses from {shown}{more}: cut out, since the simulator's car drives forwards only."]

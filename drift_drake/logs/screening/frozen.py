@@ -23,7 +23,7 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     jumped by many steps when it ends.
 
     Args:
-        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`rounding.step`).
+        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`).
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     lengths = np.diff(edges)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.logs.driving import in_spans
+from drift_drake.logs.noise import coarse, noise_of, step
 from drift_drake.logs.screening.frozen import frozen
-from drift_drake.logs.screening.rounding import coarse, noise_of, step
 from drift_drake.logs.screening.spikes import filled, spikes
 from drift_drake.logs.table import UNITS, Run
 

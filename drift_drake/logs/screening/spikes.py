@@ -6,7 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from drift_drake.logs.driving import in_spans, spans
-from drift_drake.logs.white_noise import white_noise_level
+from drift_drake.logs.noise import white_noise_level
 
 LONGEST = 5  # rows of a spike; what lasts longer may be the car
 BESIDE = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
@@ -26,7 +26,7 @@ def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]
     steering, wheel spin or a reading that is held for some rows are none.
 
     Args:
-        resolution: step of the signal's numbers (`rounding.step`).
+        resolution: step of the signal's numbers (`noise.step`).
     """
     if len(values) <= 2 * BESIDE + LONGEST:
         return []

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from drift_drake.benchmarks.compiled_cases import NOISE
+from drift_drake.logs.noise import coarse, noise_of, step
 from drift_drake.logs.screening.frozen import frozen
-from drift_drake.logs.screening.rounding import coarse, noise_of, step
 from drift_drake.logs.screening.screened import MEASURED, screen, screened
 from drift_drake.logs.screening.spikes import spikes
 

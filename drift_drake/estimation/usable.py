@@ -28,7 +28,7 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
         frozen = one.mask(LONGEST_FILLED / run.period)
-        least = least_rows(run)
+        least = max(round(LEAST_PART / run.period), SHORTEST_RUN)  # rows of a part
         parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
         why = _reasons(run, vehicle, frozen)
         if not parts:
@@ -53,11 +53,6 @@ def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], 
         return kept, []
     what = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
     return kept, [f"{what}: {', '.join(lost)} cannot be judged without" if lost else what]
-
-
-def least_rows(run: Run) -> int:
-    """Rows that a part has to have."""
-    return max(round(LEAST_PART / run.period), SHORTEST_RUN)
 
 
 def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:

@@ -148,17 +148,13 @@ def least_deaf_fit(
     eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
     ways = (direct, eased, estimate(kept, names, hardly, DEAFNESS[0]))
     off = [error(at) for at in ways]
-    fits = [min((at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)), key=neglog_posterior)]
+    alike = [at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)]
+    fits = [min(alike, key=lambda at: cost_of(at.problem, at.at.filtered, at.theta))]  # each under its own noise
     for number, deafness in enumerate(DEAFNESS[1:], 3):
         tell(f"fit {number}", 0.15 * number)
         fits.append(estimate(kept, names, fits[-1].theta, deafness))
     errors = [error(at) for at in fits]
     return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
-
-
-def neglog_posterior(at: Estimate) -> float:
-    """Of a fit, under its own noise; up to constants."""
-    return cost_of(at.problem, at.at.filtered, at.theta)
 
 
 def summarise(

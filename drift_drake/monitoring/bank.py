@@ -86,7 +86,8 @@ def make_state(bank: Bank) -> BankState:
 
 
 @compiled
-def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
+def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
+    """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque = np.full(1, command[0]), np.full(1, command[1])
     rows = np.empty((1, MEASURED))
@@ -164,11 +165,6 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
             h[4, :n], h[5, :n] = state.jacobian[SIZE], state.jacobian[SIZE + 1]
             update_covariance(h, bank.noise, used, n, state.p, gain, whitening, ph, s, low, t, scratch)
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
-
-
-def start_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> None:
-    """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
-    _start(y, used, command, bank, state)
 
 
 def advance_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:

@@ -51,12 +51,7 @@ class Watch:
 
 
 def run_watch(command: Watch) -> None:
-    """`drift-drake watch`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-        InvalidOptionError: a time that is none.
-    """
+    """`drift-drake watch`."""
     vehicle, own = read_vehicle(command.vehicle)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")

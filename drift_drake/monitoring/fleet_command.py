@@ -45,12 +45,7 @@ class Fleet:
 
 
 def run_fleet(command: Fleet) -> None:
-    """`drift-drake fleet`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-        InvalidOptionError: no workers; NoClusterError: no scheduler answers, or Dask is not installed.
-    """
+    """`drift-drake fleet`."""
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")

@@ -58,10 +58,6 @@ class Monitor:
         """Names of the posterior's entries: none, the effects, unknown."""
         return labels(self.problem)
 
-    @property
-    def rows_per_block(self) -> int:
-        return max(round(BLOCK / self.bank.period), 1)
-
     def start(self) -> State:
         """Before the first row."""
         n = len(self.problem.nodes)
@@ -107,7 +103,7 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
 def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
     """The state after one more row, at t [s]; y and command as `row_taken` wants them."""
     state = row_taken(monitor, state, y, command)
-    return _closed(monitor, state, t) if state.clock[1] >= monitor.rows_per_block else state
+    return _closed(monitor, state, t) if state.clock[1] >= max(round(BLOCK / monitor.bank.period), 1) else state
 
 
 def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
@@ -129,22 +125,13 @@ def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray
     if not commanded:
         command = state.bank.commands[-1].copy()
     bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
-    if lost(bank):
+    if not np.isfinite(bank.z).all():  # all cars of the bank begin anew at the next row, and what was found stays
         return state._replace(clock=np.array([0.0, filled, edge, left]))
-    block = state.block
-    if innovations is not None and row_counts(monitor, rows, bank):
+    block, (_, v, beta) = state.block, bank.z[0, :3]
+    settled = rows * monitor.bank.period >= SETTLING
+    if innovations is not None and settled and v > monitor.slowest and abs(beta) < SPIN:
         block = with_row(block, innovations, used)
     return state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
-
-
-def lost(bank: BankState) -> bool:
-    """Whether a car of the bank has left all numbers: all begin anew at the next row, and what was found stays."""
-    return not np.isfinite(bank.z).all()
-
-
-def row_counts(monitor: Monitor, rows: float, bank: BankState) -> bool:
-    """Whether a row counts, so many after the bank's first one: the filter is settled, the equations hold."""
-    return bool(rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN)
 
 
 def with_row(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:

@@ -188,7 +188,9 @@ def ranked_hypotheses(
 ) -> tuple[Ranked[Hypothesis], Reduction]:
     """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
-    counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
+    # Nothing can be judged where too little of the driving is known from the calibration.
+    doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
+    counts = len(search.ranges), constants, len(search.normal.names), doubt
     while True:
         found = ranked(kept, *counts)
         leading = stated(search, found.leading)
@@ -229,11 +231,6 @@ def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
     """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
     own = magnitudes(h.names, h.magnitudes)
     return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
-
-
-def doubt_of(search: Search) -> float:
-    """Probability that nothing can be judged: too little of the driving is known from the calibration."""
-    return max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
 
 
 def gross(search: Search, h: Hypothesis) -> float:

@@ -146,14 +146,6 @@ class Answer:
         return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
 
 
-def without_rivals(answer: Answer) -> str:
-    """Why no drive can be planned from an answer that says nothing of rival hypotheses."""
-    return (
-        f"{answer.case}: the answer holds no rival hypotheses (an older answer, or logs without torque "
-        "commands); diagnose logs with the column tau_cmd anew"
-    )
-
-
 def answer_row(answer: Answer) -> dict[str, Any]:
     """An answer as a row of a table: verdict, probability, share of the gap removed, causes with intervals."""
     causes = "+".join(sorted(answer.causes))

@@ -21,7 +21,6 @@ from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
 from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples, concatenate
-from drift_drake.vehicle.parameters import Constants
 
 STEP = 0.1  # [s] of the model
 AHEAD = round(HORIZONS[JUDGED] / STEP)  # steps to the horizon that a gap is judged by
@@ -57,7 +56,7 @@ def learned(problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.n
     missing = _missing(problem)
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")
-    if not _alike(problem.nominal, model.vehicle.constants()):
+    if any(abs(a - b) > LIKE * abs(b) for a, b in zip(problem.nominal, model.vehicle.constants(), strict=True)):
         return Learned("The learnt model was trained about another kind of car and does not apply to this one.")
     if any(abs(STEP / run.period - round(STEP / run.period)) > 0.01 for run in problem.runs):
         return Learned("The learnt model steps by 0.1 s, which is no whole number of these logs' rows.")
@@ -94,10 +93,6 @@ def _missing(problem: Problem) -> list[str]:
     used = np.all([run.used for run in problem.runs], axis=0)
     out = [name for name, there in zip(NEEDED, used[:STATE_COUNT], strict=False) if not there]
     return out + (["tau_cmd"] if problem.rim_fed else [])
-
-
-def _alike(car: Constants, known: Constants) -> bool:
-    return all(abs(a - b) <= LIKE * abs(b) for a, b in zip(car, known, strict=True))
 
 
 def _mean(parts: Sequence[np.ndarray]) -> float:

@@ -88,11 +88,6 @@ def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
     return (p.gear_ratio / p.wheel_radius * w.tau_cmd)[kept], (p.mass * w.gain + spun_up)[kept]
 
 
-def _rim(w: Windows, _p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
-    rolls = _grip(w)
-    return np.abs(w.omega_r)[rolls], w.v[rolls]
-
-
 KINDS = {
     "turn": Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi",
                  lambda w, _: (w.r, w.turning)),
@@ -107,7 +102,8 @@ KINDS = {
     "drive": Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
                   "gear_ratio tau_cmd / wheel_radius over mass times the rate of v", _drive),
     "path": Kind({"v": 1, "t": 1}, (), 0.05, None, "v over the speed along x, y", lambda w, _: (w.v, w.moved)),
-    "rim": Kind({"omega_r": 1, "v": -1}, (), 0.08, None, "omega_r over v", _rim),
+    "rim": Kind({"omega_r": 1, "v": -1}, (), 0.08, None, "omega_r over v",
+                lambda w, _: (np.abs(w.omega_r)[_grip(w)], w.v[_grip(w)])),
     "slide": Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r",
                   lambda w, _: (w.swing, w.ay / w.v - w.r), "across"),
     "slide by course": Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7, "the rate of beta over that of course less psi",

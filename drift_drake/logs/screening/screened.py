@@ -8,8 +8,7 @@ import numpy as np
 
 from drift_drake.logs.driving import in_spans
 from drift_drake.logs.noise import coarse, noise_of, step
-from drift_drake.logs.screening.frozen import frozen
-from drift_drake.logs.screening.spikes import filled, spikes
+from drift_drake.logs.screening.bad_samples import filled, frozen, spikes
 from drift_drake.logs.table import UNITS, Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly

@@ -8,9 +8,8 @@ from scipy.signal import butter, filtfilt
 
 from drift_drake.benchmarks.compiled_cases import NOISE
 from drift_drake.logs.noise import coarse, noise_of, step
-from drift_drake.logs.screening.frozen import frozen
+from drift_drake.logs.screening.bad_samples import frozen, spikes
 from drift_drake.logs.screening.screened import MEASURED, screen, screened
-from drift_drake.logs.screening.spikes import spikes
 
 ROWS = 1200
 T = np.arange(ROWS) * 0.01

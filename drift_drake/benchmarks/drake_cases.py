@@ -15,10 +15,10 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import LogVectorOutput
 
-from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
+from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
-from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.logs.table import Run
 from drift_drake.sensing.sensors import LOG_ROW
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
@@ -162,14 +162,8 @@ def drive(
 
 
 def drake_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:
-    """Four runs of one car; a run too short for a log is driven again with other draws, five times at most."""
-    runs = []
-    for i, kind in enumerate(MANOEUVRES):
-        for _ in range(5):
-            try:
-                driver, seed = Driver(kind, rng, vehicle), int(rng.integers(2**31))
-                runs.append(drive(driver, truth, vehicle, seed, f"run_{i}", duration))
-                break
-            except InvalidLogError:
-                continue
-    return runs
+    """Four runs of one car (`drivers.driven`)."""
+    return driven(
+        MANOEUVRES,
+        lambda kind, name: drive(Driver(kind, rng, vehicle), truth, vehicle, int(rng.integers(2**31)), name, duration),
+    )

@@ -229,11 +229,8 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
     gains, whitenings, innovations, logdet = [], [], [], 0.0
     for i, run in enumerate(problem.runs):
         rows = len(run.y)
-        e, k, w = (
-            np.empty((rows, MEASURED)),
-            np.empty((rows, CORRECTED, MEASURED)),
-            np.empty((rows, MEASURED, MEASURED)),
-        )
+        e, k = np.empty((rows, MEASURED)), np.empty((rows, CORRECTED, MEASURED))
+        w = np.empty((rows, MEASURED, MEASURED))
         delta, torque = run_commands(problem, i, theta, effects)
         filter_run(
             run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.likelihood.diagnose import find_gap
+from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation import horizons
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit

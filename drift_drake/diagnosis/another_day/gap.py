@@ -53,7 +53,7 @@ def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int)
 
 
 def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[str, object]:
-    """Shares of the gap by state and run, the regions that hold it, and when it sets in (`where.Where`'s keys).
+    """Shares of the gap by state and run, the regions that hold it, and when it sets in (the keys of `where.find_gap`).
 
     Args:
         unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.

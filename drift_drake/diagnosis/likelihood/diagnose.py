@@ -3,23 +3,19 @@
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
 
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge_hypotheses
 from drift_drake.diagnosis.likelihood.learned import learned
 from drift_drake.diagnosis.likelihood.search import Found, search
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, read_constants
-from drift_drake.diagnosis.shared.where import locate
+from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import HORIZONS, start_rows
 from drift_drake.estimation.part import MOST_SECONDS, part_of
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
-from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
+from drift_drake.estimation.reduction import Reduction, errors_of, without_effects
 from drift_drake.estimation.regression import Regression
 from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
@@ -101,15 +97,3 @@ def diagnose(
     tell("done", 1.0)
     posterior = judged.posterior
     return Diagnosis(answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking)
-
-
-def find_gap(
-    problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray], lacking: Regression
-) -> dict[str, Any]:
-    """The `where` of an answer: what the nominal car gets wrong (`before`) beyond the best fit (`floor`)."""
-    excess = [b - f for b, f in zip(before, floor, strict=True)]
-    rows = [start_rows(run) for run in problem.runs]
-    where = dataclasses.asdict(locate(problem, excess, rows, lacking))
-    means = zip(HORIZONS, mean_squares(np.concatenate(before)), strict=True)
-    where["horizons"] = {f"{h:g} s": mean for h, mean in means if np.isfinite(mean)}
-    return where

@@ -1,14 +1,15 @@
 """Where the gap is: by state, force channel, run, time, operating region and lag."""
 
-import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from drift_drake.estimation.freeform import FORCE_CHANNELS
-from drift_drake.estimation.horizons import JUDGED, STATES
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
 from drift_drake.estimation.problem import Problem, filter_case, filtered_states
+from drift_drake.estimation.reduction import mean_squares
 from drift_drake.estimation.regression import Regression
 
 SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]
@@ -20,42 +21,42 @@ LONGEST_LAG = 0.4  # [s]
 DEAFNESS = 30.0  # factor on the noise levels that makes a filter rely on its model
 
 
-@dataclasses.dataclass(frozen=True)
-class Where:
-    """Shares of the gap; each of the first three sums to one (or is zero throughout without a gap)."""
+def find_gap(
+    problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray], lacking: Regression
+) -> dict[str, Any]:
+    """The `where` of an answer: what the nominal car gets wrong beyond the best fit.
 
-    states: dict[str, float]
-    runs: dict[str, float]
-    channels: dict[str, float]
-    regions: list[str]
-    onset: dict[str, float]  # [s] into each run
-    lag: dict[str, float]  # [s] by which each measured state follows the nominal car's
-
-
-def locate(
-    problem: Problem, excess: Sequence[np.ndarray], rows: Sequence[np.ndarray], pushes: Regression | None
-) -> Where:
-    """Shares of the gap from excess squared prediction errors.
+    Shares of the gap by states, runs and force channels each sum to one (or are zero throughout without a gap); regions
+    that hold it; onset [s] into each run; lag [s] by which each measured state follows the nominal car's; horizons:
+    mean squared errors of the nominal car.
 
     Args:
-        excess: squared errors of the nominal car beyond the floor [starts, horizons, states] of each run;
-        rows: their first rows; pushes: what forces the nominal car lacks, by channel.
+        before, floor: squared errors [starts, horizons, states] of each run, of the nominal car and of the best fit;
+        lacking: forces that the nominal car lacks.
     """
-    judged = [np.nan_to_num(e[:, JUDGED]) for e in excess]
-    by_state = shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
+    judged = [np.nan_to_num((b - f)[:, JUDGED]) for b, f in zip(before, floor, strict=True)]
     by_run = shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
-    gaps = [
-        (run.name, e.sum(axis=1), first * run.period) for run, e, first in zip(problem.runs, judged, rows, strict=True)
-    ]
+    gaps, places = [], []
+    for run, e in zip(problem.runs, judged, strict=True):
+        rows = start_rows(run)
+        gaps.append((run.name, e.sum(axis=1), rows * run.period))
+        places.append(run.y[rows])
     channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
-    if pushes is not None and len(pushes.weights):
-        power = [float(np.sum(pushes.weights[pushes.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
+    if len(lacking.weights):
+        power = [float(np.sum(lacking.weights[lacking.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
         channels = shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
     grip = problem.nominal.friction * problem.nominal.gravity
-    places = [run.y[first] for run, first in zip(problem.runs, rows, strict=True)]
     region = np.concatenate([region_of(y[:, 1], y[:, 0], y[:, 2], grip) for y in places])
-    excess_of_all = np.concatenate([gap for _, gap, _ in gaps])
-    return Where(by_state, by_run, channels, regions(excess_of_all, region), onsets(by_run, gaps), lags(problem))
+    means = zip(HORIZONS, mean_squares(np.concatenate(before)), strict=True)
+    return {
+        "states": shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)}),
+        "runs": by_run,
+        "channels": channels,
+        "regions": regions(np.concatenate([gap for _, gap, _ in gaps]), region),
+        "onset": onsets(by_run, gaps),
+        "lag": lags(problem),
+        "horizons": {f"{h:g} s": mean for h, mean in means if np.isfinite(mean)},
+    }
 
 
 def shares(parts: dict[str, float]) -> dict[str, float]:

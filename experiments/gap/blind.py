@@ -147,11 +147,8 @@ def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any
     catalogue = [name for name in CATALOGUE if name not in without]
     diagnosis = answer_folder(folder, vehicle, workers=1, catalogue=catalogue)
     assert isinstance(diagnosis, Diagnosis)  # without another day's calibration
-    evidence = {"+".join(f.names): e for f, e in diagnosis.found.hypotheses()}
-    fits = {
-        "+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names}
-        for f, _ in diagnosis.found.hypotheses()
-    }
+    evidence = {"+".join(f.names): e for f, e in diagnosis.found}
+    fits = {"+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names} for f, _ in diagnosis.found}
     raw = {
         "evidence": evidence,
         "fits": fits,

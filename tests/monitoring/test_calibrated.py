@@ -9,7 +9,7 @@ import pytest
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import InvalidLogError, Run, write_run
 from drift_drake.monitoring import monitor
-from drift_drake.monitoring.gate import gated_row
+from drift_drake.monitoring.bank import gated_row
 from drift_drake.monitoring.normal import (
     InvalidNormalScoresError,
     calibrated_monitor,

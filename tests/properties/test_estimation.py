@@ -79,7 +79,7 @@ def test_a_mirrored_case_has_the_mirrored_posterior() -> None:
     runs = make_case(Truth(truth, {}, {}), CAR, np.random.default_rng(3), 3.0)[:2]
     found = []
     for seen in (runs, [mirrored(run) for run in runs]):
-        hypotheses = search(make_problem(seen, CAR), FEW, workers=1).hypotheses()
+        hypotheses = search(make_problem(seen, CAR), FEW, workers=1)
         found.append(make_posterior(hypotheses, 0.0, len(FEW), read_constants()))
     one, other = found
     assert one.causes == other.causes == tuple(truth)

@@ -27,6 +27,7 @@ from drift_drake.diagnosis.another_day.posterior import (
 )
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
@@ -144,18 +145,25 @@ def details_of(
     search: Search, found: Ranked[Hypothesis], shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
 ) -> dict[str, Any]:
     """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
-    h, named = found.leading, found.verdict == "effect"
+    h, named, day = found.leading, found.verdict == "effect", search.day
+    nearest = {
+        "hypothesis": hypothesis_name(h.names),
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
+        "removes": shrinks.estimate,
+        "free_forces_remove": None,
+    }
+    medians = np.median(np.abs(day.errors), axis=0)[:, : len(STATES)]  # at each horizon, in the states' units
     return {
         "criterion": "prediction",
-        "familiar": float(np.mean(search.day.weights)),
+        "familiar": float(np.mean(day.weights)),
         "reduction_by_state": shrinks.by_state if named else {},
         "reduction_by_horizon": shrinks.by_horizon if named else {},
         "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
         "leading_known": hypothesis_name(h.names),
         "at_least": at_bound(h, search.ranges) if named else [],
-        "with": brought_along(h, search.day) if named else {},
-        "errors": errors_by_state(search),
-        "nearest": nearest_hypothesis(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+        "with": brought_along(h, day) if named else {},
+        "errors": dict(zip(day.ahead, medians.tolist(), strict=True)),
+        "nearest": nearest if found.verdict == UNKNOWN else {},
     }
 
 
@@ -244,19 +252,3 @@ def gross(search: Search, h: Hypothesis) -> float:
     e = day.errors_with(h.effects(day))[:, -1] / normal.scales[-1]
     deviations = np.abs(e) / np.sqrt(1.0 + np.sum(apart**2, axis=-1))
     return float(np.max(np.median(deviations, axis=0)) / MEDIAN_OF_NORMAL)
-
-
-def nearest_hypothesis(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
-    """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
-    return {
-        "hypothesis": hypothesis_name(h.names),
-        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
-        "removes": shrinks.estimate,
-        "free_forces_remove": None,
-    }
-
-
-def errors_by_state(search: Search) -> dict[str, list[float]]:
-    """Median absolute errors of the calibrated car at each horizon, in the states' units."""
-    medians = np.median(np.abs(search.day.errors), axis=0)
-    return {ahead: [float(q) for q in row[:4]] for ahead, row in zip(search.day.ahead, medians, strict=True)}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge_hypotheses
 from drift_drake.diagnosis.likelihood.learned import learned
-from drift_drake.diagnosis.likelihood.search import Found, search
+from drift_drake.diagnosis.likelihood.search import search
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, read_constants
 from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation.everyday import applied
@@ -34,7 +34,7 @@ class Diagnosis:
 
     answer: Answer
     problem: Problem
-    found: Found
+    found: list[tuple[Fit, float]]  # hypotheses with their log evidence, best first
     posterior: Ranked[Fit]
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
@@ -81,7 +81,7 @@ def diagnose(
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
     problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
-    judged = judge_hypotheses(problem, found.hypotheses(), len(names), calibration or read_constants(), tell)
+    judged = judge_hypotheses(problem, found, len(names), calibration or read_constants(), tell)
     tell("where it is", 0.93)
     lacking = judged.left[0] if not judged.best.names else misfit(problem, judged.nothing)
     before, floor = without_effects(problem, None), errors_of(problem, judged.best.theta, judged.best.names)

@@ -54,22 +54,6 @@ class Candidate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
-    """Hypotheses that were fitted fully; `none` has the empty tuple."""
-
-    fits: dict[tuple[Names, float], Fit]  # by effects and exactness
-
-    def hypotheses(self) -> list[tuple[Fit, float]]:
-        """Of each hypothesis, its best fit and its log evidence over all exactnesses; best first."""
-        out = []
-        for names in {names for names, _ in self.fits}:
-            both = [f for (key, _), f in self.fits.items() if key == names]
-            evidence = float(np.logaddexp.reduce([f.log_evidence for f in both])) - float(np.log(len(EXACTNESSES)))
-            out.append((max(both, key=lambda f: f.log_evidence), evidence))
-        return sorted(out, key=lambda pair: (-pair[1], pair[0].names))
-
-
-@dataclasses.dataclass(frozen=True)
 class Base:
     """A hypothesis that effects are added to: its filter and derivatives."""
 
@@ -205,8 +189,24 @@ def full_all(
     return fits
 
 
-def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None) -> Found:
-    """Fits `none`, the most promising singles of `names` and the most promising pairs."""
+def hypotheses_of(fits: dict[tuple[Names, float], Fit]) -> list[tuple[Fit, float]]:
+    """Of each hypothesis its best fit and its log evidence over all exactnesses, best first.
+
+    Args:
+        fits: by effects and exactness; `none` has the empty tuple.
+    """
+    out = []
+    for names in {names for names, _ in fits}:
+        both = [f for (key, _), f in fits.items() if key == names]
+        evidence = float(np.logaddexp.reduce([f.log_evidence for f in both])) - float(np.log(len(EXACTNESSES)))
+        out.append((max(both, key=lambda f: f.log_evidence), evidence))
+    return sorted(out, key=lambda pair: (-pair[1], pair[0].names))
+
+
+def search(
+    problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None
+) -> list[tuple[Fit, float]]:
+    """Fits of `none`, the most promising singles of `names` and pairs of them, with their log evidence; best first."""
     tell = progress or (lambda _stage, _share: None)
     rough = with_more_process_noise(problem)
     start = np.zeros(problem.nuisances)
@@ -219,7 +219,7 @@ def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: P
         tell("pairs of effects", 0.5)
         fits |= search_pairs(problem, names, fits, pool)
         tell("pairs of effects", 1.0)
-    return Found(fits)
+    return hypotheses_of(fits)
 
 
 def handed_over(problem: Problem, seed: Fit, names: Sequence[str]) -> list[Candidate]:

@@ -177,7 +177,7 @@ def comparison(d: Diagnosis) -> dict[str, float]:
     The runner-up, the fitted single effect that explains least (a placebo), and functions of the state pushing the
     nominal car (the free-form ceiling; its share of the nominal car's excess innovations).
     """
-    hypotheses = [f for f, _ in d.found.hypotheses()]
+    hypotheses = [f for f, _ in d.found]
     named = set(d.answer.causes)
     best = hypotheses[0]
     floor = at_judged(errors_of(d.problem, best.theta, best.names))

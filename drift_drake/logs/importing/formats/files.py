@@ -19,10 +19,10 @@ READERS = {  # of an ending: module, function, what the format is called, the ex
     ".mf4": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".mdf": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".dat": ("mdf4", "read_mdf", "MDF", "mdf"),
-    ".mat": ("arrays", "read_mat", "MATLAB files", "matlab"),
-    ".npz": ("arrays", "read_npz", "npz", ""),
-    ".h5": ("arrays", "read_hdf5", "HDF5", "hdf5"),
-    ".hdf5": ("arrays", "read_hdf5", "HDF5", "hdf5"),
+    ".mat": ("tables", "read_mat", "MATLAB files", "matlab"),
+    ".npz": ("tables", "read_npz", "npz", ""),
+    ".h5": ("tables", "read_hdf5", "HDF5", "hdf5"),
+    ".hdf5": ("tables", "read_hdf5", "HDF5", "hdf5"),
 }
 KNOWN = "CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz or HDF5"
 

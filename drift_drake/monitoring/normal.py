@@ -116,7 +116,9 @@ def calibrated_monitor(scores: NormalScores, run: Run, vehicle: VehicleParameter
             f"{run.name}: a row each {run.period:g} s, the calibration's logs one each {scores.period:g} s; resample it"
         )
     monitor = make_monitor(vehicle, own, list(scores.noise), run.period, NoiseLevels(**scores.noise))
-    if not alike(nodes_of(monitor), scores.nodes):
+    (names, magnitudes), (own_names, own_magnitudes) = (zip(*n, strict=True) for n in (scores.nodes, nodes_of(monitor)))
+    # A vehicle file rounds.
+    if names != own_names or not np.allclose(own_magnitudes, magnitudes, rtol=SAME_MAGNITUDE, atol=0.0):
         raise InvalidNormalScoresError(
             "the calibration's normal scores are of another vehicle file; give the two that one 'identify' wrote"
         )
@@ -126,12 +128,6 @@ def calibrated_monitor(scores: NormalScores, run: Run, vehicle: VehicleParameter
 def nodes_of(monitor: Monitor) -> tuple[tuple[str, float], ...]:
     """What the bank's cars have."""
     return tuple((node.name, node.magnitude) for node in monitor.problem.nodes)
-
-
-def alike(nodes: Sequence[tuple[str, float]], others: Sequence[tuple[str, float]]) -> bool:
-    """Whether two banks are of one car: a vehicle file rounds."""
-    (names, magnitudes), (other_names, other_magnitudes) = zip(*nodes, strict=True), zip(*others, strict=True)
-    return names == other_names and np.allclose(magnitudes, other_magnitudes, rtol=SAME_MAGNITUDE, atol=0.0)
 
 
 def read_normal_scores(path: str | Path) -> NormalScores:

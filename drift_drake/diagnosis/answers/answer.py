@@ -213,9 +213,7 @@ def read_answer(path: str | Path) -> Answer:
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
     if missing:
-        raise InvalidAnswerError(
-            f"{path}: missing {', '.join(missing)}; write the answer with 'drift-drake diagnose --json'"
-        )
+        raise InvalidAnswerError(f"{path}: missing {', '.join(missing)}; {remedy}")
     try:
         return _answer(data)
     except ValueError as error:

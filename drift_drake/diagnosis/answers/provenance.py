@@ -66,11 +66,8 @@ def all_answered(
     Raises:
         InvalidAnswerError: a file is the answer to another case.
     """
-    found = {
-        folder: answered(path, provenance(folder, vehicle, options))
-        for folder, path in answers.items()
-        if path.exists()
-    }
+    there = {folder: path for folder, path in answers.items() if path.exists()}
+    found = {folder: answered(path, provenance(folder, vehicle, options)) for folder, path in there.items()}
     return {folder: answer for folder, answer in found.items() if answer is not None}
 
 

@@ -36,12 +36,6 @@ CELLS = 8  # of a map, along either axis
 Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
 
 
-def cars_of(d: Diagnosis) -> Cars:
-    """The nominal car, and the corrected one where a cause is named."""
-    nominal = {"nominal": no_effects(d.problem)}
-    return nominal | {"corrected": d.fit} if d.answer.verdict == "effect" else nominal
-
-
 def half_second_ahead(problem: Problem, fit: Fit, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows [starts] and measurements [starts, 4] that a car predicts half a second ahead, from its filter's states."""
     rough = with_more_process_noise(problem)
@@ -215,7 +209,7 @@ def gap_charts(d: Diagnosis) -> dict[str, Any]:
     """What shows the gap, and with a named cause what is left of it; nothing where there is none."""
     if d.answer.verdict == "none":
         return {}
-    cars = cars_of(d)
+    cars = {"nominal": no_effects(d.problem)} | ({"corrected": d.fit} if d.answer.verdict == "effect" else {})
     errors = {name: squares(d.problem, fit) for name, fit in cars.items()}
     charts = {
         "time_line": time_line(d, errors),

@@ -63,9 +63,7 @@ def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float 
 
 
 def _jumps(columns: Mapping[str, Array]) -> list[str]:
-    if "psi" not in columns:
-        return []
-    steps = np.abs(np.diff(columns["psi"]))
+    steps = np.abs(np.diff(columns.get("psi", np.zeros(2))))
     worst = int(np.argmax(steps))
     if steps[worst] < JUMP:
         return []

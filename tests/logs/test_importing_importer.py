@@ -121,6 +121,20 @@ def test_a_gyroscope_in_another_unit_is_noticed(tmp_path):
     assert "gyro looks like degrees: it is 57." in report.remarks[0]
 
 
+def test_a_clock_may_be_aligned_with_a_position(tmp_path):
+    table, exact = captured_table(), truth()
+    table["place"] = np.interp((table["uptime"] - 77_000.0) / 1e3, exact["t"], exact["y"])
+    clocks = CAPTURED["clocks"] | {
+        "sensors": CAPTURED["clocks"]["sensors"] | {"align": {"signal": "p", "against": "y"}}
+    }
+    place = {"column": "place", "unit": "mm", "clock": "sensors", "frame": None}
+    mapping = CAPTURED | {"clocks": clocks, "signals": CAPTURED["signals"] | {"p": place}}
+    _, report = imported(tmp_path, table, mapping)
+    assert report.clocks["drive"]["sensors"].std is not None
+    assert len(report.remarks) == 1
+    assert "p is 0.001 times what the motion's y says: check its unit or scale" in report.remarks[0]
+
+
 def test_a_clock_that_nothing_aligns_is_reported(tmp_path):
     table = captured_table()
     table["gyro"] = np.where(table["uptime"] > 0.0, np.random.default_rng(0).standard_normal(len(table)), 0.0)

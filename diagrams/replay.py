@@ -8,16 +8,18 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 import tyro
 
 from diagrams.command import run_command
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.side_by_side import side_by_side
-from drift_drake.playback.comparison import compare, drawn, wide_table
-from drift_drake.playback.play import describe, play, prepare, read_cars, write_replay
+from drift_drake.playback.play import compare, describe, drawn, prepare, write_replay
+from drift_drake.playback.side_by_side import Played
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
+from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,22 +40,32 @@ class ReplayConfig:
     """Only draw the diagram."""
 
 
+def wide_table(played: Played) -> pd.DataFrame:
+    """One table: t, window, then each column of the real car, as measured, and of the cars, under their names."""
+    out = played.real[["t", "window"]].copy()
+    for name, table in {"real": played.real, **played.cars}.items():
+        kept = table.drop(columns=["t", "window", "delta"])
+        out = pd.concat([out, kept.add_prefix(f"{name}_")], axis=1)
+    return out.assign(delta_cmd=played.real["delta"])
+
+
 def main(config: ReplayConfig) -> None:
     """Replays, and leaves table, errors, pictures and the 3D replay in the run folder."""
-    cars = read_cars(config.vehicle, config.corrected)
-    prepared = prepare(config.log, cars)
+    files = {"nominal": config.vehicle} | ({} if config.corrected is None else {"corrected": config.corrected})
+    vehicles = {name: read_vehicle(path) for name, path in files.items()}
+    prepared = prepare(config.log, vehicles)
     folder = make_run_folder("replay", config.out)
     if config.graph:
         for path in draw_graph(prepared.diagram, folder / "replay"):
             print(path)
         return
-    played = play(prepared, config.restart)
+    played = prepared.run(config.restart)
     comparison = compare(played)
     write_json(folder / "config.json", config)
     write_json(folder / "numbers.json", comparison)
     write_versions(folder)
     write_table(wide_table(played), folder / "replay.csv", index=False)
-    runs, parameters = drawn(played), cars["nominal"].parameters
+    runs, parameters = drawn(played), vehicles["nominal"][0]
     write_figure(side_by_side(runs), folder / "time_series.png")
     write_figure(overhead(runs, parameters=parameters, car_every=1.5), folder / "overhead.png")
     write_replay(played, folder / "replay.html", config.log.name, config.restart, parameters)

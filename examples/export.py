@@ -4,9 +4,8 @@ from pathlib import Path
 
 from drift_drake import VehicleParameters, make_effects, read_run
 from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.exporting.commonroad import write_commonroad
 from drift_drake.exporting.logs import columns_of
-from drift_drake.exporting.mujoco import write_mujoco
+from drift_drake.exporting.vehicles import write_commonroad, write_mujoco
 
 
 def main(folder: Path = Path()) -> list[str]:

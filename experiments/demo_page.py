@@ -24,7 +24,7 @@ from drift_drake.pictures.replay import replay
 from drift_drake.pictures.side_by_side import side_by_side
 from drift_drake.pictures.style import colours_of
 from drift_drake.pictures.time_series import time_series
-from drift_drake.playback.comparison import UNITS, Comparison, compare, drawn
+from drift_drake.playback.play import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine

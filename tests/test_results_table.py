@@ -6,8 +6,7 @@ import pandas as pd
 import pytest
 
 from drift_drake import results_table
-from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.answers.row import answer_row
+from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.estimation.interval import Interval
 from drift_drake.results_table import write_results_table
 

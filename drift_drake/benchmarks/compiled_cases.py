@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
+from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
 from drift_drake.logs.table import Run
@@ -131,13 +131,8 @@ def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau
 
 def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0,
               manoeuvres: Sequence[str] = MANOEUVRES) -> list[Run]:  # fmt: skip
-    """A run of each manoeuvre by one car; one that spins within its first second is driven again with other draws."""
-    runs = []
-    for i, kind in enumerate(manoeuvres):
-        for _ in range(5):
-            try:
-                runs.append(simulate_run(Driver(kind, rng, vehicle), truth, vehicle, rng, f"run_{i}", duration))
-                break
-            except ValueError:
-                continue
-    return runs
+    """A run of each manoeuvre by one car (`drivers.driven`)."""
+    return driven(
+        manoeuvres,
+        lambda kind, name: simulate_run(Driver(kind, rng, vehicle), truth, vehicle, rng, name, duration),
+    )

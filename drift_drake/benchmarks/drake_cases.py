@@ -3,24 +3,22 @@
 Another integrator than the diagnosis's: Runge-Kutta of third order with error control.
 """
 
-import dataclasses
 from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.framework import (
     BasicVector,
     Context,
-    Diagram,
     DiagramBuilder,
     DiscreteValues,
     LeafSystem,
 )
 from pydrake.systems.primitives import LogVectorOutput
 
-from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver
+from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from drift_drake.benchmarks.truths import Truth, true_car
-from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.logs.table import Run
 from drift_drake.sensing.sensors import LOG_ROW
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
@@ -34,15 +32,12 @@ class RowDriver(Protocol):
 
     def start(self) -> np.ndarray:
         """First state (r, v, beta, omega_r)."""
-        ...
 
     def resting_command(self) -> tuple[float, float]:
         """Command before the first row."""
-        ...
 
     def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
         """Command a row after t, from the state (r, v, beta, omega_r, e, dphi) at t and the command then."""
-        ...
 
 
 class DriverSystem(LeafSystem):
@@ -120,19 +115,11 @@ class Driveline(LeafSystem):
         output.SetFromVector([delta, rung_torque(tau, context.get_continuous_state_vector()[0], self._strange)])
 
 
-@dataclasses.dataclass(frozen=True)
-class DrivenCar:
-    """A diagram of one drive and the systems in it that are asked later."""
-
-    diagram: Diagram
-    car: Car
-    commands: Any
-    rows: Any
-    first: tuple[float, float]
-
-
-def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> DrivenCar:
-    """Driver, strange forces and the car that `truth` describes, logged each row."""
+def drive(
+    driver: RowDriver, truth: Truth, vehicle: VehicleParameters, seed: int, name: str, duration: float = 12.0,
+    heading: float = 0.0,
+) -> Run:  # fmt: skip
+    """One run in Drake, ended early by a spin: driver, strange forces and the car that `truth` describes."""
     constants, effects = true_car(truth, vehicle)
     strange = make_strange(truth.strange)
     first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
@@ -153,46 +140,30 @@ def build_drive(driver: RowDriver, truth: Truth, vehicle: VehicleParameters) -> 
         builder.Connect(driveline.GetOutputPort("command"), car.GetInputPort("command"))
     else:
         builder.Connect(command, car.GetInputPort("command"))
-    commands = LogVectorOutput(command, builder, PERIOD)
-    rows = LogVectorOutput(car.GetOutputPort("log_row"), builder, PERIOD)
-    return DrivenCar(builder.Build(), car, commands, rows, first)
-
-
-def drive(
-    driver: RowDriver, truth: Truth, vehicle: VehicleParameters, seed: int, name: str, duration: float = 12.0,
-    heading: float = 0.0,
-) -> Run:  # fmt: skip
-    """One run in Drake, ended early by a spin."""
-    built = build_drive(driver, truth, vehicle)
-    context = built.diagram.CreateDefaultContext()
-    car_context = built.car.GetMyMutableContextFromRoot(context)
-    plant_context = built.car.plant.GetMyMutableContextFromRoot(context)
-    built.car.plant.set_initial(
-        plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, heading), actuation=built.first
-    )
-    built.car.sensors.set_seed(context, seed)
-    state = built.car.GetOutputPort("state")
+    command_log = LogVectorOutput(command, builder, PERIOD)
+    row_log = LogVectorOutput(car.GetOutputPort("log_row"), builder, PERIOD)
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    car_context = car.GetMyMutableContextFromRoot(context)
+    plant_context = car.plant.GetMyMutableContextFromRoot(context)
+    car.plant.set_initial(plant_context, [*driver.start(), 0.0, 0.0], pose=(0.0, 0.0, heading), actuation=first)
+    car.sensors.set_seed(context, seed)
+    state = car.GetOutputPort("state")
 
     def spun(_root: Context) -> str | None:
         r, v, beta, omega_r = state.Eval(car_context)[:4]
         return "spin" if abs(beta) > SPIN or v < SLOWEST or omega_r < SLOWEST or abs(r) > 6.0 else None
 
-    make_simulator(built.diagram, context, (built.car, spun), ACCURACY).AdvanceTo(duration)
-    rows, commands = built.rows.FindLog(context).data(), built.commands.FindLog(context).data()
+    make_simulator(diagram, context, (car, spun), ACCURACY).AdvanceTo(duration)
+    rows, commands = row_log.FindLog(context).data(), command_log.FindLog(context).data()
     columns = dict(zip(LOG_ROW, rows, strict=True))
     columns["t"] = np.round(columns["t"], 9)
     return Run(name=name, delta_cmd=commands[0].copy(), tau_cmd=commands[1].copy(), **columns)
 
 
 def drake_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:
-    """Four runs of one car; a run too short for a log is driven again with other draws, five times at most."""
-    runs = []
-    for i, kind in enumerate(MANOEUVRES):
-        for _ in range(5):
-            try:
-                driver, seed = Driver(kind, rng, vehicle), int(rng.integers(2**31))
-                runs.append(drive(driver, truth, vehicle, seed, f"run_{i}", duration))
-                break
-            except InvalidLogError:
-                continue
-    return runs
+    """Four runs of one car (`drivers.driven`)."""
+    return driven(
+        MANOEUVRES,
+        lambda kind, name: drive(Driver(kind, rng, vehicle), truth, vehicle, int(rng.integers(2**31)), name, duration),
+    )

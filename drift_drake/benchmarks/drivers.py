@@ -1,11 +1,14 @@
 """Drivers of a car at its limits: a slalom, power in turns, transients, and a steady drift held by feedback."""
 
+import contextlib
 import dataclasses
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
 
+from drift_drake.logs.table import Run
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
@@ -124,3 +127,18 @@ class Driver:
             slewed(delta, last[0], STEERING_RATE, -v.steering_limit, v.steering_limit),
             slewed(tau, last[1], TORQUE_RATE, v.torque_min, v.torque_max),
         )
+
+
+def driven(manoeuvres: Sequence[str], drive: Callable[[str, str], Run]) -> list[Run]:
+    """A run of each manoeuvre; one too short for a log is driven again with other draws, five times at most.
+
+    Args:
+        drive: of a manoeuvre and the run's name.
+    """
+    runs = []
+    for i, kind in enumerate(manoeuvres):
+        for _ in range(5):
+            with contextlib.suppress(ValueError):
+                runs.append(drive(kind, f"run_{i}"))
+                break
+    return runs

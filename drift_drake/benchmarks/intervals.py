@@ -22,7 +22,7 @@ def binomial(hits: int, count: int, method: Literal["exact", "wilson"] = "exact"
 
 
 def bootstrap(
-    values: NDArray[Any] | Sequence[float], statistic: Callable[[NDArray[Any]], NDArray[Any]], seed: int = 0
+    values: NDArray[Any] | Sequence[float], statistic: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> tuple[float, float]:
     """Percentile interval of a statistic of cases that are drawn anew.
 
@@ -30,7 +30,7 @@ def bootstrap(
         values: [cases, ...]; statistic: of draws [RESAMPLES, cases, ...], one each.
     """
     values = np.asarray(values)
-    draws = values[np.random.default_rng(seed).integers(0, len(values), (RESAMPLES, len(values)))]
+    draws = values[np.random.default_rng(0).integers(0, len(values), (RESAMPLES, len(values)))]
     low, high = np.quantile(statistic(draws), [0.025, 0.975])
     return float(low), float(high)
 

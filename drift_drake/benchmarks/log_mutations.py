@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.screening.mistakes import DEGREES, G
 from drift_drake.logs.screening.screened import MEASURED
 from drift_drake.logs.table import Run
-from drift_drake.logs.white_noise import white_noise_level
 from drift_drake.vehicle.parameters import VehicleParameters
 
 EDGE = 20  # rows at a run's ends that are left alone

@@ -45,11 +45,8 @@ def true_car(truth: Truth, vehicle: VehicleParameters) -> tuple[Constants, Effec
 
 def drawn_deviations(rng: np.random.Generator, tolerance: Tolerance) -> dict[str, float]:
     """Deviations from nominal, one normal draw of each tolerance's standard deviation (two and a half at most)."""
-    out = {}
-    for field in dataclasses.fields(tolerance):
-        if field.name != "gear_ratio":
-            out[field.name] = float(np.clip(rng.standard_normal(), -2.5, 2.5) * getattr(tolerance, field.name))
-    return out
+    sizes = {name: size for name, size in dataclasses.asdict(tolerance).items() if name != "gear_ratio"}
+    return {name: float(np.clip(rng.standard_normal(), -2.5, 2.5) * size) for name, size in sizes.items()}
 
 
 def drawn_magnitude(rng: np.random.Generator, name: str, tolerance: Tolerance) -> float:

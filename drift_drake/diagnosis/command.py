@@ -11,9 +11,8 @@ import tyro
 
 from drift_drake import safe_files
 from drift_drake.command_line import command_line
-from drift_drake.diagnosis.answers.answer import Answer
+from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.diagnosis.answers.provenance import all_answered
-from drift_drake.diagnosis.answers.row import answer_row
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
 from drift_drake.estimation.part import MOST_SECONDS, PIECE
 from drift_drake.executors import ExecutorConfig
@@ -96,13 +95,18 @@ def run_diagnose(command: Diagnose) -> int:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
     if not command.most_seconds >= PIECE:
         raise InvalidOptionError(f"--most-seconds {command.most_seconds:g}: give {PIECE:g} or more")
+    for name in command.without:
+        if name not in OPTIONAL:
+            raise InvalidLogError(f"--without {name}: not a column that can be left out; {meant(name, OPTIONAL)}")
+    if command.every < 1:
+        raise InvalidLogError(f"--every {command.every}: give 1 or more")
     check_trust(command)
     folders = case_folders(command.case)
     options: dict[str, Any] = {
         "own": own,
         "catalogue": chosen_effects(command),
-        "without": checked_columns(command.without),
-        "every": checked_every(command.every),
+        "without": tuple(command.without),
+        "every": command.every,
         "most_seconds": command.most_seconds,
         **trust_options(command),
     }
@@ -159,21 +163,6 @@ def chosen_effects(command: Diagnose) -> tuple[str, ...]:
     if not chosen:
         raise InvalidVehicleError("--exclude leaves no effect to consider; exclude fewer")
     return chosen
-
-
-def checked_columns(names: Sequence[str]) -> tuple[str, ...]:
-    """Columns that may be left out; InvalidLogError where one may not."""
-    for name in names:
-        if name not in OPTIONAL:
-            raise InvalidLogError(f"--without {name}: not a column that can be left out; {meant(name, OPTIONAL)}")
-    return tuple(names)
-
-
-def checked_every(every: int) -> int:
-    """Rows that make one; InvalidLogError below one."""
-    if every < 1:
-        raise InvalidLogError(f"--every {every}: give 1 or more")
-    return every
 
 
 def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:

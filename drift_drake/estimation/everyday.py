@@ -11,8 +11,8 @@ import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import no_effects
-from drift_drake.estimation.freeform import FORCE_CHANNELS, filtered_states, force_units, state_functions
-from drift_drake.estimation.problem import Everyday, Problem, filter_case, flat, observe
+from drift_drake.estimation.freeform import FORCE_CHANNELS, force_units, state_functions
+from drift_drake.estimation.problem import Everyday, Problem, filter_case, filtered_states, flat, observe
 
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
 STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
@@ -56,7 +56,8 @@ def traced(problem: Problem) -> Problem:
     weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
     traces = []
     for i, run in enumerate(bare):
-        functions = state_functions(problem, nominal, filtered_states(problem, gains, nominal, i), i)
+        states = filtered_states(problem, gains, nominal.theta, nominal.names, i)
+        functions = state_functions(problem, nominal, states, i)
         forces = STEP * force_units(problem) * (functions @ weights.T)
         y = run.y.copy()
         for name, offset in everyday.offsets.items():

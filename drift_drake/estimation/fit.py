@@ -105,7 +105,8 @@ def run_sensitivity(
     base, moved = counted(problem, problem.runs[index], gains.innovations[index]).ravel(), []
     for column in columns:
         there, step = _moved(problem, theta, names, column)
-        moved.append((_innovations(problem, gains, there, names, index) - base) / step)
+        e = observe(problem, gains, there, names, index)
+        moved.append((counted(problem, problem.runs[index], e).ravel() - base) / step)
     return np.stack(moved, axis=-1), np.array(columns)
 
 
@@ -115,11 +116,6 @@ def last_derivative(
     """The same by the last parameter [count], from the innovations at theta [count]."""
     there, step = _moved(problem, theta, names, len(theta) - 1)
     return (observe_case(problem, gains, there, names) - e) / step
-
-
-def _innovations(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
-    """Those of one run that count, one after the other."""
-    return counted(problem, problem.runs[index], observe(problem, gains, theta, names, index)).ravel()
 
 
 def _moved(problem: Problem, theta: np.ndarray, names: Sequence[str], column: int) -> tuple[np.ndarray, float]:

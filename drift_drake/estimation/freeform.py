@@ -14,9 +14,18 @@ from typing import Protocol
 
 import numpy as np
 
-from drift_drake.estimation.filter_state import SIZE
 from drift_drake.estimation.fit import prior_precision, run_sensitivity
-from drift_drake.estimation.problem import NO_STATE, Gains, Problem, car, counted, filter_case, first_row, observe
+from drift_drake.estimation.problem import (
+    NO_STATE,
+    Gains,
+    Problem,
+    car,
+    counted,
+    filter_case,
+    filtered_states,
+    first_row,
+    observe,
+)
 from drift_drake.estimation.regression import SENSORS, Regression, Responses, equations, regress
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
@@ -35,13 +44,6 @@ class Fitted(Protocol):
 
     @property
     def theta(self) -> np.ndarray: ...
-
-
-def filtered_states(problem: Problem, gains: Gains, fit: Fitted, index: int) -> np.ndarray:
-    """Corrected states [rows, SIZE] of one run under a fit."""
-    states = np.empty((len(problem.runs[index].y), SIZE))
-    observe(problem, gains, fit.theta, fit.names, index, states=states)
-    return states
 
 
 def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: int) -> np.ndarray:
@@ -149,7 +151,7 @@ def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
     gains = filter_case(problem, fit.theta, fit.names)
     for i, run in enumerate(problem.runs):
         base = gains.innovations[i]
-        states = filtered_states(problem, gains, fit, i)
+        states = filtered_states(problem, gains, fit.theta, fit.names, i)
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states, i)
         d = pushed(problem, gains, fit, i, states, shapes)
         channel_of = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])

@@ -1,6 +1,5 @@
 """Errors of open-loop predictions over several horizons, restarted from filtered states."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from drift_drake.estimation.commands import STAGES, SUBSTEPS, without_actuators
 from drift_drake.estimation.filter_state import MEASURED, SIZE, advance_row, predict_measurement, rates_of
-from drift_drake.estimation.problem import Gains, Problem, car, filter_case, observe, run_commands
+from drift_drake.estimation.problem import Gains, Problem, car, filtered_states, run_commands
 from drift_drake.estimation.run_data import RunData
 from drift_drake.vehicle.compilation import compiled
 
@@ -16,16 +15,6 @@ STATES = ("r", "v", "beta", "omega_r")
 HORIZONS = (0.01, 0.1, 0.5, 2.0)  # [s]
 EVERY = 10  # rows between restarts
 JUDGED = 2  # horizon by which a gap is judged: half a second, which a controller plans over
-
-
-@dataclasses.dataclass(frozen=True)
-class Predictions:
-    """Squared prediction errors of one run, in noise variances."""
-
-    rows: np.ndarray  # [starts] first rows
-    # [starts, horizons, states]; NaN beyond the run's end or where a channel is missing, infinite where the prediction
-    # diverged
-    squares: np.ndarray
 
 
 def start_rows(run: RunData) -> np.ndarray:
@@ -63,34 +52,43 @@ def roll_out(
             out[s, h] = predicted
 
 
-def predictions(
+def predicted_ahead(
     problem: Problem,
     theta: np.ndarray,
     names: Sequence[str],
     index: int,
-    gains: Gains | None = None,
-    starts: np.ndarray | None = None,
-) -> Predictions:
-    """Prediction errors of one run under a hypothesis, restarted from its own filter.
-
-    Args:
-        gains: at theta, if they are known; starts: first rows, every tenth of a second by default.
-    """
-    gains = gains if gains is not None else filter_case(problem, theta, names)
+    gains: Gains,
+    starts: np.ndarray,
+    steps: np.ndarray,
+) -> np.ndarray:
+    """Measurements of one run that a hypothesis predicts from its own filter's states (`roll_out`)."""
     run = problem.runs[index]
     constants, effects = car(problem, theta, names)
-    states = np.empty((len(run.y), SIZE))
-    observe(problem, gains, theta, names, index, states=states)
+    states = filtered_states(problem, gains, theta, names, index)
     delta, torque = run_commands(problem, index, theta, effects)
-    starts = start_rows(run) if starts is None else starts
-    steps = np.array([max(round(h / run.period), 1) for h in HORIZONS])
     out = np.empty((len(starts), len(steps), MEASURED))
     roll_out(states, starts, steps, delta, torque, run.period, constants, without_actuators(effects), out)
-    measured = np.full((len(starts), len(steps), MEASURED), np.nan)
+    return out
+
+
+def prediction_squares(
+    problem: Problem, theta: np.ndarray, names: Sequence[str], index: int, gains: Gains, starts: np.ndarray
+) -> np.ndarray:
+    """Squared prediction errors [starts, HORIZONS, STATES] of one run under a hypothesis, in noise variances.
+
+    NaN beyond the run's end or where a channel is missing, infinite where the prediction diverged.
+
+    Args:
+        gains: at theta; starts: first rows.
+    """
+    run = problem.runs[index]
+    steps = np.array([max(round(h / run.period), 1) for h in HORIZONS])
+    out = predicted_ahead(problem, theta, names, index, gains, starts, steps)
+    measured = np.full(out.shape, np.nan)
     for h, step in enumerate(steps):
         inside = starts + step < len(run.y)
         measured[inside, h] = run.y[starts[inside] + step]
     out[np.isfinite(measured) & ~np.isfinite(out)] = np.inf  # no number is no prediction, not a missing measurement
     errors = (measured - out) / problem.noise
     errors[..., ~run.used] = np.nan
-    return Predictions(starts, np.asarray(errors[..., : len(STATES)] ** 2))
+    return np.asarray(errors[..., : len(STATES)] ** 2)

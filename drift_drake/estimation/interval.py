@@ -2,6 +2,8 @@
 
 import dataclasses
 
+TWO_SIDED = 1.96  # standard deviations
+
 
 @dataclasses.dataclass(frozen=True)
 class Interval:

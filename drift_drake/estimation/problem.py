@@ -229,11 +229,8 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
     gains, whitenings, innovations, logdet = [], [], [], 0.0
     for i, run in enumerate(problem.runs):
         rows = len(run.y)
-        e, k, w = (
-            np.empty((rows, MEASURED)),
-            np.empty((rows, CORRECTED, MEASURED)),
-            np.empty((rows, MEASURED, MEASURED)),
-        )
+        e, k = np.empty((rows, MEASURED)), np.empty((rows, CORRECTED, MEASURED))
+        w = np.empty((rows, MEASURED, MEASURED))
         delta, torque = run_commands(problem, i, theta, effects)
         filter_run(
             run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
@@ -280,6 +277,13 @@ def observe(
         gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
     )  # fmt: skip
     return e if run.trace is None else e + run.trace[since:]
+
+
+def filtered_states(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
+    """Corrected states [rows, SIZE] of one run under frozen gains."""
+    states = np.empty((len(problem.runs[index].y), SIZE))
+    observe(problem, gains, theta, names, index, states=states)
+    return states
 
 
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, minimise, sensitivity
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predictions, start_rows
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, prediction_squares, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
 from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations
 from drift_drake.estimation.run_data import RunData
@@ -30,6 +30,9 @@ class Reduction:
     before: list[float]  # mean squares by horizon, in noise variances; NaN where no run is so long
     after: list[float]
     floor: list[float]
+
+
+NOTHING_REMOVED = Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
 
 
 def resampled(sums: np.ndarray) -> np.ndarray:
@@ -87,9 +90,7 @@ def errors_of(
     rough = with_more_process_noise(problem)
     gains = filter_case(rough, theta, names)
     starts = [start_rows(run) for run in problem.runs] if starts is None else starts
-    return [
-        np.minimum(predictions(rough, theta, names, i, gains, some).squares, WORST) for i, some in enumerate(starts)
-    ]
+    return [np.minimum(prediction_squares(rough, theta, names, i, gains, some), WORST) for i, some in enumerate(starts)]
 
 
 def held_out_errors(problem: Problem, fitted: Fit) -> list[np.ndarray]:
@@ -117,26 +118,40 @@ def reduction(problem: Problem, fitted: Fit, floor_fit: Fit) -> Reduction:
         fitted: the effects whose share it is; floor_fit: the best fit to all runs, whose errors are the floor.
     """
     if not fitted.names:
-        return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
+        return NOTHING_REMOVED
     before = without_effects(problem, fitted)
     after = held_out_errors(problem, fitted)
     floor = errors_of(problem, floor_fit.theta, floor_fit.names)
-    blocks = np.concatenate([_blocks(b, a, f) for b, a, f in zip(before, after, floor, strict=True)])
-    shares = np.array([removed_share(*sums) for sums in resampled(blocks)])
-    whole = [np.concatenate(part) for part in (before, after, floor)]
+    # A second of restarts each, run by run.
+    firsts = np.cumsum([0, *(-(-len(part) // BLOCK) for part in before)])
+    block = np.concatenate([first + np.arange(len(part)) // BLOCK for first, part in zip(firsts, before, strict=False)])
+    parts = [np.concatenate(part) for part in (before, after, floor)]
+    return reduction_of(parts, block, STATES, [f"{h:g} s" for h in HORIZONS], JUDGED)
+
+
+def reduction_of(
+    parts: Sequence[np.ndarray], block: np.ndarray, states: Sequence[str], ahead: Sequence[str], judged: int
+) -> Reduction:
+    """Shares of the gap that are removed; at the judged horizon with a 95 % block-bootstrap interval.
+
+    Args:
+        parts: squared errors before, after, and of the floor [starts, horizons, states], NaN where there is none;
+        block: of each start [starts]; states, ahead: names of states and horizons.
+    """
+    sums = np.stack([np.bincount(block, np.nansum(part[:, judged], axis=-1)) for part in parts], axis=-1)
+    low, high = np.quantile([removed_share(*drawn) for drawn in resampled(sums)], [0.025, 0.975])
+    estimate = removed_share(*sums.sum(axis=0))
     by_state = {
-        name: removed_share(*(float(np.nansum(part[:, JUDGED, i])) for part in whole))
-        for i, name in enumerate(STATES)
-        if np.any(np.isfinite(whole[0][:, JUDGED, i]))
+        name: removed_share(*(float(np.nansum(part[:, judged, i])) for part in parts))
+        for i, name in enumerate(states)
+        if np.any(np.isfinite(parts[0][:, judged, i]))
     }
     by_horizon = {
-        f"{h:g} s": removed_share(*(float(np.nansum(part[:, i])) for part in whole))
-        for i, h in enumerate(HORIZONS)
-        if np.any(np.isfinite(whole[0][:, i]))
+        name: removed_share(*(float(np.nansum(part[:, i])) for part in parts))
+        for i, name in enumerate(ahead)
+        if np.any(np.isfinite(parts[0][:, i]))
     }
-    means = [mean_squares(part) for part in whole]
-    low, high = np.quantile(shares, [0.025, 0.975])
-    estimate = removed_share(*blocks.sum(axis=0))
+    means = [mean_squares(part) for part in parts]
     return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
 
 
@@ -148,16 +163,14 @@ def mean_squares(errors: np.ndarray) -> list[float]:
     return [float(total / count) if count else float("nan") for total, count in zip(sums, counts, strict=True)]
 
 
+def at_judged(errors: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Errors [starts, states] half a second ahead, of those of all horizons."""
+    return [part[:, JUDGED] for part in errors]
+
+
 def share_removed(before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: Sequence[np.ndarray]) -> float:
-    """Share of the gap at half a second that `after` removes, from the squared errors of all runs."""
-    return removed_share(*(sum(float(np.nansum(run[:, JUDGED])) for run in part) for part in (before, after, floor)))
-
-
-def _blocks(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """Sums of squares [blocks, 3] over a second of restarts each."""
-    sums = np.stack([np.nansum(part[:, JUDGED], axis=-1) for part in (before, after, floor)], axis=-1)
-    edges = np.arange(0, len(sums), BLOCK)
-    return np.asarray(np.add.reduceat(sums, edges, axis=0))
+    """Share of the gap at half a second that `after` removes, from the squared errors there of all runs."""
+    return removed_share(*(sum(float(np.nansum(run)) for run in part) for part in (before, after, floor)))
 
 
 def removed_share(before: float, after: float, floor: float) -> float:

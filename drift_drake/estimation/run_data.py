@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.table import Run
-from drift_drake.logs.white_noise import white_noise_level
 
 COURSE_TIME = 0.6  # [s] of positions that a first sideslip is taken from
 SETTLING_TIME = 0.35  # [s] at a run's start whose innovations do not count: commands before it are unknown

@@ -4,6 +4,13 @@ A score is a window's error projected on what an effect would do to it. On the d
 of time show what the calibrated car lacks every day, in each direction, and how that scatters; what calibration left
 unknown (a friction limit that no drive came near) widens the scatter wherever another day's drives depend on it. A
 generalised method of moments with an empirical weight (Hansen 1982).
+
+Recordings differ: batteries empty, tyres warm up, wind turns, a sensor is aligned anew, and equations that do not
+follow the car ask for other parameters on a circle than in a slalom. Blocks of time within a recording do not show
+that, whole recordings do: each is one draw (Liang and Zeger 1986). A few recordings show little of it: what is known to
+vary from recording to recording (`Effect.varies`) is taken to, by less than a gap; and by how much recordings differ is
+read off all that the logs show together, since a few recordings differ in few directions, and the next one will in
+others.
 """
 
 import dataclasses
@@ -14,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.normal import Normal, capped_squares
-from drift_drake.estimation.recordings import pulls, shrunk, spread
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
@@ -36,6 +42,10 @@ BEYOND = 0.15  # share beyond, at which a window counts half
 MODEL_FORM = {"yaw_inertia_error": 0.08}
 """Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and
 tyres relax, the yaw inertia that predicts best depends on the drive (validation cars)."""
+ALIKE = 4.0
+"""Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
+(validation days and recordings)."""
+RECORDING_SHARE = 0.5  # of the least gap: what an effect deviates by from recording to recording, two are a gap
 CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
 
 
@@ -152,6 +162,49 @@ def block_information(day: Day, scales: np.ndarray, precision: np.ndarray) -> np
     return np.asarray(np.einsum("wip,ij,wjq->pq", half, precision, half, optimize=True))
 
 
+def between_recordings(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviations [n] of effects from one recording to the next, whatever a calibration's recordings show."""
+    return np.array([RECORDING_SHARE * CATALOGUE[n].least_for(vehicle) if CATALOGUE[n].varies else 0.0 for n in names])
+
+
+def pulls(scores: np.ndarray, blocks: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """By how much each recording pulls the estimate away from that of the others, to first order [K, n].
+
+    Args:
+        scores: derivatives of half the squared errors of each recording, at the estimate [K, n]; blocks: of time in
+            each [K]; covariance: inverse of the second derivatives of all, prior and all [n, n].
+    """
+    # What all recordings share is no difference between them: the estimate leaves it, whichever is left out.
+    beyond = scores - np.outer(blocks / blocks.sum(), scores.sum(axis=0))
+    return np.asarray(-beyond @ covariance)
+
+
+def spread(pulled: np.ndarray) -> np.ndarray:
+    """Covariance [n, n] of what single recordings ask for, from what each pulls the estimate by [K, n].
+
+    Of an estimate from all K it is the K-th part. Zero of one recording, which shows none.
+    """
+    count = len(pulled)
+    return np.asarray(count**2 / max(count - 1, 1) * pulled.T @ pulled)
+
+
+def shrunk(seen: np.ndarray, alone: np.ndarray, information: np.ndarray, count: int, chance: float = 0.0) -> np.ndarray:
+    """Covariance [n, n] from recording to recording, towards one that is alike in all directions that the logs show.
+
+    In units of what the logs leave open: as many times that as has been seen over all directions, beyond chance (Ledoit
+    and Wolf 2004, with that metric in place of the identity).
+
+    Args:
+        seen: of the recordings (`spread`) [n, n]; alone: covariance of the estimate, prior and logs [n, n];
+        information: of the logs [n, n], without the prior; count: of the recordings; chance: how many times that would
+            be seen of recordings that do not differ.
+    """
+    shown = alone @ information
+    size = max(float(np.trace(np.linalg.solve(alone, seen)) / np.trace(shown)) - chance, 0.0)
+    share = ALIKE / (ALIKE + count - 1.0)
+    return np.asarray((1.0 - share) * seen + share * size * shown @ alone)
+
+
 class Learnt(NamedTuple):
     """What a day of calibration shows of its car."""
 
@@ -166,7 +219,7 @@ def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.nd
     Args:
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
         prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
-            they differ by from one recording to the next at least (`recordings.everyday`).
+            they differ by from one recording to the next at least (`between_recordings`).
     """
     scales = robust_scales(day.errors)
     f = flat_scores(day.errors, scales)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
@@ -62,20 +62,19 @@ def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> Un
     bottom, top = info.range_for(vehicle)
     size = max(abs(bottom), abs(top))
     if info.tolerance:
-        wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-        prior = getattr(BROAD, info.tolerance) * (wheelbase if name == "cg_shift" else 1.0)
+        prior = getattr(BROAD, info.tolerance) * (wheelbase(vehicle) if name == "cg_shift" else 1.0)
         if info.tolerance in stated:
             prior = CAUTION * max(float(getattr(vehicle.tolerance, info.tolerance)), 1e-6)
         low, high = LEAST, -5.0 * LEAST
         if name == "cg_shift":
-            low = LEAST_SHARE * wheelbase - vehicle.front_axle_distance
-            high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase
+            low = LEAST_SHARE * wheelbase(vehicle) - vehicle.front_axle_distance
+            high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase(vehicle)
         elif name == "steering_offset":
             low, high = -FURTHEST * size, FURTHEST * size
         return Unknown(name, min(size, prior), prior, low, high, 0.0)
     low = -FURTHEST * size if info.signed else 0.0
     if name == "tyre_relaxation":
-        low = SHORTEST_RELAXATION * (vehicle.front_axle_distance + vehicle.rear_axle_distance)
+        low = SHORTEST_RELAXATION * wheelbase(vehicle)
     start = 0.0 if info.signed else max(FIRST_SHARE * size, low)
     return Unknown(name, size, size, low, FURTHEST * size, start)
 

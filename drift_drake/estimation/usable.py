@@ -1,4 +1,4 @@
-"""The parts of runs that an estimator can use: forwards, moving, not spun, and measured."""
+"""What an estimator can use of runs: parts that go forwards, not spun, and measured; effects that the columns show."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.logs.driving import driven, reversing, slowest, spans
-from drift_drake.logs.screening.screened import Screened, screened
-from drift_drake.logs.table import SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.logs.screening.screened import screened
+from drift_drake.logs.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 LEAST_PART = 1.5  # [s]
@@ -26,8 +27,8 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     kept: list[Run] = []
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
-        frozen = _long(one)
-        least = least_rows(run)
+        frozen = one.mask(LONGEST_FILLED / run.period)
+        least = max(round(LEAST_PART / run.period), SHORTEST_RUN)  # rows of a part
         parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
         why = _reasons(run, vehicle, frozen)
         if not parts:
@@ -43,18 +44,15 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     return kept, warnings
 
 
-def least_rows(run: Run) -> int:
-    """Rows that a part has to have."""
-    return max(round(LEAST_PART / run.period), SHORTEST_RUN)
-
-
-def _long(one: Screened) -> np.ndarray:
-    """Rows [rows] (bool) of bad samples that last too long to be filled."""
-    rows = np.zeros(len(one.run), dtype=np.bool_)
-    for part in one.bad:
-        if part.stop - part.start > LONGEST_FILLED / one.run.period:
-            rows[part.start : part.stop] = True
-    return rows
+def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Effects that the columns of the log can show, and a warning about missing columns and the others."""
+    missing = [name for name in OPTIONAL if any(run.column(name) is None for run in runs)]
+    kept = [name for name in names if not set(CATALOGUE[name].needs) & set(missing)]
+    lost = [name for name in names if name not in kept]
+    if not missing:
+        return kept, []
+    what = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
+    return kept, [f"{what}: {', '.join(lost)} cannot be judged without" if lost else what]
 
 
 def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:

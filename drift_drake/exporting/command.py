@@ -83,8 +83,7 @@ def _export_vehicle(command: Export) -> None:
     vehicle, effects = read_vehicle(command.source)
     try_outputs({"--out": command.out, "--json": command.json}, [command.source])
     with ended_at_once():
-        from drift_drake.exporting.commonroad import write_commonroad
-        from drift_drake.exporting.mujoco import write_mujoco
+        from drift_drake.exporting.vehicles import write_commonroad, write_mujoco
         from drift_drake.vehicle.effects import changed_constants, magnitudes_of, make_effects
 
     write = write_commonroad if command.format == "commonroad" else write_mujoco

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.logs.table import COLUMNS, Run
+from drift_drake.logs.table import COLUMNS, UNITS, Run
 from drift_drake.safe_files import replacing
 
-UNITS = {"t": "s", "x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s",
-         "ax": "m/s^2", "ay": "m/s^2", "delta_cmd": "rad", "tau_cmd": "N m"}  # fmt: skip
 COMMANDS = ("delta_cmd", "tau_cmd")
 NANOSECONDS = 1e9
 NUMBER = {"type": "number"}

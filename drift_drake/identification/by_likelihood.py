@@ -1,19 +1,19 @@
 """A car calibrated by the likelihood of the diagnosis's filter: exact where innovations are white."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from drift_drake.estimation.fit import cost_of, parameter_limits
+from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.estimation.prior import scale
-from drift_drake.estimation.problem import Problem, flat, make_problem
-from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.identification.calibrated import calibrated_vehicle, places, scales
-from drift_drake.identification.calibration import Calibration, Identification, Parameter
+from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
+from drift_drake.estimation.usable import seen_effects
+from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
 from drift_drake.identification.estimate import Estimate, estimate
 from drift_drake.identification.everyday_misfit import everyday_misfit
 from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
-from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.unknowns import (
     FIRST_SHARE,
     KEEPS,
@@ -26,16 +26,17 @@ from drift_drake.identification.unknowns import (
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 
 DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
 STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
 HARDLY = 1e-3  # of an effect's range
 EASED = 0.1  # deafness of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
-TWO_SIDED = 1.96
 LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are not, half a second ahead in both
+ABSOLUTE = ("front_axle_distance", "steering_offset")  # tolerances with a unit; the others are relative
+FIELD = {"torque": "gear_ratio"}  # the parameter that a deviation changes, where it has another name
 STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
 
 Progress = Callable[[str, float], None]
@@ -147,7 +148,8 @@ def least_deaf_fit(
     eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
     ways = (direct, eased, estimate(kept, names, hardly, DEAFNESS[0]))
     off = [error(at) for at in ways]
-    fits = [min((at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)), key=neglog_posterior)]
+    alike = [at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)]
+    fits = [min(alike, key=lambda at: cost_of(at.problem, at.at.filtered, at.theta))]  # each under its own noise
     for number, deafness in enumerate(DEAFNESS[1:], 3):
         tell(f"fit {number}", 0.15 * number)
         fits.append(estimate(kept, names, fits[-1].theta, deafness))
@@ -155,17 +157,11 @@ def least_deaf_fit(
     return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
 
 
-def neglog_posterior(at: Estimate) -> float:
-    """Of a fit, under its own noise; up to constants."""
-    return cost_of(at.problem, at.at.filtered, at.theta)
-
-
 def summarise(
     found: Estimate, vehicle: VehicleParameters, effects: Effects, known: Sequence[str]
 ) -> tuple[dict[str, Parameter], np.ndarray, np.ndarray]:
     """Parameters with intervals, their correlation and their covariance in their own units."""
-    units = {name: info.unit for name, info in CATALOGUE.items()}
-    table = scales(found.problem, vehicle, found.names, units)
+    table = scales(found.problem, vehicle, found.names)
     at = places(found.problem, found.names)
     white = found.covariance
     wider = widening(found.problem.runs, found.at.jacobian, flat(found.problem, found.at.filtered.innovations), white)
@@ -188,6 +184,54 @@ def summarise(
         )  # fmt: skip
     sigmas = np.array([p.deviation for p in parameters.values()])
     return parameters, correlation, correlation * np.outer(sigmas, sigmas)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """An unknown's value is `origin + factor * theta`, in `unit`."""
+
+    name: str
+    origin: float
+    factor: float
+    unit: str
+
+
+def scales(problem: Problem, vehicle: VehicleParameters, names: Sequence[str]) -> list[Scale]:
+    """How the vehicle's own parameters and the effects `names` follow from theta, in the order of `places`."""
+    out = []
+    fields = {field.name: field.metadata for field in dataclasses.fields(VehicleParameters)}
+    for name in PARAMETERS:
+        tolerance = float(problem.tolerance[NUISANCES.index(name)])
+        if name == "steering_offset":
+            out.append(Scale(name, 0.0, tolerance, "rad"))
+            continue
+        field = FIELD.get(name, name)
+        value = float(getattr(vehicle, field))
+        out.append(Scale(field, value, tolerance * (1.0 if name in ABSOLUTE else value), fields[field]["unit"]))
+    return out + [Scale(name, 0.0, 1.0, CATALOGUE[name].unit) for name in names]
+
+
+def places(problem: Problem, names: Sequence[str]) -> np.ndarray:
+    """Indices in theta of the vehicle's own parameters and of the effects `names`."""
+    return np.concatenate([np.arange(len(PARAMETERS)), problem.nuisances + np.arange(len(names))])
+
+
+def calibrated_vehicle(
+    problem: Problem, vehicle: VehicleParameters, theta: np.ndarray, names: Sequence[str], deviations: dict[str, float]
+) -> tuple[VehicleParameters, Effects]:
+    """The vehicle and effects at theta, with posterior standard deviations (in units of `scales`) for tolerances."""
+    constants, effects = car(problem, theta, names)
+    fixed = ("gravity", "front_coupling", "tyre")
+    changes = {name: value for name, value in constants._asdict().items() if name not in fixed}
+    if problem.rim_fed:
+        changes["rear_axle_inertia"] = vehicle.rear_axle_inertia
+    tolerances = {}
+    for name in PARAMETERS:
+        field = FIELD.get(name, name)
+        tolerances[name] = deviations[field] / (1.0 if name in ABSOLUTE else changes[field])
+    tolerance: Tolerance = dataclasses.replace(vehicle.tolerance, **tolerances)
+    kept = {name: float(getattr(effects, name)) for name in {*names, "steering_offset"}}
+    return vehicle.replace(**changes, tolerance=tolerance), make_effects(kept)
 
 
 def negligible(found: Estimate) -> list[str]:

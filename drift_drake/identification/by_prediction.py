@@ -5,13 +5,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import Normal
-from drift_drake.estimation.recordings import everyday
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
-from drift_drake.estimation.scores import block_of, learn_normal, make_day, units
+from drift_drake.estimation.scores import between_recordings, block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
-from drift_drake.identification.disagreement import differences
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.unknowns import KEEPS
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -25,7 +24,11 @@ FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
-STATES = ("r", "v", "beta", "omega_r")
+MOST_DISAGREED = 0.5  # of an estimate's variance, above which recordings' differences are what makes it uncertain
+ALONE = (
+    "calibrated on one recording: by how much this car differs from one to the next is not known, but for what varies "
+    "on any car (biases, grade, wind, rolling resistance); calibrate on several recordings, of different driving"
+)
 
 Progress = Callable[[str, float], None]
 
@@ -116,7 +119,7 @@ def fit_by_prediction(
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
-    learnt = learn_normal(day, seen, steps, prior, everyday(seen, vehicle) / steps)
+    learnt = learn_normal(day, seen, steps, prior, between_recordings(seen, vehicle) / steps)
     normal = learnt.normal
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
@@ -139,7 +142,7 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
     day, where that day's drives did not show it.
     """
     bias = (CATALOGUE[name].stage == "sensor" or name == "road_grade") and name != "sensor_latency"
-    return float(everyday([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
+    return float(between_recordings([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
 
 
 def held_out_windows(
@@ -167,3 +170,26 @@ def held_out_windows(
     return HeldOut(
         judged[0].horizons, tuple(STATES[i] for i in shown), first, then, ratio, float(low), float(high), by_state
     )
+
+
+def differences(
+    recordings: Sequence[str], names: Sequence[str], pulled: np.ndarray, between: np.ndarray, total: np.ndarray
+) -> list[str]:
+    """Sentences on estimates that the recordings disagree about.
+
+    Args:
+        recordings: names [K]; names: of the estimates [n]; pulled: by how much each recording pulls the estimates
+            (`scores.pulls`) [K, n]; between: variances of the estimates from that [n]; total: their
+            variances in all [n], in the same units.
+    """
+    if len(recordings) == 1:
+        return [ALONE]
+    by_recording: dict[str, list[str]] = {}
+    for i, name in enumerate(names):
+        if between[i] > MOST_DISAGREED * total[i]:
+            by_recording.setdefault(recordings[int(np.argmax(np.abs(pulled[:, i])))], []).append(name)
+    return [
+        f"the recordings ask for different values of {', '.join(parts)}, {recording} the most, which is most of what "
+        "makes them uncertain; more recordings of that kind of driving would tell"
+        for recording, parts in by_recording.items()
+    ]

@@ -60,11 +60,7 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    """`drift-drake identify`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-    """
+    """`drift-drake identify`."""
     vehicle, effects = read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]
@@ -102,7 +98,7 @@ def run_identify(command: Identify) -> None:
 def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":
     """The calibration with what is normal for the car while it is watched, where its logs can say."""
     from drift_drake.logs.table import InvalidLogError
-    from drift_drake.monitoring.calibrated import learn_normal_scores
+    from drift_drake.monitoring.normal import learn_normal_scores
 
     try:
         scores = learn_normal_scores(runs, found.vehicle, found.effects)

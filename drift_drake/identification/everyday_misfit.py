@@ -102,11 +102,6 @@ def scatter(of: Equations, theta: np.ndarray, prior: np.ndarray) -> list[float]:
         told = covariance[np.ix_(part.columns, part.columns)]
         scores.append(part.gradient - part.cross @ step[part.columns])
         information.append(np.diag(part.hessian) - np.sum((part.cross @ told) * part.cross, axis=1))
-    return mean_squares(np.concatenate(scores), np.concatenate(information), of.channel_of)
-
-
-def mean_squares(score: np.ndarray, information: np.ndarray, channel_of: np.ndarray) -> list[float]:
-    """Of each channel's scores, over their information."""
-    groups = [channel_of == channel for channel in np.unique(channel_of)]
-    seen = [group for group in groups if np.sum(information[group]) > 0.0]
-    return [float(np.sum(score[group] ** 2) / np.sum(information[group])) for group in seen]
+    score, told_of, channels = np.concatenate(scores), np.concatenate(information), of.channel_of
+    groups = [channels == channel for channel in np.unique(channels)]
+    return [float(np.sum(score[g] ** 2) / np.sum(told_of[g])) for g in groups if np.sum(told_of[g]) > 0.0]

@@ -12,20 +12,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.estimation.part import part_of
-from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
-from drift_drake.estimation.usable import usable
+from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
-from drift_drake.identification.calibration import Calibration, Identification, Parameter
+from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.held_out import HeldOut
-from drift_drake.identification.not_identified import not_identified, tied
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.identification.unknowns import check_effect_names
-from drift_drake.identification.white import WHITE, Whiteness, whiteness
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -34,7 +33,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 Progress = Callable[[str, float], None]
 
-TWO_SIDED = 1.96
+NEAR = 20.0  # mean square up to which a fit by likelihood may still make innovations white
+WHITE = 0.1  # row weight of that fit, from which they are
 FURTHER = (  # that a car may have beside those asked for, taken in where held-out prediction asks for them
     "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
     "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop",
@@ -96,6 +96,45 @@ def identify(
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, warnings=[*warnings, *c.warnings])
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)
+
+
+@dataclasses.dataclass(frozen=True)
+class Whiteness:
+    """Of the innovations that count: the median over runs of their mean square, and their correlation row to row."""
+
+    mean_square: float
+    correlation: float  # the largest of all channels, in absolute value
+
+    @property
+    def may_be_white(self) -> bool:
+        """Whether a fit by likelihood is worth a try."""
+        return self.mean_square < NEAR
+
+    def sentence(self) -> str:
+        """Why prediction was the criterion."""
+        if not np.isfinite(self.mean_square):
+            return "calibrated by prediction: the filter of the nominal equations loses the car on these logs"
+        return (
+            f"calibrated by prediction: innovations are not white (mean square {self.mean_square:.3g}, correlation "
+            f"from row to row {self.correlation:.2f})"
+        )
+
+
+def whiteness(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, stated: Mapping[str, float] | None
+) -> Whiteness:
+    """Innovations of the car as it is: where they are white the likelihood is exact. A filter that diverges is not."""
+    problem = make_problem(runs, vehicle, stated=stated, own=effects)
+    gains = filter_case(problem, np.zeros(problem.nuisances), ())
+    squares, tied = [], [0.0]
+    for run, e in zip(problem.runs, gains.innovations, strict=True):
+        kept = e[run.counted][:, run.used]
+        if not np.isfinite(kept).all() or len(kept) < 3:
+            return Whiteness(float("inf"), 1.0)
+        squares.append(float(np.mean(np.median(kept**2, axis=0) / 0.4549)))
+        spread = kept - kept.mean(axis=0)
+        tied.append(float(np.max(np.abs(np.sum(spread[1:] * spread[:-1], axis=0) / np.sum(spread**2, axis=0)))))
+    return Whiteness(float(np.median(squares)), float(np.median(tied[1:])) if len(tied) > 1 else 1.0)
 
 
 def white_or_none(

@@ -8,7 +8,7 @@ import numpy as np
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES
 from drift_drake.estimation.unknowns import BROAD
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
 from drift_drake.vehicle.delays import DELAYS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
@@ -34,11 +34,10 @@ def check_effect_names(known: Sequence[str], effects: Sequence[str]) -> None:
 
 def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParameters:
     """The vehicle with broad priors for tolerances, but for the `known` parameters and where its own are broader."""
-    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
     changes = {}
     for name in PARAMETERS:
         if name not in known:
-            broad = getattr(BROAD, name) * (wheelbase if name == "front_axle_distance" else 1.0)
+            broad = getattr(BROAD, name) * (wheelbase(vehicle) if name == "front_axle_distance" else 1.0)
             changes[name] = max(broad, getattr(vehicle.tolerance, name))
     return vehicle.replace(tolerance=dataclasses.replace(vehicle.tolerance, **changes))
 

@@ -1,5 +1,7 @@
 """Which rows of a run a single-track car can be asked about: not those of a spin, of reversing, nor of standstill."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from drift_drake.logs.table import Run
@@ -32,15 +34,21 @@ def reversing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
 
     Whole stretches of sideslip beyond `SPUN`, of which most is reversing: what leads there is part of it.
     """
-    rows = np.zeros(len(run), dtype=np.bool_)
     if run.beta is None:
-        return rows
+        return np.zeros(len(run), dtype=np.bool_)
     wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
     turn = TIGHTEST * run.v * np.tan(vehicle.steering_limit) / wheelbase
     backwards = (np.abs(run.beta) > np.pi - BACKWARDS) & (np.abs(run.r) <= turn)
-    for a, b in spans((np.abs(run.beta) > SPUN) & (run.v >= slowest(vehicle))):
-        if 2 * np.count_nonzero(backwards[a:b]) > b - a >= SUSTAINED / run.period:
-            rows[a:b] = True
+    turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest(vehicle)))
+    least = SUSTAINED / run.period
+    return in_spans([(a, b) for a, b in turned if 2 * np.count_nonzero(backwards[a:b]) > b - a >= least], len(run))
+
+
+def in_spans(stretches: Iterable[tuple[int, int]], count: int) -> np.ndarray:
+    """Which of `count` rows (bool) lie in one of the stretches, the inverse of `spans`."""
+    rows = np.zeros(count, dtype=np.bool_)
+    for start, stop in stretches:
+        rows[start:stop] = True
     return rows
 
 

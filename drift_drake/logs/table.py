@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
 OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
-COLUMNS = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
+UNITS = {"t": "s", "x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s",
+         "ax": "m/s^2", "ay": "m/s^2", "delta_cmd": "rad", "tau_cmd": "N m"}  # fmt: skip
+COLUMNS = tuple(UNITS)
 
 SHORTEST_RUN = 50  # rows; less holds nothing to learn from
 LONGEST_PERIOD = 0.05  # [s]

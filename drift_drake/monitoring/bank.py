@@ -39,6 +39,9 @@ from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple
 
 CONSTANTS = len(Constants._fields)
+FAR = 16.0  # root of a row's squared innovations, in standard deviations; beyond twice the clipping of `monitor`
+LEFT_OUT = 0.05  # [s] of rows that are left out, then they are believed
+REGAINED = 0.1  # of the time that passes with rows that are not left out
 
 
 class Bank(NamedTuple):
@@ -86,7 +89,8 @@ def make_state(bank: Bank) -> BankState:
 
 
 @compiled
-def _start(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
+def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
+    """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque = np.full(1, command[0]), np.full(1, command[1])
     rows = np.empty((1, MEASURED))
@@ -166,11 +170,6 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
 
 
-def start_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> None:
-    """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
-    _start(y, used, command, bank, state)
-
-
 def advance_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:
     """Carries the state one row on, in place, to a measurement and the command in force there.
 
@@ -180,3 +179,36 @@ def advance_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Ban
     innovations = np.empty((len(bank.effects), MEASURED))
     _row(y, used, command, bank, state, innovations)
     return innovations
+
+
+def allowance(bank: Bank) -> float:
+    """Rows that may be left out at the start."""
+    return max(round(LEFT_OUT / bank.period), 1)
+
+
+def gated_row(
+    bank: Bank, state: BankState, left: float, y: np.ndarray, used: np.ndarray, command: np.ndarray
+) -> tuple[BankState, np.ndarray | None, float]:
+    """The bank one row on; a row that is left out is predicted through.
+
+    A reading that jumps would move the filter's state, and the rows after it would look like a change of the car. So a
+    row that is too far off for any change is left out, but only a few at a time: what goes on being far off is
+    believed, the car may have met a wall.
+
+    Args:
+        left: rows that may be left out; y [9], used [9], command [2]: as `bank.row` takes them.
+
+    Returns:
+        (the state, the whitened innovations [m, 9] or None where the row was left out, rows that may be left out).
+    """
+    after = _copy(state)
+    innovations = advance_bank(y, used, command, bank, after)
+    if left < 1.0 or float(np.sum(innovations[0][used] ** 2)) <= FAR**2:
+        return after, innovations, min(left + REGAINED, allowance(bank))
+    after = _copy(state)
+    advance_bank(y, np.zeros_like(used), command, bank, after)
+    return after, None, left - 1.0
+
+
+def _copy(state: BankState) -> BankState:
+    return BankState(*(a.copy() for a in state))

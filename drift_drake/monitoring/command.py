@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +18,9 @@ from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_text
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.logs.table import Run
     from drift_drake.monitoring.monitor import Monitor
 
 
@@ -51,12 +48,7 @@ class Watch:
 
 
 def run_watch(command: Watch) -> None:
-    """`drift-drake watch`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-        InvalidOptionError: a time that is none.
-    """
+    """`drift-drake watch`."""
     vehicle, own = read_vehicle(command.vehicle)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
@@ -68,10 +60,14 @@ def run_watch(command: Watch) -> None:
         from drift_drake.monitoring.events import sentence
         from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
         from drift_drake.monitoring.monitor import BLOCK
-        from drift_drake.monitoring.watch import Row, rows_of, watched
+        from drift_drake.monitoring.normal import calibrated_monitor, read_normal_scores
+        from drift_drake.monitoring.watch import Row, monitor_of, rows_of, watched
 
     rows: Iterator[Row]
-    monitor_for = monitors(command, vehicle, own)
+    monitor_for = functools.partial(monitor_of, vehicle=vehicle, own=own)
+    if command.calibration is not None:
+        scores = read_normal_scores(command.calibration)
+        monitor_for = functools.partial(calibrated_monitor, scores, vehicle=vehicle, own=own)
     if command.follow:
         coming = growing_rows(command.log, growing_lines(command.log, command.idle))
         head, first = head_of(command.log, coming)
@@ -110,21 +106,6 @@ def no_change_sentence(monitor: "Monitor", judged: float) -> str:
         f"no row can be judged: the equations hold above {monitor.slowest:.2g} m/s and below {SPIN:g} rad of sideslip, "
         "and the filter needs a third of a second; watch a drive"
     )
-
-
-def monitors(command: Watch, vehicle: VehicleParameters, own: Effects) -> "Callable[[Run], Monitor]":
-    """What makes the monitor for a log: of a calibrated car, or of one that follows the simulator's equations.
-
-    Raises:
-        InvalidNormalScoresError: the calibration cannot be used.
-    """
-    from drift_drake.monitoring.calibrated import calibrated_monitor, read_normal_scores
-    from drift_drake.monitoring.watch import monitor_of
-
-    if command.calibration is None:
-        return functools.partial(monitor_of, vehicle=vehicle, own=own)
-    scores = read_normal_scores(command.calibration)
-    return functools.partial(calibrated_monitor, scores, vehicle=vehicle, own=own)
 
 
 def _lines(events: Sequence[Mapping[str, Any]]) -> str:

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
+from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.monitoring.history import History, Sums, since, until
 from drift_drake.monitoring.nodes import FORCES, Node
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-TWO_SIDED = 1.96
 HAZARD = 1.0 / 600.0  # [1/s] of a change
 GAP_AT_START = 0.1  # probability that the simulator lacks something from the first row on
 NONE_OF_THE_CATALOGUE = 0.1  # probability that a change is

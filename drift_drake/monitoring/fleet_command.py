@@ -45,12 +45,7 @@ class Fleet:
 
 
 def run_fleet(command: Fleet) -> None:
-    """`drift-drake fleet`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-        InvalidOptionError: no workers; NoClusterError: no scheduler answers, or Dask is not installed.
-    """
+    """`drift-drake fleet`."""
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
@@ -58,8 +53,7 @@ def run_fleet(command: Fleet) -> None:
     logs = [path for folder in folders.values() for path in run_paths(folder)]
     try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle, *logs])
     with ended_at_once():
-        from drift_drake.monitoring.fleet import fleet_findings
-        from drift_drake.monitoring.fleet_days import days_of, evidence_problem_of, shared_columns
+        from drift_drake.monitoring.fleet import days_of, evidence_problem_of, fleet_findings, shared_columns
         from drift_drake.monitoring.watch import WATCHED
 
     used = shared_columns(folders)
@@ -120,8 +114,7 @@ def lines(found: "fleet.FleetFindings") -> Sequence[str]:
 
     out = [f"{len(found.cars)} cars, {found.days} days"]
     for term in sorted(found.terms, key=lambda t: (("fleet", "car", "day").index(t.level), t.owner, -t.probability)):
-        unit = CATALOGUE[term.effect].unit
-        size = f"{term.magnitude:+.3g}{'' if unit == '-' else ' ' + unit} (95 %: {term.low:.3g} to {term.high:.3g})"
+        size = f"{term.magnitude:+.3g}{CATALOGUE[term.effect].suffix} (95 %: {term.low:.3g} to {term.high:.3g})"
         owner = "all cars" if term.level == "fleet" else term.owner
         out.append(f"  {owner}: {term.effect} {size}, probability {term.probability:.2f}")
     if not found.terms:

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.problem import PROCESS_NOISE
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.bank import Bank, BankState, make_bank
+from drift_drake.monitoring.bank import Bank, BankState, allowance, gated_row, make_bank
 from drift_drake.monitoring.evidence import EvidenceProblem, evidence_problem, labels, verdict_of
-from drift_drake.monitoring.gate import allowance, gated_row
 from drift_drake.monitoring.history import Sums, no_history, no_sums, packed, unpacked, with_block
 from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.monitoring.renewal import TRUSTED, renewed
@@ -27,7 +27,6 @@ SETTLING = 0.35  # [s] after the first row that do not count: commands before it
 CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
-STATES = ("r", "v", "beta", "omega_r")
 TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
 SPIN = 1.2  # [rad]
@@ -57,10 +56,6 @@ class Monitor:
     def labels(self) -> tuple[str, ...]:
         """Names of the posterior's entries: none, the effects, unknown."""
         return labels(self.problem)
-
-    @property
-    def rows_per_block(self) -> int:
-        return max(round(BLOCK / self.bank.period), 1)
 
     def start(self) -> State:
         """Before the first row."""
@@ -105,10 +100,16 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
 
 
 def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
-    """The state after one more row.
+    """The state after one more row, at t [s]; y and command as `row_taken` wants them."""
+    state = row_taken(monitor, state, y, command)
+    return _closed(monitor, state, t) if state.clock[1] >= max(round(BLOCK / monitor.bank.period), 1) else state
+
+
+def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
+    """The state with one more row in its block.
 
     Args:
-        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]); t: [s].
+        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]).
     """
     used = monitor.used & (np.abs(y) < ABSURD)
     commanded = bool((np.abs(command) < ABSURD).all())
@@ -123,23 +124,13 @@ def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray
     if not commanded:
         command = state.bank.commands[-1].copy()
     bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
-    if lost(bank):
+    if not np.isfinite(bank.z).all():  # all cars of the bank begin anew at the next row, and what was found stays
         return state._replace(clock=np.array([0.0, filled, edge, left]))
-    block = state.block
-    if innovations is not None and row_counts(monitor, rows, bank):
+    block, (_, v, beta) = state.block, bank.z[0, :3]
+    settled = rows * monitor.bank.period >= SETTLING
+    if innovations is not None and settled and v > monitor.slowest and abs(beta) < SPIN:
         block = with_row(block, innovations, used)
-    state = state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
-    return _closed(monitor, state, t) if filled + 1.0 >= monitor.rows_per_block else state
-
-
-def lost(bank: BankState) -> bool:
-    """Whether a car of the bank has left all numbers: all begin anew at the next row, and what was found stays."""
-    return not np.isfinite(bank.z).all()
-
-
-def row_counts(monitor: Monitor, rows: float, bank: BankState) -> bool:
-    """Whether a row counts, so many after the bank's first one: the filter is settled, the equations hold."""
-    return bool(rows * monitor.bank.period >= SETTLING and bank.z[0, 1] > monitor.slowest and abs(bank.z[0, 2]) < SPIN)
+    return state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
 
 
 def with_row(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:

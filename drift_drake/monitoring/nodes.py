@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.estimation.unknowns import added
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
 SIGNED_AT = 0.5  # of the end of the practical range
 CURVED = ("friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error")
 """Signed effects that act otherwise upwards than downwards: tyres saturate."""
@@ -64,7 +64,6 @@ def effect_nodes(name: str, vehicle: VehicleParameters) -> list[Node]:
 def make_nodes(names: Sequence[str], vehicle: VehicleParameters) -> list[Node]:
     """Nodes of the effects `names`, then those of the forces that stand for what is unknown."""
     weight = PUSH * vehicle.mass * vehicle.gravity
-    arm = vehicle.front_axle_distance + vehicle.rear_axle_distance
     pushes = [Node(name, 1.0, 0.0, 1.0, True, tuple(push)) for name, push in
-              zip(FORCES, np.diag([weight, weight, weight * arm]).tolist(), strict=True)]  # fmt: skip
+              zip(FORCES, np.diag([weight, weight, weight * wheelbase(vehicle)]).tolist(), strict=True)]  # fmt: skip
     return [node for name in names for node in effect_nodes(name, vehicle)] + pushes

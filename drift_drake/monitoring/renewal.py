@@ -7,9 +7,9 @@ have one, those alone count from then on.
 
 import numpy as np
 
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.monitoring.evidence import EvidenceProblem, Verdict, verdict_of, whitened
 from drift_drake.monitoring.history import History, newest, since, until
-from drift_drake.monitoring.nodes import RATE_LIMIT
 
 RECENT = 1.5  # [s]
 TRUSTED = 0.5  # probability of none, from which on the simulator may be believed

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.estimation.filter_state import CHANNELS
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.logs.white_noise import white_noise_level
-from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import Events
-from drift_drake.monitoring.history import unpacked
+from drift_drake.monitoring.evidence import EvidenceProblem, whitened
+from drift_drake.monitoring.history import History, Sums, since, unpacked, until
 from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects
@@ -18,6 +18,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 HEAD = 3.0  # [s] of a log that the sensors' noise is taken from
 LEAST_NOISE = 0.25  # of a good inertial system's: a smoothed column hides its noise
+APART = 0.3  # relative difference of two signatures below which they are one group
 WATCHED = ("r", "v", "beta", "omega_r", "psi", "ax", "ay")
 
 
@@ -71,9 +72,34 @@ def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.n
 
 
 def with_group(monitor: Monitor, state: State, event: dict[str, Any]) -> dict[str, Any]:
-    """The event of a cause with the effects that it could be mistaken for (`ambiguity`), where there are any."""
+    """The event of a cause with the effects that it could be mistaken for (`mistakable`), where there are any."""
     if event["event"] != "cause":
         return event
     history = unpacked(state.history, len(monitor.problem.nodes))
     others = mistakable(monitor.problem, history, float(state.clock[2]), event["cause"])
     return event | {"or": list(others)} if others else event
+
+
+def mistakable(problem: EvidenceProblem, history: History, edge: float, name: str) -> tuple[str, ...]:
+    """Effects that could be mistaken for the effect `name`, which leads: on the rows since the change they do the same.
+
+    What an effect does is known to a share of it alone, less so on a car that the equations do not follow. Two effects
+    whose whitened signatures differ by less than that, whatever their magnitudes, are one group to the monitor, however
+    probable the equations make one of the two.
+
+    Args:
+        edge: age [blocks] of the change.
+    """
+    ages, recent = since(history)
+    if name not in problem.names or not len(ages):
+        return ()
+    i = int(np.argmin(np.abs(ages - edge)))
+    w, m = (a[0] for a in whitened(problem, *(Sums(*(a[i : i + 1] for a in s)) for s in (recent, until(history)))))
+    unit = m / np.maximum(np.linalg.norm(m, axis=0), 1e-12)
+    own = np.flatnonzero(problem.member[:, problem.names.index(name)])
+    fits = unit.T @ w
+    leading = own[np.argmax(np.where(problem.signed[own], np.abs(fits[own]), fits[own]))]
+    sign = np.sign(fits[leading]) if problem.signed[leading] else 1.0
+    cosine = sign * (unit.T @ unit[:, leading])
+    like = np.where(problem.signed, np.abs(cosine), cosine) >= np.sqrt(1.0 - APART**2)
+    return tuple(n for j, n in enumerate(problem.names) if n != name and np.any(like & (problem.member[:, j] > 0.0)))

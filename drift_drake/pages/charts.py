@@ -22,6 +22,7 @@ FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
 MARGIN = {"l": 48, "r": 12, "t": 34, "b": 40}
 HEAT = "YlOrBr"
 FEW_DECADES = 100.0  # a logarithmic axis of less has labels between the powers of ten
+ASTRAY = 1.5  # times the measured range beyond which a prediction is left out of the picture
 MOST_POINTS = 4000  # of a line: a longer one is thinned
 
 
@@ -52,6 +53,15 @@ class Panel:
     normal: float | None = None
     reach: tuple[float, float] | None = None  # of the y axis at first
     log: bool = False
+
+
+def reach_of(measured: np.ndarray, predicted: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Of an axis that shows all predictions, but for those that go far astray."""
+    low, high = float(np.min(measured)), float(np.max(measured))
+    span, all_of = high - low, np.concatenate(predicted)
+    ends = max(float(np.nanmin(all_of)), low - ASTRAY * span), min(float(np.nanmax(all_of)), high + ASTRAY * span)
+    low, high = min(low, ends[0]), max(high, ends[1])
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
 
 
 def stacked(panels: Sequence[Panel], events: Mapping[str, float] | None = None) -> Markup:
@@ -134,7 +144,11 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
             row=row, col=column,
         )  # fmt: skip
         known.add(line.name)
-    _titled(figure, panel.title, row, column)
+    # Above the panel's left end, where a narrow screen has room for a title.
+    figure.add_annotation(
+        text=panel.title, xref="x domain", yref="y domain", x=0.0, y=1.0, xanchor="left", yanchor="bottom",
+        showarrow=False, row=row, col=column,
+    )  # fmt: skip
     if panel.normal is not None:
         figure.add_hrect(-panel.normal, panel.normal, fillcolor=NORMAL, opacity=0.35, line_width=0, row=row, col=column)
     figure.update_yaxes(range=panel.reach, row=row, col=column)
@@ -162,14 +176,6 @@ def _short(values: Array) -> Array:
     """Six digits of the largest: the page stays small."""
     largest = float(np.nanmax(np.abs(values))) if np.any(np.isfinite(values)) else 0.0
     return values if largest == 0.0 else values.round(max(0, 5 - int(np.floor(np.log10(largest)))))
-
-
-def _titled(figure: go.Figure, title: str, row: int, column: int) -> None:
-    """A title above the panel's left end, where a narrow screen has room for it."""
-    figure.add_annotation(
-        text=title, xref="x domain", yref="y domain", x=0.0, y=1.0, xanchor="left", yanchor="bottom", showarrow=False,
-        row=row, col=column,
-    )  # fmt: skip
 
 
 def finished(figure: go.Figure, height: int, legend: bool = True, ticks: int = 6) -> Markup:

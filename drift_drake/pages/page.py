@@ -72,11 +72,6 @@ class Source:
         )  # fmt: skip
 
 
-def versions() -> list[tuple[str, str]]:
-    """Of the packages that numbers depend on, and of Python."""
-    return [(name, version(name)) for name in PACKAGES] + [("Python", platform.python_version())]
-
-
 def page_html(template: Path, words: tuple[str, ...], **values: Any) -> str:
     """A template that extends `page.html`, filled in.
 
@@ -87,7 +82,7 @@ def page_html(template: Path, words: tuple[str, ...], **values: Any) -> str:
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["significant"] = significant
     environment.globals |= {
-        "versions": versions(),
+        "versions": [*((name, version(name)) for name in PACKAGES), ("Python", platform.python_version())],
         "glossary": {word: GLOSSARY[word] for word in words},
         "colours": CARS,
     }

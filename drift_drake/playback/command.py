@@ -36,24 +36,17 @@ class Replay:
 
 
 def run_replay(command: Replay) -> None:
-    """`drift-drake replay`.
-
-    Raises:
-        InvalidLogError, InvalidVehicleError: names the file, the place and the remedy.
-    """
-    vehicles = [command.vehicle, *([command.corrected] if command.corrected is not None else [])]
-    for path in vehicles:
-        read_vehicle(path)
+    """`drift-drake replay`."""
+    files = {"nominal": command.vehicle} | ({} if command.corrected is None else {"corrected": command.corrected})
+    vehicles = {name: read_vehicle(path) for name, path in files.items()}
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
-    try_outputs({"--html": command.html, "--json": command.json}, [command.log, *vehicles])
+    try_outputs({"--html": command.html, "--json": command.json}, [command.log, *files.values()])
     with ended_at_once():
-        from drift_drake.playback.comparison import compare
-        from drift_drake.playback.play import describe, play, prepare, read_cars, write_replay
-    cars = read_cars(command.vehicle, command.corrected)
-    played = play(prepare(command.log, cars), command.restart)
+        from drift_drake.playback.play import compare, describe, prepare, write_replay
+    played = prepare(command.log, vehicles).run(command.restart)
     comparison = compare(played)
     print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))
     write_results(command.json, {"log": command.log, "restart": command.restart} | dataclasses.asdict(comparison))
     if command.html is not None:
-        write_replay(played, command.html, command.log.name, command.restart, cars["nominal"].parameters)
+        write_replay(played, command.html, command.log.name, command.restart, vehicles["nominal"][0])
         print(f"{command.html}: open it in a browser", file=said_to(command.json))

@@ -1,49 +1,84 @@
-"""A log and vehicle files to what the simulated cars do beside the real one, in words and in 3D."""
+"""A log and vehicle files to what the simulated cars do beside the real one: RMS errors by state, words and 3D."""
 
-import math
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
+
 from drift_drake.logs.table import InvalidLogError, read_run
-from drift_drake.playback.comparison import Comparison, drawn
 from drift_drake.playback.side_by_side import CarModel, Played, SideBySide
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle
+
+UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "psi": "rad", "position": "m"}
 
 
-def read_cars(vehicle: Path, corrected: Path | None) -> dict[str, CarModel]:
-    """The nominal car and, if there is one, the corrected car.
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Errors of predictions against the log."""
 
-    Raises:
-        InvalidVehicleError: names the file, the key and the remedy.
+    rms: dict[str, dict[str, float]]  # by state (`UNITS`), then by car
+    seconds: float  # of predictions that all cars have: those that the errors are of
+    driven: float  # [s] of the log in which the real car neither stood nor spun
+    lost: dict[str, list[float]]  # times [s] at which each car spun or stopped
+    remarks: list[str]
+
+    def table(self) -> str:
+        """The errors as lines of text."""
+        cars = list(self.lost)
+        lines = [f"{'RMS error':<16}" + "".join(f"{name:>12}" for name in cars)]
+        for state, errors in self.rms.items():
+            label = f"{state} [{UNITS[state]}]"
+            lines.append(f"{label:<16}" + "".join(f"{errors[name]:>12.4g}" for name in cars))
+        return "\n".join(lines)
+
+
+def compare(played: Played) -> Comparison:
+    """RMS errors over the rows that every car has, so that a car that is lost does not look better for it.
+
+    Of the states, only those that the log has or that follow from it.
     """
-    cars = {"nominal": CarModel(*read_vehicle(vehicle))}
-    if corrected is not None:
-        cars["corrected"] = CarModel(*read_vehicle(corrected))
-    return cars
+    tables, real = played.cars, played.real
+    together = np.all([table["v"].notna() for table in tables.values()], axis=0)
+    states = [state for state in UNITS if state == "position" or real[state].notna().any()]
+    rms: dict[str, dict[str, float]] = {state: {} for state in states}
+    for name, table in tables.items():
+        error = (table - real)[together]
+        error["psi"] = np.arctan2(np.sin(error["psi"]), np.cos(error["psi"]))
+        error["position"] = np.hypot(error["x"], error["y"])
+        for state in states:
+            rms[state][name] = float(np.sqrt(np.mean(error[state] ** 2)))
+    period = float(real["t"].iloc[1] - real["t"].iloc[0])
+    driven = float((real["window"] >= 0).sum()) * period
+    return Comparison(rms, float(together.sum()) * period, driven, played.lost, list(played.remarks))
 
 
-def prepare(log: Path, cars: dict[str, CarModel]) -> SideBySide:
-    """The diagram for a log.
+def drawn(played: Played) -> dict[str, pd.DataFrame]:
+    """The real car's table and the cars', for pictures: rows of NaN break their lines at each restart."""
+    window = played.real["window"].to_numpy()
+    breaks = np.flatnonzero(np.diff(window) != 0)
+    index = np.sort(np.concatenate([np.arange(len(window)), breaks + 0.5]))
+    tables = {"real": played.real, **played.cars}
+    out = {name: table.reindex(index) for name, table in tables.items()}
+    for table in out.values():
+        table["t"] = table["t"].ffill()
+    out["real"] = out["real"].ffill()  # it does not start again
+    return out
+
+
+def prepare(log: Path, vehicles: Mapping[str, tuple[VehicleParameters, Effects]]) -> SideBySide:
+    """The diagram for a log, with a car for each vehicle by name, the nominal one first.
 
     Raises:
         InvalidLogError: names the file, the place and the remedy.
     """
     run = read_run(log)
     try:
-        return SideBySide(run, cars)
+        return SideBySide(run, {name: CarModel(*held) for name, held in vehicles.items()})
     except InvalidLogError as error:
         raise InvalidLogError(f"{log}: {str(error).removeprefix(run.name + ': ')}") from None
-
-
-def play(prepared: SideBySide, restart: float) -> Played:
-    """Drives the cars (see `SideBySide.run`).
-
-    Raises:
-        InvalidLogError: a restart that is no time.
-    """
-    if not 0.0 <= restart < math.inf:
-        raise InvalidLogError(f"--restart is {restart:g}; give seconds between restarts, or 0 for never")
-    return prepared.run(restart)
 
 
 def describe(name: str, comparison: Comparison, restart: float) -> str:

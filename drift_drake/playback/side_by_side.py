@@ -1,5 +1,6 @@
 """A log's commands to several cars at once, in one Drake diagram, put back onto the real car every few seconds."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -144,7 +145,12 @@ class SideBySide:
 
         A restart sets what the log measures; lags, heat and delayed commands stay as they are. A car that is lost (it
         spins or stops) has no rows until the next restart.
+
+        Raises:
+            InvalidLogError: a restart that is no time.
         """
+        if not 0.0 <= restart < math.inf:
+            raise InvalidLogError(f"--restart is {restart:g}; give seconds between restarts, or 0 for never")
         simulator = make_simulator(self.diagram, accuracy=ACCURACY)
         simulator.set_monitor(self._watch)
         context = simulator.get_mutable_context()

@@ -30,8 +30,7 @@ from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.drake_cases import drake_case
 from drift_drake.benchmarks.scores import score_text, scores
 from drift_drake.benchmarks.truths import Truth, drawn_truth
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.answers.row import answer_row
+from drift_drake.diagnosis.answers.answer import answer_row, read_answer
 from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.executors import ExecutorConfig, run_jobs
@@ -148,11 +147,8 @@ def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any
     catalogue = [name for name in CATALOGUE if name not in without]
     diagnosis = answer_folder(folder, vehicle, workers=1, catalogue=catalogue)
     assert isinstance(diagnosis, Diagnosis)  # without another day's calibration
-    evidence = {"+".join(f.names): e for f, e in diagnosis.found.hypotheses()}
-    fits = {
-        "+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names}
-        for f, _ in diagnosis.found.hypotheses()
-    }
+    evidence = {"+".join(f.names): e for f, e in diagnosis.found}
+    fits = {"+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names} for f, _ in diagnosis.found}
     raw = {
         "evidence": evidence,
         "fits": fits,

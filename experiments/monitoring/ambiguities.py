@@ -13,10 +13,9 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.history import unpacked
 from drift_drake.monitoring.monitor import after_row
-from drift_drake.monitoring.watch import rows_of
+from drift_drake.monitoring.watch import mistakable, rows_of
 from drift_drake.vehicle.effects import Effects, make_effects
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.comparison import ONSETS, PLANTS, SECONDS, Job, drawn_change, drive, traced

@@ -20,6 +20,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.benchmarks.drivers import MANOEUVRES
 from drift_drake.benchmarks.truths import drawn_deviations
+from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import load_model
@@ -27,9 +28,7 @@ from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.out_of_distribution import squared_distance, statistics
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.history import Sums, no_sums
-from drift_drake.monitoring.limits import limits
 from drift_drake.monitoring.monitor import SETTLING, Monitor, with_row
-from drift_drake.monitoring.nodes import RATE_LIMIT
 from drift_drake.monitoring.renewal import ALARM
 from drift_drake.monitoring.watch import rows_of, watched
 from drift_drake.run_folder import is_done, write_json, write_versions
@@ -40,6 +39,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive
+from experiments.monitoring.limits import limits
 from experiments.monitoring.peers import augmented_filters, chi_square, cumulative_sum
 from experiments.monitoring.scoring import METHODS, Score, score, table, threshold
 from experiments.other_worlds.drivers import DAY_ONE

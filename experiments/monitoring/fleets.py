@@ -18,9 +18,8 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.truths import drawn_deviations
 from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import write_run
-from drift_drake.monitoring.fleet import FleetFindings, fleet_findings
+from drift_drake.monitoring.fleet import FleetFindings, days_of, evidence_problem_of, fleet_findings, shared_columns
 from drift_drake.monitoring.fleet_command import day_folders, lines
-from drift_drake.monitoring.fleet_days import days_of, evidence_problem_of, shared_columns
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

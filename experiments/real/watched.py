@@ -16,7 +16,7 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.logs.table import Run, read_case, read_run
-from drift_drake.monitoring.calibrated import NormalScores, calibrated_monitor, learn_normal_scores
+from drift_drake.monitoring.normal import NormalScores, calibrated_monitor, learn_normal_scores
 from drift_drake.monitoring.watch import rows_of, watched
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.vehicle.vehicle_file import read_vehicle

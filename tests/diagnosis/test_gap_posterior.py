@@ -40,7 +40,7 @@ def test_what_is_left_unexplained_decides_between_effect_and_unknown(gain, verdi
     )
     assert posterior.verdict == verdict
     assert posterior.causes == (("aero_drag",) if verdict == "effect" else ())
-    assert posterior.fit.names == ("aero_drag",)
+    assert posterior.leading.names == ("aero_drag",)
 
 
 def test_no_gap_is_none_and_the_ambiguity_set_holds_95_percent():

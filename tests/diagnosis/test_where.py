@@ -3,12 +3,20 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.shared.where import _correlation, locate, region_names, region_of
+from drift_drake.diagnosis.shared.where import _correlation, find_gap, region_names, region_of
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
 from drift_drake.estimation.horizons import HORIZONS, STATES, start_rows
 from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.regression import Regression
 from drift_drake.vehicle.parameters import VehicleParameters
+
+NO_FORCES = Regression(0.0, np.zeros(0), np.zeros(0, dtype=int), np.ones(5), 0.0)
+
+
+def beyond(excess):
+    """Errors and their floor with so much between them."""
+    return [1.0 + e for e in excess], [np.ones_like(e) for e in excess]
 
 
 @pytest.fixture(scope="module")
@@ -20,20 +28,21 @@ def test_a_gap_in_one_state_of_one_run_is_put_there(problem):
     rows = [start_rows(run) for run in problem.runs]
     excess = [np.zeros((len(first), len(HORIZONS), len(STATES))) for first in rows]
     excess[3][10:, :, 2] = 7.0
-    where = locate(problem, excess, rows, None)
-    assert where.states == {"r": 0.0, "v": 0.0, "beta": 1.0, "omega_r": 0.0}
-    assert where.runs["run_3"] == 1.0
-    assert list(where.onset) == ["run_3"]
-    assert where.onset["run_3"] == pytest.approx(rows[3][10] * 0.01, abs=0.15)
-    assert all(region.startswith("slide") for region in where.regions)
+    where = find_gap(problem, *beyond(excess), NO_FORCES)
+    assert where["states"] == {"r": 0.0, "v": 0.0, "beta": 1.0, "omega_r": 0.0}
+    assert where["runs"]["run_3"] == 1.0
+    assert list(where["onset"]) == ["run_3"]
+    assert where["onset"]["run_3"] == pytest.approx(rows[3][10] * 0.01, abs=0.15)
+    assert all(region.startswith("slide") for region in where["regions"])
 
 
 def test_without_a_gap_nothing_is_named(problem):
     rows = [start_rows(run) for run in problem.runs]
-    where = locate(problem, [np.zeros((len(first), len(HORIZONS), len(STATES))) for first in rows], rows, None)
-    assert sum(where.states.values()) == 0.0
-    assert where.regions == []
-    assert where.onset == {}
+    excess = [np.zeros((len(first), len(HORIZONS), len(STATES))) for first in rows]
+    where = find_gap(problem, *beyond(excess), NO_FORCES)
+    assert sum(where["states"].values()) == 0.0
+    assert where["regions"] == []
+    assert where["onset"] == {}
 
 
 def test_runs_of_unequal_length_share_the_force_channels(stiffness_case):
@@ -42,8 +51,8 @@ def test_runs_of_unequal_length_share_the_force_channels(stiffness_case):
     nothing = fit(problem, (), np.zeros(problem.nuisances))
     rows = [start_rows(run) for run in problem.runs]
     excess = [np.ones((len(first), len(HORIZONS), len(STATES))) for first in rows]
-    where = locate(problem, excess, rows, misfit(problem, nothing))
-    assert sum(where.channels.values()) == pytest.approx(1.0)
+    where = find_gap(problem, *beyond(excess), misfit(problem, nothing))
+    assert sum(where["channels"].values()) == pytest.approx(1.0)
 
 
 def test_each_row_has_a_region(problem):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.estimation.problem import NUISANCES, filter_case, flat, make_problem, observe_case
-from drift_drake.logs.white_noise import white_noise_level
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.vehicle.parameters import VehicleParameters
 
 NAMES = ("rear_stiffness_error",)

@@ -8,8 +8,8 @@ import pytest
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.fit import fit
-from drift_drake.estimation.freeform import filtered_states, force_units, misfit, pulses, pushed
-from drift_drake.estimation.problem import counted, filter_case, make_problem, observe
+from drift_drake.estimation.freeform import force_units, misfit, pulses, pushed
+from drift_drake.estimation.problem import counted, filter_case, filtered_states, make_problem, observe
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -33,7 +33,7 @@ def test_a_push_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffne
     theta = np.zeros(problem.nuisances)
     nominal, gains = SimpleNamespace(names=(), theta=theta), filter_case(problem, theta, ())
     shapes = pulses(len(problem.runs[0].y), problem.runs[0].period)[:, [0, 4]]
-    found = pushed(problem, gains, nominal, 0, filtered_states(problem, gains, nominal, 0), shapes)
+    found = pushed(problem, gains, nominal, 0, filtered_states(problem, gains, theta, (), 0), shapes)
     for column, shape in enumerate(shapes.T):
         push = np.zeros((len(shape), 3))
         push[:, 0] = force_units(problem)[0] * shape

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drift_drake.estimation.load_following import FOLLOWING, with_load
+from drift_drake.diagnosis.another_day.hypotheses import FOLLOWING, with_load
 from drift_drake.vehicle.bicycle import static_loads
 from drift_drake.vehicle.effects import changed_constants, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

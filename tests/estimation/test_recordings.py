@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.recordings import ALIKE, everyday, pulls, shrunk, spread
+from drift_drake.estimation.scores import ALIKE, between_recordings, pulls, shrunk, spread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -59,7 +59,7 @@ def test_what_all_recordings_share_is_no_difference() -> None:
 
 def test_what_varies_by_itself_does_so_by_less_than_a_gap() -> None:
     car = VehicleParameters()
-    found = dict(zip(CATALOGUE, everyday(list(CATALOGUE), car), strict=True))
+    found = dict(zip(CATALOGUE, between_recordings(list(CATALOGUE), car), strict=True))
     assert {name for name, q in found.items() if q > 0.0} == {n for n, info in CATALOGUE.items() if info.varies}
     assert all(2.0 * found[name] <= CATALOGUE[name].least_for(car) for name in found)
     assert found["mass_error"] == 0.0
@@ -69,7 +69,7 @@ def test_what_varies_by_itself_does_so_by_less_than_a_gap() -> None:
 def test_what_varies_is_scaled_by_the_car() -> None:
     car = VehicleParameters()
     small = car.replace(mass=car.mass / 1000.0)
-    assert everyday(["aero_drag"], small) == pytest.approx(everyday(["aero_drag"], car) / 1000.0)
+    assert between_recordings(["aero_drag"], small) == pytest.approx(between_recordings(["aero_drag"], car) / 1000.0)
 
 
 def test_the_next_recording_is_as_far_off_as_a_few_say() -> None:

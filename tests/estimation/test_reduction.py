@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.likelihood.diagnose import find_gap
+from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation import horizons
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import HORIZONS, predictions, start_rows
-from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.horizons import prediction_squares, start_rows
+from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.reduction import (
     FOLDS,
     HELD_OUT,
@@ -40,7 +40,7 @@ def test_blocks_take_turns_in_being_held_out(problem):
 
 def test_shares_count_from_the_floor():
     def part(value):
-        return [np.full((5, len(HORIZONS), 4), value)]
+        return [np.full((5, 4), value)]
 
     assert share_removed(part(11.0), part(2.0), part(1.0)) == pytest.approx(0.9)
     assert share_removed(part(11.0), part(21.0), part(1.0)) == pytest.approx(-1.0)
@@ -50,12 +50,15 @@ def test_shares_count_from_the_floor():
 def test_a_right_model_predicts_to_the_noise(problem, stiffness_case):
     theta = np.append(np.zeros(problem.nuisances), stiffness_case[0].effects[NAMES[0]])
     theta[5], theta[0] = 1.0, -1.0  # torque and mass, in tolerances: as in the case
-    right, wrong = (predictions(problem, t, n, 2) for t, n in ((theta, NAMES), (theta[:-1] * 0.0, ())))
-    assert len(right.rows) == len(start_rows(problem.runs[2]))
-    one_step = np.nanmean(right.squares[:, 0])
+    starts = start_rows(problem.runs[2])
+    right, wrong = (
+        prediction_squares(problem, t, n, 2, filter_case(problem, t, n), starts)
+        for t, n in ((theta, NAMES), (theta[:-1] * 0.0, ()))
+    )
+    one_step = np.nanmean(right[:, 0])
     assert 0.8 < one_step < 1.5
-    assert np.nanmean(wrong.squares[:, 2]) > 2.0 * np.nanmean(right.squares[:, 2])
-    assert np.isnan(right.squares[-1, 3]).all()
+    assert np.nanmean(wrong[:, 2]) > 2.0 * np.nanmean(right[:, 2])
+    assert np.isnan(right[-1, 3]).all()
 
 
 def test_a_horizon_that_no_run_reaches_has_no_number(stiffness_case):

@@ -7,8 +7,7 @@ import pytest
 import yaml
 
 from drift_drake.cli import main
-from drift_drake.exporting.commonroad import commonroad_data
-from drift_drake.exporting.mujoco import mjcf
+from drift_drake.exporting.vehicles import commonroad_data, mjcf
 from drift_drake.logs.importing.formats.files import read_topics
 from drift_drake.logs.table import read_run, write_run
 from drift_drake.vehicle.effects import Effects, make_effects

@@ -10,9 +10,8 @@ from drift_drake.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.identification import by_prediction
 from drift_drake.identification import identify as identification
 from drift_drake.identification.by_prediction import held_out_windows, is_held, prior_of, row_by_row, split
-from drift_drake.identification.identify import identify
+from drift_drake.identification.identify import WHITE, identify
 from drift_drake.identification.report import report_html
-from drift_drake.identification.white import WHITE
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.double_track.cars import CARS

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.identification.disagreement import ALONE, differences
+from drift_drake.identification.by_prediction import ALONE, differences
 
 
 def test_estimates_that_recordings_disagree_about_are_named_with_the_recording() -> None:

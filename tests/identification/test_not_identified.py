@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.identification.not_identified import not_identified, tied
+from drift_drake.identification.calibration import not_identified, tied
 
 NAMES = ["mass", "torque", "friction"]
 

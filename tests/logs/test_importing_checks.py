@@ -35,16 +35,25 @@ def delayed(seconds):
 
 ONLY_MOTION = ("x", "y", "psi")
 DEFECTS = {
-    "yaw rate in degrees": (scaled("r", DEGREES), "yaw rate looks like deg/s"),
-    "yaw rate converted twice": (scaled("r", 1.0 / DEGREES), "yaw rate looks like rad/s converted as if"),
-    "yaw rate of a z-down frame": (scaled("r", -1.0), "yaw rate has the opposite sign of what the heading says"),
+    "yaw rate in degrees": (
+        scaled("r", DEGREES),
+        r"column r looks like degrees \(57\.3 times what other columns say\): give its unit as degrees in the mapping",
+    ),
+    "yaw rate converted twice": (
+        scaled("r", 1.0 / DEGREES),
+        "column r looks like radians converted as if they were degrees",
+    ),
+    "yaw rate of a z-down frame": (
+        scaled("r", -1.0),
+        "column r looks mirrored, against the other columns: the log is ISO 8855 .* give its frame",
+    ),
     "yaw rate in degrees, no positions": (
         without(scaled("r", DEGREES), *ONLY_MOTION),
-        "yaw rate looks like deg/s: it is 5.* times what the lateral acceleration says",
+        r"column r looks like degrees \(5\d\.\d times what other columns say\)",
     ),
-    "yaw rate of a z-down frame, no heading": (without(scaled("r", -1.0), "psi"), "yaw rate has the opposite sign"),
-    "heading in degrees": (scaled("psi", DEGREES), "heading looks like deg"),
-    "heading clockwise": (scaled("psi", -1.0), "heading has the opposite sign of what the yaw rate says"),
+    "yaw rate of a z-down frame, no heading": (without(scaled("r", -1.0), "psi"), "column r looks mirrored"),
+    "heading in degrees": (scaled("psi", DEGREES), "column psi looks like degrees"),
+    "heading clockwise": (scaled("psi", -1.0), "column psi looks mirrored"),
     "heading from east, course from north": (
         lambda c: c | {"psi": c["psi"] + np.pi / 2.0},
         "the course lies -90 deg from heading plus sideslip",
@@ -53,32 +62,38 @@ DEFECTS = {
         lambda c: c | {"psi": c["psi"] + np.where(c["t"] > 12.0, np.pi, 0.0)},
         r"heading jumps by 3.1. rad from one row to the next \(row 1201\)",
     ),
-    "positions mirrored": (scaled("y", -1.0), "the positions turn against heading and yaw rate"),
-    "speed in km/h": (scaled("v", 3.6), "speed looks like km/h"),
-    "speed in mph": (scaled("v", 1.0 / 0.44704), "speed looks like mph"),
+    "positions mirrored": (scaled("y", -1.0), r"column y \(or x\) looks mirrored"),
+    "speed in km/h": (scaled("v", 3.6), "column v looks like km/h"),
+    "speed in mph": (scaled("v", 1.0 / 0.44704), "column v looks like mph"),
     "speed in km/h, no positions": (
         without(scaled("v", 3.6), *ONLY_MOTION, "beta"),
-        "speed looks like km/h: .* accelerometer",
+        "column v looks like km/h",
     ),
-    "sideslip as heading minus course": (scaled("beta", -1.0), "sideslip has the opposite sign"),
-    "sideslip in degrees": (scaled("beta", DEGREES), "sideslip looks like deg"),
+    "sideslip as heading minus course": (scaled("beta", -1.0), "column beta looks mirrored"),
+    "sideslip in degrees": (scaled("beta", DEGREES), "column beta looks like degrees"),
     "sideslip against v_y": (
         without(lambda c: scaled("beta", -1.0)(velocity(c)), *ONLY_MOTION),
-        "sideslip has the opposite sign of v_y",
+        "column beta looks mirrored",
     ),
-    "longitudinal acceleration in g": (scaled("ax", 1.0 / 9.80665), "longitudinal acceleration looks like g"),
-    "lateral acceleration in g": (scaled("ay", 1.0 / 9.80665), "lateral acceleration looks like g"),
-    "lateral acceleration of a z-down frame": (scaled("ay", -1.0), "lateral acceleration has the opposite sign"),
-    "scale of lateral acceleration": (scaled("ay", 1.6), "lateral acceleration is 1.6 times .* unit or scale"),
+    "longitudinal acceleration in g": (scaled("ax", 1.0 / 9.80665), "column ax looks like g"),
+    "lateral acceleration in g": (scaled("ay", 1.0 / 9.80665), "column ay looks like g"),
+    "lateral acceleration of a z-down frame": (scaled("ay", -1.0), "column ay looks mirrored"),
+    "scale of lateral acceleration": (scaled("ay", 1.6), "column ay is 1.6.* times .* unit or scale"),
     "tilted accelerometer": (
         lambda c: c | {"ay": c["ay"] + 1.7},
-        r"lateral acceleration reads \+1.7 m/s\^2 besides .* tilted",
+        r"column ay reads \+1.7 m/s\^2 besides .* tilted",
     ),
-    "wheel speed in km/h": (scaled("omega_r", 3.6), "rear wheel speed looks like km/h"),
-    "wheel speed as an angular rate": (scaled("omega_r", 1.0 / 0.337), "rear wheel speed is 2.9. times"),
-    "steering in degrees": (scaled("delta_cmd", DEGREES), "steering looks like degrees"),
-    "steering wheel's angle": (scaled("delta_cmd", 15.0), "steering looks like .* the steering wheel's angle"),
-    "steering of a z-down frame": (scaled("delta_cmd", -1.0), "steering has the opposite sign of the yaw rate"),
+    "wheel speed in km/h": (
+        scaled("omega_r", 3.6),
+        "column omega_r looks like the wheel's rad/s.*; or omega_r as km/h",
+    ),
+    "wheel speed as an angular rate": (
+        scaled("omega_r", 1.0 / 0.337),
+        r"column omega_r looks like the wheel's rad/s, .* \(2\.9\d times .*: multiply it by wheel_radius\.$",
+    ),
+    "steering in degrees": (scaled("delta_cmd", DEGREES), "column delta_cmd looks like degrees"),
+    "steering wheel's angle": (scaled("delta_cmd", 15.0), "column delta_cmd looks like the steering wheel's angle"),
+    "steering of a z-down frame": (scaled("delta_cmd", -1.0), "column delta_cmd looks mirrored"),
     "vertical axis down": (lambda c: c | {"az": np.full(len(c["t"]), -9.8)}, "z points down"),
     "vertical acceleration in g": (lambda c: c | {"az": np.full(len(c["t"]), 1.01)}, "it looks like g"),
     "commands early": (delayed(-0.3), r"commands lead the motion by 0.3\d* s .*: clocks not aligned\?"),
@@ -104,6 +119,13 @@ def test_a_defect_gets_its_sentence_and_no_other(name, noise):
     assert len(found) == 1, found
 
     assert re.search(sentence, found[0]), found[0]
+
+
+def test_without_a_wheelbase_steering_is_held_against_any_cars():
+    found = column_doubts(scaled("delta_cmd", DEGREES)(rows()), 0.01)
+    assert [text[:40] for text in found] == ["column delta_cmd looks like degrees, or "]
+    (found,) = column_doubts(scaled("delta_cmd", -1.0)(rows()), 0.01)
+    assert "column delta_cmd looks mirrored" in found
 
 
 def drift(noise):

@@ -8,8 +8,8 @@ from importing_bench import truth
 from recorder_files import EPOCH, arrays, mapping, topics, write_bag, write_json_mcap, write_mdf
 
 from drift_drake.cli import main
-from drift_drake.logs.importing.formats.arrays import topics_of_arrays
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
+from drift_drake.logs.importing.formats.tables import topics_of_arrays
 from drift_drake.logs.importing.formats.topics import topics_of_messages, with_yaw
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import guessed_mapping, look, mapping_text

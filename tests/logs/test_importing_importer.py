@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from importing_bench import WHEELBASE, rows, steering, truth
 
-from drift_drake.logs.importing.clock import estimate_offset
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import mapping_from_dict, read_mapping
+from drift_drake.logs.importing.offsets import estimate_offset
 from drift_drake.logs.importing.recording import InvalidRecordingError
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -118,7 +118,21 @@ def test_a_gyroscope_in_another_unit_is_noticed(tmp_path):
     mapping = CAPTURED | {"signals": CAPTURED["signals"] | {"gyro": CAPTURED["signals"]["gyro"] | {"unit": "rad/s"}}}
     _, report = imported(tmp_path, captured_table(), mapping)
     assert len(report.remarks) == 1
-    assert "gyro looks like deg/s: it is 57." in report.remarks[0]
+    assert "gyro looks like degrees: it is 57." in report.remarks[0]
+
+
+def test_a_clock_may_be_aligned_with_a_position(tmp_path):
+    table, exact = captured_table(), truth()
+    table["place"] = np.interp((table["uptime"] - 77_000.0) / 1e3, exact["t"], exact["y"])
+    clocks = CAPTURED["clocks"] | {
+        "sensors": CAPTURED["clocks"]["sensors"] | {"align": {"signal": "p", "against": "y"}}
+    }
+    place = {"column": "place", "unit": "mm", "clock": "sensors", "frame": None}
+    mapping = CAPTURED | {"clocks": clocks, "signals": CAPTURED["signals"] | {"p": place}}
+    _, report = imported(tmp_path, table, mapping)
+    assert report.clocks["drive"]["sensors"].std is not None
+    assert len(report.remarks) == 1
+    assert "p is 0.001 times what the motion's y says: check its unit or scale" in report.remarks[0]
 
 
 def test_a_clock_that_nothing_aligns_is_reported(tmp_path):
@@ -232,7 +246,7 @@ def test_what_looks_wrong_is_said_with_the_run(tmp_path):
     table["ay"] *= -1.0
     _, report = imported(tmp_path, table, PLAIN)
     assert len(report.remarks) == 1
-    assert report.remarks[0].startswith("drive: lateral acceleration has the opposite sign")
+    assert report.remarks[0].startswith("drive: column ay looks mirrored")
     assert report.runs[0].remarks == [report.remarks[0].removeprefix("drive: ")]
 
 

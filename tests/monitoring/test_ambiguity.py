@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from drift_drake.monitoring.ambiguity import mistakable
 from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.evidence import evidence_problem
 from drift_drake.monitoring.history import Sums, no_history, with_block
 from drift_drake.monitoring.nodes import Node
+from drift_drake.monitoring.watch import mistakable
 
 NODES = [
     Node("steering_lag", 0.1, 1.0, 0.6), Node("steering_delay", 0.1, 1.0, 0.6), Node("gyro_bias", 0.02, 0.0, 2.0, True),

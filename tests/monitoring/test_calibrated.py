@@ -8,14 +8,14 @@ import pytest
 
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.logs.table import InvalidLogError, Run, write_run
-from drift_drake.monitoring import normal
-from drift_drake.monitoring.calibrated import (
+from drift_drake.monitoring import monitor
+from drift_drake.monitoring.bank import gated_row
+from drift_drake.monitoring.normal import (
     InvalidNormalScoresError,
     calibrated_monitor,
     learn_normal_scores,
     read_normal_scores,
 )
-from drift_drake.monitoring.gate import gated_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -62,7 +62,7 @@ def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
             else (bank, innovations, left)
         )
 
-    monkeypatch.setattr(normal, "gated_row", losing)
+    monkeypatch.setattr(monitor, "gated_row", losing)
     assert np.isfinite(learn_normal_scores([run, drive(4)], VEHICLE, Effects()).excess).all()
 
 

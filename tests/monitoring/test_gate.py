@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.table import Run
-from drift_drake.monitoring.gate import allowance
+from drift_drake.monitoring.bank import allowance
 from drift_drake.monitoring.monitor import Monitor, State, after_row, make_monitor
 from drift_drake.monitoring.normal import block_sums
 from drift_drake.monitoring.watch import WATCHED, Row, rows_of

@@ -7,12 +7,12 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.history import Sums, no_sums, since, unpacked
-from drift_drake.monitoring.limits import limits
 from drift_drake.monitoring.monitor import SETTLING, after_row, with_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.monitoring.drives import changed_drive
+from experiments.monitoring.limits import limits
 
 ONSET = 2.5  # [s] in `changed_run`
 

@@ -5,9 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from diagrams.replay import wide_table
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.pictures.side_by_side import side_by_side
-from drift_drake.playback.comparison import compare, drawn, wide_table
+from drift_drake.playback.play import compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide, windows
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -79,15 +79,15 @@ def test_a_mirrored_case_has_the_mirrored_posterior() -> None:
     runs = make_case(Truth(truth, {}, {}), CAR, np.random.default_rng(3), 3.0)[:2]
     found = []
     for seen in (runs, [mirrored(run) for run in runs]):
-        hypotheses = search(make_problem(seen, CAR), FEW, workers=1).hypotheses()
+        hypotheses = search(make_problem(seen, CAR), FEW, workers=1)
         found.append(make_posterior(hypotheses, 0.0, len(FEW), read_constants()))
     one, other = found
     assert one.causes == other.causes == tuple(truth)
     assert one.probabilities == pytest.approx(other.probabilities, abs=0.01)
-    sigma = one.fit.deviations["steering_offset"]
-    assert one.fit.magnitudes["steering_offset"] == pytest.approx(-other.fit.magnitudes["steering_offset"],
+    sigma = one.leading.deviations["steering_offset"]
+    assert one.leading.magnitudes["steering_offset"] == pytest.approx(-other.leading.magnitudes["steering_offset"],
                                                                   abs=0.1 * sigma)  # fmt: skip
-    assert sigma == pytest.approx(other.fit.deviations["steering_offset"], rel=0.01)
+    assert sigma == pytest.approx(other.leading.deviations["steering_offset"], rel=0.01)
 
 
 @few(10)

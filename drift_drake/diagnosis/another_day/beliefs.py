@@ -8,25 +8,32 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from drift_drake.diagnosis.another_day.detection_limits import DetectionLimit
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
-from drift_drake.diagnosis.another_day.posterior import Ranked, deviation
-from drift_drake.diagnosis.likelihood.beliefs import LEAST_PROBABILITY, MOST_FITTED, MOST_UNSEEN
-from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name, log_prior
+from drift_drake.diagnosis.another_day.posterior import deviation
+from drift_drake.diagnosis.likelihood.beliefs import (
+    LEAST_PROBABILITY,
+    MOST_FITTED,
+    MOST_UNSEEN,
+    Belief,
+    Sensing,
+    as_data,
+)
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE
 from drift_drake.estimation.scores import BETWEEN_DAYS
 from drift_drake.estimation.windows import PREDICTED
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import magnitudes_of
 
 INDEPENDENT = 0.5  # [s] after which prediction errors of such a car are independent, roughly
 PERIOD = 0.01  # [s] of a planned drive's rows
 
 
 def day_beliefs(
-    search: Search, found: Ranked, hypotheses: Sequence[Hypothesis], limits: Mapping[str, DetectionLimit],
+    search: Search, found: Ranked[Hypothesis], hypotheses: Sequence[Hypothesis], limits: Mapping[str, DetectionLimit],
     constants: PosteriorConstants,
 ) -> dict[str, Any]:  # fmt: skip
     """The sensors and the hypotheses as plain data; empty where no torque is logged.
@@ -46,24 +53,20 @@ def day_beliefs(
     by_name = {hypothesis_name(h.names): h for h in hypotheses}
     leading = hypothesis_name(found.leading.names)
     known = [name for name in found.probabilities if name in by_name][:MOST_FITTED]
-    data = {
-        name: belief_data(by_name[name], found.probabilities[name])
+    beliefs = [
+        belief(h.names, found.probabilities[name], h.magnitudes, [deviation(h, i) for i in range(len(h.names))])
         for name in known
+        for h in [by_name[name]]
         if found.probabilities[name] >= LEAST_PROBABILITY or name == leading
-    }
+    ]
     if not found.leading.names:
         likely = max(found.probabilities.get("none", 0.0), LEAST_PROBABILITY)
         odds = float(np.exp(log_prior(1, len(search.ranges), constants) - log_prior(0, len(search.ranges), constants)))
-        for name in hidden(search, limits)[:MOST_UNSEEN]:
-            data.setdefault(name, unseen_data(search, name, likely * odds))
-    return {
-        "noise": noise.tolist(),
-        "used": used.tolist(),
-        "process": (PROCESS_NOISE**2).tolist(),
-        "row_weight": PERIOD / (INDEPENDENT * BETWEEN_DAYS),
-        "own": magnitudes_of(search.day.own),
-        "hypotheses": data,
-    }
+        there = [b.name for b in beliefs]
+        unseen = [name for name in hidden(search, limits)[:MOST_UNSEEN] if name not in there]
+        beliefs += [unseen_belief(search, name, likely * odds) for name in unseen]
+    row_weight = PERIOD / (INDEPENDENT * BETWEEN_DAYS)
+    return as_data(Sensing(noise, used, PROCESS_NOISE**2, row_weight, search.day.own), beliefs)
 
 
 def hidden(search: Search, limits: Mapping[str, DetectionLimit]) -> list[str]:
@@ -76,24 +79,15 @@ def hidden(search: Search, limits: Mapping[str, DetectionLimit]) -> list[str]:
     return sorted(names, key=lambda name: -CATALOGUE[name].daily)
 
 
-def belief_data(h: Hypothesis, probability: float) -> dict[str, Any]:
+def belief(names: tuple[str, ...], probability: float, magnitudes: ArrayLike, deviations: Sequence[float]) -> Belief:
     """One hypothesis: the calibrated car's own parameters within their tolerances, and the magnitudes."""
-    count = len(NUISANCES)
-    spread = [deviation(h, i) for i in range(len(h.names))]
-    return {
-        "probability": probability,
-        "theta": [0.0] * count + [float(q) for q in h.magnitudes],
-        "root": np.diag([1.0] * count + spread).tolist(),
-    }
+    theta, root = np.append(np.zeros(len(NUISANCES)), magnitudes), np.diag([*np.ones(len(NUISANCES)), *deviations])
+    return Belief(names, probability, theta, root)
 
 
-def unseen_data(search: Search, name: str, probability: float) -> dict[str, Any]:
+def unseen_belief(search: Search, name: str, probability: float) -> Belief:
     """An effect of half its practical range, which went unseen."""
     low, high = search.ranges[name].usual
     size = 0.5 * max(abs(low), abs(high))
-    count = len(NUISANCES)
-    return {
-        "probability": probability,
-        "theta": [0.0] * count + [max(size, search.ranges[name].least) * (1.0 if high >= -low else -1.0)],
-        "root": np.diag([1.0] * count + [0.5 * size]).tolist(),
-    }
+    magnitude = max(size, search.ranges[name].least) * (1.0 if high >= -low else -1.0)
+    return belief((name,), probability, [magnitude], [0.5 * size])

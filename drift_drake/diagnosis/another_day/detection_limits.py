@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Curve, Search
-from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range
+from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 
@@ -42,16 +42,13 @@ def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, Detec
     """
     root = np.linalg.cholesky(search.scatter.inverse + 1e-300 * np.eye(len(search.scatter.inverse)))
     at_zero = search.scores({})
-    shifts = [shifts_of(curve, at_zero, root, search.ranges[curve.name]) for curve in curves]
+    shifts = []
+    for curve in curves:
+        q, s = curve.fine()
+        allowed = search.ranges[curve.name].allows(q)
+        shifts.append(Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root))
     own = {curve.name: shift for curve, shift in zip(curves, shifts, strict=True) if curve.follows == 0.0}
     return {name: limit_of(own[name], [rival for rival in shifts if rival.name != name]) for name in search.ranges}
-
-
-def shifts_of(curve: Curve, at_zero: np.ndarray, root: np.ndarray, r: Range) -> Shifts:
-    """A curve's shifts, whitened, within its effect's range."""
-    q, s = curve.fine()
-    allowed = r.allows(q)
-    return Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root)
 
 
 def limit_of(effect: Shifts, rivals: Sequence[Shifts]) -> DetectionLimit:

@@ -17,17 +17,23 @@ from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
-from drift_drake.diagnosis.another_day.not_excluded import not_excluded
-from drift_drake.diagnosis.another_day.posterior import PRIORS, Ranked, at_bound, interval, ranked, tells_from_zero
+from drift_drake.diagnosis.another_day.posterior import (
+    PRIORS,
+    at_bound,
+    interval,
+    not_excluded,
+    ranked,
+    tells_from_zero,
+)
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
+from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import Reduction
 from drift_drake.estimation.scores import Day, make_day
-from drift_drake.estimation.seen_effects import seen_effects
 from drift_drake.estimation.unknowns import magnitudes
-from drift_drake.estimation.usable import usable
+from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
@@ -58,7 +64,7 @@ class DayDiagnosis:
 
     answer: Answer
     search: Search
-    ranked: Ranked
+    ranked: Ranked[Hypothesis]
     reduction: Reduction
 
 
@@ -91,8 +97,9 @@ def diagnose_day(
     tell("how far it shrinks", 0.8)
     found, shrinks = ranked_hypotheses(search, none, others, constants)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        beyond = judged_by_errors(search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share))
-        found, shrinks = beyond.ranked, beyond.reduction
+        found, shrinks = judged_by_errors(
+            search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
+        )
         warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
     limits = detection_limits(search, search.curves)
@@ -135,21 +142,28 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
 
 
 def details_of(
-    search: Search, found: Ranked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+    search: Search, found: Ranked[Hypothesis], shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
 ) -> dict[str, Any]:
     """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
-    h, named = found.leading, found.verdict == "effect"
+    h, named, day = found.leading, found.verdict == "effect", search.day
+    nearest = {
+        "hypothesis": hypothesis_name(h.names),
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
+        "removes": shrinks.estimate,
+        "free_forces_remove": None,
+    }
+    medians = np.median(np.abs(day.errors), axis=0)[:, : len(STATES)]  # at each horizon, in the states' units
     return {
         "criterion": "prediction",
-        "familiar": float(np.mean(search.day.weights)),
+        "familiar": float(np.mean(day.weights)),
         "reduction_by_state": shrinks.by_state if named else {},
         "reduction_by_horizon": shrinks.by_horizon if named else {},
         "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
         "leading_known": hypothesis_name(h.names),
         "at_least": at_bound(h, search.ranges) if named else [],
-        "with": brought_along(h, search.day) if named else {},
-        "errors": errors_by_state(search),
-        "nearest": nearest_hypothesis(h, causes, shrinks) if found.verdict == UNKNOWN else {},
+        "with": brought_along(h, day) if named else {},
+        "errors": dict(zip(day.ahead, medians.tolist(), strict=True)),
+        "nearest": nearest if found.verdict == UNKNOWN else {},
     }
 
 
@@ -179,10 +193,12 @@ def search_of(
 
 def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
-) -> tuple[Ranked, Reduction]:
+) -> tuple[Ranked[Hypothesis], Reduction]:
     """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
-    counts = len(search.ranges), constants, len(search.normal.names), doubt_of(search)
+    # Nothing can be judged where too little of the driving is known from the calibration.
+    doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
+    counts = len(search.ranges), constants, len(search.normal.names), doubt
     while True:
         found = ranked(kept, *counts)
         leading = stated(search, found.leading)
@@ -225,11 +241,6 @@ def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
     return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
 
 
-def doubt_of(search: Search) -> float:
-    """Probability that nothing can be judged: too little of the driving is known from the calibration."""
-    return max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
-
-
 def gross(search: Search, h: Hypothesis) -> float:
     """The largest median error of a channel at the longest horizon under a hypothesis, in deviations that are normal.
 
@@ -241,19 +252,3 @@ def gross(search: Search, h: Hypothesis) -> float:
     e = day.errors_with(h.effects(day))[:, -1] / normal.scales[-1]
     deviations = np.abs(e) / np.sqrt(1.0 + np.sum(apart**2, axis=-1))
     return float(np.max(np.median(deviations, axis=0)) / MEDIAN_OF_NORMAL)
-
-
-def nearest_hypothesis(h: Hypothesis, causes: dict[str, Interval], shrinks: Reduction) -> dict[str, object]:
-    """What `unknown` leaves an engineer with: the most probable known hypothesis and what it removes."""
-    return {
-        "hypothesis": hypothesis_name(h.names),
-        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
-        "removes": shrinks.estimate,
-        "free_forces_remove": None,
-    }
-
-
-def errors_by_state(search: Search) -> dict[str, list[float]]:
-    """Median absolute errors of the calibrated car at each horizon, in the states' units."""
-    medians = np.median(np.abs(search.day.errors), axis=0)
-    return {ahead: [float(q) for q in row[:4]] for ahead, row in zip(search.day.ahead, medians, strict=True)}

@@ -1,16 +1,13 @@
 """Another day's gap in the terms of prediction: how far causes shrink it on held-out blocks, and where it is."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from drift_drake.diagnosis.another_day.changed_car import changed_car, slopes_at
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search
-from drift_drake.diagnosis.shared.where import LEAST_SHARE, ONSET, region_of, regions, shares
+from drift_drake.diagnosis.shared.where import onsets, region_of, regions, shares
+from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import LOST, WORST, Normal
-from drift_drake.estimation.reduction import FOLDS, Reduction, removed_share, resampled
-
-STATES = ("r", "v", "beta", "omega_r")
+from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 
 
 def squares(normal: Normal, e: np.ndarray, cap: float = WORST) -> np.ndarray:
@@ -25,7 +22,7 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis) -> Reduction:
     day of calibration, or those of the best hypothesis where they are lower.
     """
     if not h.names:
-        return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
+        return NOTHING_REMOVED
     day = search.day
     before = squares(search.normal, day.errors)
     lowest = squares(search.normal, day.errors_with(best.effects(day)))
@@ -36,19 +33,7 @@ def reduction(search: Search, h: Hypothesis, best: Hypothesis) -> Reduction:
         held = day.block % FOLDS == fold
         q = held_out_magnitudes(search, there, h, fold)
         after[held] = squares(search.normal, day.errors_with(h.effects(day, q)))[held]
-    sums = np.zeros((day.blocks, 3))
-    for i, part in enumerate((before, after, floor)):
-        np.add.at(sums[:, i], day.block, part[:, -1].sum(axis=-1))
-    values = np.array([removed_share(*drawn) for drawn in resampled(sums)])
-    low, high = np.quantile(values, [0.025, 0.975])
-    estimate = removed_share(*sums.sum(axis=0))
-    whole = (before, after, floor)
-    by_state = {s: removed_share(*(float(part[:, -1, i].sum()) for part in whole)) for i, s in enumerate(STATES)}
-    by_horizon = {
-        ahead: removed_share(*(float(part[:, k].sum()) for part in whole)) for k, ahead in enumerate(day.ahead)
-    }
-    means = [[float(q) for q in part.mean(axis=(0, 2))] for part in whole]
-    return Reduction(estimate, min(float(low), estimate), max(float(high), estimate), by_state, by_horizon, *means)
+    return reduction_of((before, after, floor), day.block, STATES, day.ahead, -1)
 
 
 def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int) -> np.ndarray:
@@ -68,7 +53,7 @@ def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int)
 
 
 def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[str, object]:
-    """Shares of the gap by state and run, the regions that hold it, and when it sets in (`where.Where`'s keys).
+    """Shares of the gap by state and run, the regions that hold it, and when it sets in (the keys of `where.find_gap`).
 
     Args:
         unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
@@ -81,24 +66,16 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
     by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
     y = np.concatenate([run.start_y[run.starts] for run in day.runs])
     grip = float(day.constants.friction * day.constants.gravity)
-    onset: Mapping[str, float] = {
-        run.name: first
-        for k, run in enumerate(day.runs)
-        if by_run[run.name] > LEAST_SHARE
-        and (first := sets_in(gap[day.run == k].sum(axis=1), run.starts * run.period)) is not None
-    }
+    onset = onsets(
+        by_run,
+        [(run.name, gap[day.run == k].sum(axis=1), run.starts * run.period) for k, run in enumerate(day.runs)],
+    )
     return {
         "states": by_state,
         "runs": by_run,
         "channels": {},
         "regions": regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip)),
-        "onset": dict(onset),
+        "onset": onset,
         "lag": {},
         "horizons": dict(zip(day.ahead, map(float, before.mean(axis=(0, 2))), strict=True)),
     }  # fmt: skip
-
-
-def sets_in(gap: np.ndarray, t: np.ndarray) -> float | None:
-    """Time [s] by which a run's gap has set in; None without one."""
-    total = np.cumsum(np.maximum(gap, 0.0))
-    return float(t[int(np.searchsorted(total, ONSET * total[-1]))]) if len(total) and total[-1] > 0.0 else None

@@ -19,10 +19,10 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     concluded,
     effects_of,
 )
-from drift_drake.diagnosis.another_day.posterior import Ranked, concluded_from, prior, tells_from_zero
-from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
+from drift_drake.diagnosis.another_day.posterior import concluded_from, prior, tells_from_zero
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, hypothesis_name
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, at_end, at_shares, clipped, farther, tried_first
-from drift_drake.estimation.reduction import FOLDS, Reduction, resampled
+from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import thinned
 
@@ -35,14 +35,6 @@ STEP = 0.05  # of the reach, for second derivatives
 MOST_WINDOWS = 200  # evenly chosen
 
 Kept = np.ndarray | None
-
-
-@dataclasses.dataclass(frozen=True)
-class GrossGap:
-    """What removes a gross gap."""
-
-    ranked: Ranked
-    reduction: Reduction  # by the leading known hypothesis
 
 
 def misfits(search: Search, e: np.ndarray) -> np.ndarray:
@@ -102,8 +94,10 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     return concluded(names, q, covariance, middle, ranges, 0.0)
 
 
-def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Callable[[float], None]) -> GrossGap:
-    """Probabilities of hypotheses by what they remove.
+def judged_by_errors(
+    search: Search, constants: PosteriorConstants, progress: Callable[[float], None]
+) -> tuple[Ranked[Hypothesis], Reduction]:
+    """Probabilities of hypotheses by what they remove, and what the leading known one does.
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best are at the
     ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
@@ -124,7 +118,7 @@ def judged_by_errors(search: Search, constants: PosteriorConstants, progress: Ca
     whole.ranges |= {name: search.ranges[name] for name in leading.names}
     progress(0.8)
     shrinks = held_out_reduction(search, leading)
-    return GrossGap(concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks)
+    return concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks
 
 
 def widened_at_ends(search: Search, hypotheses: Sequence[Hypothesis]) -> set[str]:
@@ -186,7 +180,10 @@ def grown_pairs(
             shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
             tried += [(mean_misfit(search, [seed, other], [starts[seed][0], q]), other, q)
                       for q in (clipped(q, r) for q in at_shares(r, shares))]  # fmt: skip
-        return one_each(sorted(tried))[:PARTNERS]
+        best = {
+            other: (misfit, other, q) for misfit, other, q in sorted(tried, reverse=True)
+        }  # the last of each counts
+        return sorted(best.values())[:PARTNERS]
 
     def fit(job: tuple[tuple[str, ...], list[float]]) -> Hypothesis:
         return hypothesis(search, job[0], fitted(search, *job))
@@ -212,30 +209,16 @@ def fewer_windows(day: Day, most: int) -> Day:
     return dataclasses.replace(day, runs=runs, **parts)
 
 
-def one_each(tried: Sequence[tuple[float, str, float]]) -> list[tuple[float, str, float]]:
-    """The first of each name."""
-    out: dict[str, tuple[float, str, float]] = {}
-    for item in tried:
-        out.setdefault(item[1], item)
-    return list(out.values())
-
-
 def held_out_reduction(search: Search, h: Hypothesis) -> Reduction:
     """Share of the misfit that a hypothesis removes on blocks that were not fitted, with a 95 % interval."""
     day = search.day
     if not h.names:
-        return Reduction(0.0, 0.0, 0.0, {}, {}, [], [], [])
+        return NOTHING_REMOVED
     before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day), 1))
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
         if np.any(held) and np.any(~held):
             q = fitted(search, h.names, h.magnitudes, ~held)
             after[held] = misfits(search, day.errors_with(effects_of(h.names, q, 0.0, day), 1))[held]
-    sums = np.zeros((day.blocks, 2))
-    for i, part in enumerate((before, after)):
-        np.add.at(sums[:, i], day.block, part)
-    values = [1.0 - float(left / there) for there, left in resampled(sums)]
-    estimate = 1.0 - float(after.sum() / before.sum())
-    low, high = (float(x) for x in np.quantile(values, [0.025, 0.975]))
-    return Reduction(estimate, min(low, estimate), max(high, estimate), {}, {day.ahead[0]: estimate},
-                     [float(before.mean())], [float(after.mean())], [0.0])  # fmt: skip
+    parts = [part[:, None, None] for part in (before, after, np.zeros_like(before))]
+    return reduction_of(parts, day.block, (), day.ahead[:1], 0)

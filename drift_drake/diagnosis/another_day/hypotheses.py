@@ -12,11 +12,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
-from drift_drake.estimation.load_following import FOLLOWING, SHARES, with_load
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.scores import Day, Scatter, scatter_of, summed
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
@@ -24,6 +23,8 @@ REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
+FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
+SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 
@@ -36,7 +37,7 @@ class Hypothesis:
     covariance: np.ndarray  # [k, k]
     nats: float  # half the squared distance of its scores from normal
     log_evidence: float
-    follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`estimation.load_following`)
+    follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`with_load`)
     beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
 
     def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
@@ -72,6 +73,26 @@ def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float
         parts = with_load(name, float(magnitude), follows_load, day.constants)
         out = added_up(out, {key: value for key, value in parts.items() if value != 0.0 or key == name})
     return out
+
+
+def with_load(name: str, magnitude: float, share: float, constants: Constants) -> dict[str, float]:
+    """Effects of a magnitude whose axle stiffnesses follow a share of what the static loads change by.
+
+    The catalogue's `mass_error` and `cg_shift` leave the stiffnesses as they are. A real tyre's follows its load, which
+    is another signature of the same cause.
+
+    Args:
+        constants: of the calibrated car, `cg_shift`'s axle distances.
+    """
+    if name == "mass_error":
+        return {name: magnitude, "front_stiffness_error": share * magnitude, "rear_stiffness_error": share * magnitude}
+    if name == "cg_shift":
+        return {
+            name: magnitude,
+            "front_stiffness_error": -share * magnitude / float(constants.rear_axle_distance),
+            "rear_stiffness_error": share * magnitude / float(constants.front_axle_distance),
+        }
+    return {name: magnitude}
 
 
 class Search:

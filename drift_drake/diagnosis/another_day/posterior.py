@@ -5,16 +5,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
+from drift_drake.diagnosis.another_day.hypotheses import Curve, Hypothesis, Search, unusual
 from drift_drake.diagnosis.shared.posterior import (
     UNKNOWN,
     PosteriorConstants,
-    ambiguity_set,
+    Ranked,
     hypothesis_name,
     log_prior,
+    ranked_by,
 )
 from drift_drake.diagnosis.shared.ranges import Range, at_end
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.interval import TWO_SIDED, Interval
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PRIORS = PosteriorConstants(
@@ -27,23 +28,12 @@ STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
 """By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
 tyres are not the equations' (validation days)."""
 OF_SCATTER = 0.7  # by which magnitudes scatter less than detection is guarded against (validation days)
-TWO_SIDED = 1.96
-
-
-@dataclasses.dataclass(frozen=True)
-class Ranked:
-    """Hypotheses with probabilities, most probable first, and what they say."""
-
-    probabilities: dict[str, float]
-    ambiguity: list[str]
-    verdict: str  # effect, none or unknown
-    leading: Hypothesis  # of those that are known
 
 
 def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, scores: int = len(CATALOGUE),
     doubt: float = 0.0,
-) -> Ranked:  # fmt: skip
+) -> Ranked[Hypothesis]:  # fmt: skip
     """Probabilities of hypotheses and of `unknown`.
 
     Args:
@@ -73,7 +63,7 @@ def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float
     return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
 
 
-def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked:
+def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked[Hypothesis]:
     """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
 
     Args:
@@ -85,11 +75,7 @@ def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis]
     by_value = dict(zip(names, (float(q) for q in p), strict=True))
     by_value[UNKNOWN] = by_value.get(UNKNOWN, 0.0) + doubt
     probabilities = dict(sorted(by_value.items(), key=lambda item: -item[1]))
-    leader = next(iter(probabilities))
-    by_name = {hypothesis_name(h.names): h for h in hypotheses}
-    known = by_name[next(name for name in probabilities if name != UNKNOWN)]
-    verdict = leader if leader in ("none", UNKNOWN) else "effect"
-    return Ranked(probabilities, ambiguity_set(probabilities), verdict, known)
+    return ranked_by(probabilities, hypotheses)
 
 
 def deviation(h: Hypothesis, index: int) -> float:
@@ -113,3 +99,29 @@ def tells_from_zero(h: Hypothesis) -> bool:
 def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:
     """Causes whose magnitude is at the end of what is believed possible: it is so much at least."""
     return [name for name, q in zip(h.names, h.magnitudes, strict=True) if at_end(float(q), ranges[name])]
+
+
+def not_excluded(search: Search, singles: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Single effects that a day's logs do not show, and do not exclude either, with evidence over all magnitudes.
+
+    Their most likely magnitude cannot be told from zero, so that none of them is named; but each may be there, and what
+    it is believed to be is part of the probabilities, of `none` and of the ambiguity set.
+    """
+    curves = {(curve.name, curve.follows): curve for curve in search.curves}
+    return [
+        dataclasses.replace(h, log_evidence=evidence_over(curves[h.names[0], h.follows_load], search))
+        for h in singles
+        if not tells_from_zero(h)
+    ]
+
+
+def evidence_over(curve: Curve, search: Search) -> float:
+    """Log evidence of one effect, integrated over the magnitudes that would be a gap.
+
+    The likelihood is not a bell within bounds here, as Laplace's approximation takes it to be.
+    """
+    r = search.ranges[curve.name]
+    q, s = curve.fine()
+    log_density = np.where(r.allows(q), -search.nats(s) - unusual(q, r) - np.log(r.width), -np.inf)
+    top = float(np.max(log_density))
+    return top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))

@@ -121,7 +121,7 @@ class Answer:
         return f"{self._unfamiliar()}{would}{ends}" if would or blind else self._unfamiliar()
 
     def _nearest(self) -> str:
-        """What `unknown` leaves an engineer with (`diagnosis.likelihood.nearest`); nothing in answers of before."""
+        """What `unknown` leaves an engineer with (`judging.nearest`); nothing in answers of before."""
         found = self.details.get("nearest")
         if not found:
             return ""
@@ -146,12 +146,23 @@ class Answer:
         return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
 
 
-def without_rivals(answer: Answer) -> str:
-    """Why no drive can be planned from an answer that says nothing of rival hypotheses."""
-    return (
-        f"{answer.case}: the answer holds no rival hypotheses (an older answer, or logs without torque "
-        "commands); diagnose logs with the column tau_cmd anew"
-    )
+def answer_row(answer: Answer) -> dict[str, Any]:
+    """An answer as a row of a table: verdict, probability, share of the gap removed, causes with intervals."""
+    causes = "+".join(sorted(answer.causes))
+    row = {
+        "case": answer.case,
+        "verdict": answer.verdict,
+        "causes": causes,
+        "probability": answer.posterior.get(causes or answer.verdict),
+        "reduction": answer.reduction.estimate,
+        "reduction_low": answer.reduction.low,
+        "reduction_high": answer.reduction.high,
+        "warnings": len(answer.warnings),
+        "seconds": answer.seconds,
+    }
+    for name, magnitude in answer.magnitudes.items():
+        row |= {name: magnitude.estimate, f"{name}_low": magnitude.low, f"{name}_high": magnitude.high}
+    return row
 
 
 def _removed(share: float | None) -> str:
@@ -202,9 +213,7 @@ def read_answer(path: str | Path) -> Answer:
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
     if missing:
-        raise InvalidAnswerError(
-            f"{path}: missing {', '.join(missing)}; write the answer with 'drift-drake diagnose --json'"
-        )
+        raise InvalidAnswerError(f"{path}: missing {', '.join(missing)}; {remedy}")
     try:
         return _answer(data)
     except ValueError as error:

@@ -30,7 +30,7 @@ def provenance(folder: str | Path, vehicle: VehicleParameters, options: Mapping[
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "folder": str(folder.resolve()),
         "vehicle_sha256": vehicle_hash(vehicle, own),
-        "logs_sha256": {path.name: _hash_of(path) for path in files if path.is_file()},
+        "logs_sha256": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files if path.is_file()},
         "options_sha256": hashlib.sha256(settings.encode()).hexdigest(),
     }
 
@@ -66,11 +66,8 @@ def all_answered(
     Raises:
         InvalidAnswerError: a file is the answer to another case.
     """
-    found = {
-        folder: answered(path, provenance(folder, vehicle, options))
-        for folder, path in answers.items()
-        if path.exists()
-    }
+    there = {folder: path for folder, path in answers.items() if path.exists()}
+    found = {folder: answered(path, provenance(folder, vehicle, options)) for folder, path in there.items()}
     return {folder: answer for folder, answer in found.items() if answer is not None}
 
 
@@ -92,8 +89,3 @@ def check_diagnosed(answer: Answer, vehicle: VehicleParameters, own: Effects, so
             "or with the answer's effects already in it); give that file, or diagnose again with this one"
         )
     return None
-
-
-def _hash_of(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

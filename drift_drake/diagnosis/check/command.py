@@ -155,16 +155,15 @@ def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     parts = [f"{name} {significant(limit['least'], 2)}{CATALOGUE[name].suffix}" for name, limit in shown.items()]
     lines = ["would be named, from this magnitude on (95 %, to first order):", *_wrapped(parts or ["nothing"])]
     if blind:
-        others = [f"{name} ({_else(detection[name]['taken_for'])})" for name in blind]
+        taken = {
+            name: f"taken for {detection[name]['taken_for']}".replace("taken for none", "unseen") for name in blind
+        }
+        others = [f"{name} ({why})" for name, why in taken.items()]
         lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
     if RATE_LIMIT not in detection:
         lines.append(f"not judged here: {RATE_LIMIT}, which acts the more the lower it is")
     return lines
-
-
-def _else(taken_for: str) -> str:
-    return "unseen" if taken_for == "none" else f"taken for {taken_for}"
 
 
 def _wrapped(parts: list[str]) -> list[str]:

@@ -69,15 +69,21 @@ def beliefs_as_data(
     known = {hypothesis_name(f.names) for f in ranked}
     beside = unseen(problem, ranked[0], kept[0], catalogue, calibration) if kept else []
     hidden = [b for b in beside if b.name not in known]
+    used = np.all([run.used for run in problem.runs], axis=0)
+    sensing = Sensing(problem.noise, used, problem.process, problem.row_weight, problem.own)
+    return as_data(sensing, kept + hidden[:MOST_UNSEEN])
+
+
+def as_data(sensing: Sensing, beliefs: Sequence[Belief]) -> dict[str, Any]:
+    """Sensors and hypotheses as plain data, the inverse of `beliefs_from_data`; of each name the first."""
     return {
-        "noise": problem.noise.tolist(),
-        "used": np.all([run.used for run in problem.runs], axis=0).tolist(),
-        "process": problem.process.tolist(),
-        "row_weight": problem.row_weight,
-        "own": magnitudes_of(problem.own),
+        "noise": sensing.noise.tolist(),
+        "used": sensing.used.tolist(),
+        "process": sensing.process.tolist(),
+        "row_weight": sensing.row_weight,
+        "own": magnitudes_of(sensing.own),
         "hypotheses": {
-            b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()}
-            for b in kept + hidden[:MOST_UNSEEN]
+            b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()} for b in beliefs
         },
     }
 

@@ -3,30 +3,21 @@
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
 
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge_hypotheses
 from drift_drake.diagnosis.likelihood.learned import learned
-from drift_drake.diagnosis.likelihood.search import Found, search
-from drift_drake.diagnosis.shared.posterior import (
-    HypothesisPosterior,
-    PosteriorConstants,
-    read_constants,
-)
-from drift_drake.diagnosis.shared.where import locate
+from drift_drake.diagnosis.likelihood.search import search
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, read_constants
+from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import HORIZONS, start_rows
 from drift_drake.estimation.part import MOST_SECONDS, part_of
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
-from drift_drake.estimation.reduction import Reduction, errors_of, mean_squares, without_effects
+from drift_drake.estimation.reduction import Reduction, errors_of, without_effects
 from drift_drake.estimation.regression import Regression
-from drift_drake.estimation.seen_effects import seen_effects
-from drift_drake.estimation.usable import usable
+from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.threads import one_blas_thread
@@ -35,7 +26,6 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 Progress = Callable[[str, float], None]
-MOST_REFUSED = 4  # causes that remove nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,8 +34,8 @@ class Diagnosis:
 
     answer: Answer
     problem: Problem
-    found: Found
-    posterior: HypothesisPosterior
+    found: list[tuple[Fit, float]]  # hypotheses with their log evidence, best first
+    posterior: Ranked[Fit]
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
@@ -91,7 +81,7 @@ def diagnose(
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
     problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
-    judged = judge_hypotheses(problem, found.hypotheses(), len(names), calibration or read_constants(), tell)
+    judged = judge_hypotheses(problem, found, len(names), calibration or read_constants(), tell)
     tell("where it is", 0.93)
     lacking = judged.left[0] if not judged.best.names else misfit(problem, judged.nothing)
     before, floor = without_effects(problem, None), errors_of(problem, judged.best.theta, judged.best.names)
@@ -105,17 +95,5 @@ def diagnose(
     warnings += judged.warnings(problem)
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
-    return Diagnosis(answer, problem, found, judged.posterior, judged.posterior.fit, judged.reduction, judged.left[0],
-                     lacking)  # fmt: skip
-
-
-def find_gap(
-    problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray], lacking: Regression
-) -> dict[str, Any]:
-    """The `where` of an answer: what the nominal car gets wrong (`before`) beyond the best fit (`floor`)."""
-    excess = [b - f for b, f in zip(before, floor, strict=True)]
-    rows = [start_rows(run) for run in problem.runs]
-    where = dataclasses.asdict(locate(problem, excess, rows, lacking))
-    means = zip(HORIZONS, mean_squares(np.concatenate(before)), strict=True)
-    where["horizons"] = {f"{h:g} s": mean for h, mean in means if np.isfinite(mean)}
-    return where
+    posterior = judged.posterior
+    return Diagnosis(answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking)

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -62,11 +61,10 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = 
     gains, nuisances = filter_case(problem, fit.theta, fit.names), problem.nuisances
     information, cross = np.zeros((len(names), len(names))), np.zeros((nuisances, len(names)))
     own = np.diag(prior_precision(problem, nuisances))
-    moves = [_move(problem, fit, name, small) for name in names]
     for i in range(len(problem.runs)):
         block, columns = run_sensitivity(problem, gains, fit.theta, fit.names, i)
         block, columns = block[:, columns < nuisances], columns[columns < nuisances]
-        signatures = np.stack([_signature(problem, gains, move, i) for move in moves], axis=-1)
+        signatures = np.stack([_signature(problem, gains, fit, name, small, i) for name in names], axis=-1)
         own[np.ix_(columns, columns)] += block.T @ block
         cross[columns] += block.T @ signatures
         information += signatures.T @ signatures
@@ -76,29 +74,15 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = 
     return Isolability(tuple(names), np.abs(information) / np.outer(size, size), 1.0 / size)
 
 
-class _Move(NamedTuple):
-    """Parameters at which an effect's signature is taken, and those a step further in its magnitude."""
-
-    names: tuple[str, ...]
-    theta: np.ndarray
-    moved: np.ndarray
-    step: float
-
-
-def _move(problem: Problem, fit: Fit, name: str, small: bool) -> _Move:
-    known = name in fit.names
-    now = tuple(fit.names) if known else (*fit.names, name)
+def _signature(problem: Problem, gains: Gains, fit: Fit, name: str, small: bool, index: int) -> np.ndarray:
+    """What a unit of one effect does to one run's innovations that count."""
+    names = fit.names if name in fit.names else (*fit.names, name)
     begin = 0.0 if small and name != RATE_LIMIT else starts(name, problem.vehicle)[0]
-    theta = fit.theta if known else np.append(fit.theta, begin)
-    at = now.index(name) + problem.nuisances
+    theta = fit.theta if name in fit.names else np.append(fit.theta, begin)
+    at = names.index(name) + problem.nuisances
     step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)
-    step = step if theta[at] + step <= parameter_limits(problem, now)[1][at] else -step
+    step = step if theta[at] + step <= parameter_limits(problem, names)[1][at] else -step
     moved = theta.copy()
     moved[at] += step
-    return _Move(now, theta, moved, step)
-
-
-def _signature(problem: Problem, gains: Gains, move: _Move, index: int) -> np.ndarray:
-    """What a unit of the effect does to one run's innovations that count."""
-    ends = [observe(problem, gains, theta, move.names, index) for theta in (move.moved, move.theta)]
-    return counted(problem, problem.runs[index], ends[0] - ends[1]).ravel() / move.step
+    ends = [observe(problem, gains, parameters, names, index) for parameters in (moved, theta)]
+    return counted(problem, problem.runs[index], ends[0] - ends[1]).ravel() / step

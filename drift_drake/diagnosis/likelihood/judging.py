@@ -9,27 +9,33 @@ import numpy as np
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.beliefs import beliefs_as_data
 from drift_drake.diagnosis.likelihood.isolability import isolability
-from drift_drake.diagnosis.likelihood.nearest import nearest
 from drift_drake.diagnosis.shared.posterior import (
     UNKNOWN,
-    HypothesisPosterior,
     PosteriorConstants,
+    Ranked,
     hypothesis_name,
     implausibility,
     make_posterior,
 )
 from drift_drake.estimation.everyday import traced
-from drift_drake.estimation.fit import Fit, no_effects
-from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.interval import Interval
-from drift_drake.estimation.noise import refined_levels
+from drift_drake.estimation.fit import Fit, no_effects, prior_precision
+from drift_drake.estimation.freeform import misfit, responses
+from drift_drake.estimation.interval import TWO_SIDED, Interval
 from drift_drake.estimation.prior import bounds
-from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case
-from drift_drake.estimation.reduction import Reduction, reduction
-from drift_drake.estimation.regression import Regression
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat
+from drift_drake.estimation.reduction import Reduction, folds, held_out_thetas, reduction, with_folds
+from drift_drake.estimation.regression import (
+    Equations,
+    Regression,
+    left_over,
+    regress,
+    solve_equations,
+    summed_equations,
+)
 from drift_drake.vehicle.parameters import VehicleParameters
 
 MOST_REFUSED = 4  # causes that remove nothing
+MOST_REFINED = 0.08  # share by which a noise level is corrected
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +44,7 @@ class Judged:
 
     hypotheses: list[tuple[Fit, float]]  # with their evidence, the best first; without causes that remove nothing
     best: Fit
-    posterior: HypothesisPosterior
+    posterior: Ranked[Fit]
     reduction: Reduction
     left: list[Regression]  # pulses and functions of state that the best hypothesis leaves
     calibration: PosteriorConstants
@@ -55,7 +61,7 @@ class Judged:
 
     def intervals(self, vehicle: VehicleParameters) -> dict[str, Interval]:
         """Of the causes, or of the leading hypothesis's."""
-        fit = self.posterior.fit
+        fit = self.posterior.leading
         return {name: magnitude_interval(fit, name, self.calibration, vehicle) for name in fit.names}
 
     def magnitudes(self, vehicle: VehicleParameters) -> dict[str, Interval]:
@@ -69,14 +75,14 @@ class Judged:
 
     def as_data(self, problem: Problem, names: Sequence[str]) -> dict[str, Any]:
         """An answer's details; `names`: the effects that were considered."""
-        fit, calibration = self.posterior.fit, self.calibration
+        fit, calibration = self.posterior.leading, self.calibration
         beside: dict[str, Any] = {}
         if self.posterior.verdict == "none":
             beside["detection"] = isolability(problem, self.nothing, names, small=True).limits(problem.vehicle)
         if self.posterior.verdict == UNKNOWN:
             causes = hypothesis_name(fit.names)
             fitted = self.intervals(problem.vehicle)
-            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted).as_data()
+            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted)
         return {
             "reduction_by_state": self.reduction.by_state,
             "reduction_by_horizon": self.reduction.by_horizon,
@@ -97,7 +103,7 @@ class Judged:
         seconds: float,
     ) -> Answer:  # fmt: skip
         """What is said of the case."""
-        posterior, tolerances = self.posterior, self.posterior.fit.theta[:TOLERANCES]
+        posterior, tolerances = self.posterior, self.posterior.leading.theta[:TOLERANCES]
         return Answer(
             case=case,
             verdict=posterior.verdict,
@@ -134,14 +140,60 @@ def judge_hypotheses(
     for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
         if posterior.verdict != "effect" or shrinks.estimate > 0.0:
             break
-        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.fit.names]
+        hypotheses = [(f, e) for f, e in hypotheses if f.names != posterior.leading.names]
         posterior = make_posterior(hypotheses, gain, count, calibration)
         shrinks = _shrinks(problem, posterior, best)
     return Judged(hypotheses, best, posterior, shrinks, left, calibration)
 
 
-def _shrinks(problem: Problem, posterior: HypothesisPosterior, best: Fit) -> Reduction:
-    return reduction(problem, posterior.fit if posterior.verdict == "effect" else no_effects(problem), best)
+def _shrinks(problem: Problem, posterior: Ranked[Fit], best: Fit) -> Reduction:
+    return reduction(problem, posterior.leading if posterior.verdict == "effect" else no_effects(problem), best)
+
+
+def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dict[str, Interval]) -> dict[str, Any]:
+    """What an engineer is left with where no known cause explains the gap: the nearest one, and what free forces reach.
+
+    For an answer's details; both are judged on blocks of the runs that they were not fitted to.
+
+    `removes` is the hypothesis's share of the nominal car's squared innovations, `free_forces_remove` that of functions
+    of the state beside the car without effects.
+
+    Args:
+        name: of the hypothesis, "none" if no effect comes nearer than the car as it is; fit: of it; nothing: of the car
+            without effects; magnitudes: of the hypothesis.
+    """
+    before = squares(problem, np.zeros(problem.nuisances), (), np.ones(problem.count, dtype=bool))
+    known = sum(
+        squares(problem, theta, fit.names, rows)
+        for theta, rows in zip(held_out_thetas(problem, fit), folds(problem), strict=True)
+    )
+    return {
+        "name": name,
+        "magnitudes": {effect: dataclasses.asdict(m) for effect, m in magnitudes.items()},
+        "removes": 1.0 - known / before,
+        "free_forces_remove": 1.0 - free_squares(problem, nothing) / before,
+    }
+
+
+def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: np.ndarray) -> float:
+    """Sum of the squared innovations of some measurements [count] under parameters."""
+    e = flat(problem, filter_case(problem, theta, names).innovations)[rows]
+    return float(e @ e)
+
+
+def free_squares(problem: Problem, fit: Fit) -> float:
+    """Squared innovations that functions of the state leave beside a fit, each fold's under weights from the others."""
+    prior, by_fold = prior_precision(problem, len(fit.theta)), list[Equations]()
+    for run, measured in zip(problem.runs, responses(problem, fit, "functions"), strict=True):
+        by_fold = with_folds(by_fold, run, measured, len(fit.theta))
+    whole = summed_equations(by_fold)
+    precision = 1.0 / regress(whole, fit.theta, prior).scales[whole.channel_of] ** 2
+    left = 0.0
+    for fold, held_out in enumerate(by_fold):
+        others = summed_equations([part for i, part in enumerate(by_fold) if i != fold])
+        found = solve_equations(others, others.gradient + prior * fit.theta, prior, precision)
+        left += left_over(held_out, found.own, found.weights)
+    return left
 
 
 def refine_noise(problem: Problem, fit: Fit) -> Problem:
@@ -153,11 +205,27 @@ def refine_noise(problem: Problem, fit: Fit) -> Problem:
     return traced(problem.replace(noise=refined_levels(problem.noise, used, innovations, whitening)))
 
 
+def refined_levels(levels: np.ndarray, used: np.ndarray, innovations: np.ndarray, whitening: np.ndarray) -> np.ndarray:
+    """Noise levels [9] corrected by a filter's innovations, by at most a share `MOST_REFINED`.
+
+    The residual after the update and the one before it have the measurement noise's variance as covariance
+    (Desroziers et al. 2005). Bounded, since a wrong model's innovations would make noise of the gap.
+
+    Args:
+        levels: standard deviations that the filter used [9]; used: channels that count [9].
+        innovations: whitened [rows, 9]; whitening: the matrices that whitened them [rows, 9, 9].
+    """
+    before = np.linalg.solve(whitening, innovations[..., None])[..., 0]
+    after = np.einsum("kji,kj->ki", whitening, innovations)  # of the noise's variance
+    ratio = np.sqrt(np.clip(np.mean(before * after, axis=0), (1.0 - MOST_REFINED) ** 2, (1.0 + MOST_REFINED) ** 2))
+    return np.where(used, levels * ratio, levels)
+
+
 def magnitude_interval(fit: Fit, name: str, calibration: PosteriorConstants, vehicle: VehicleParameters) -> Interval:
     """95 % interval of a magnitude, within its bounds."""
     q, sigma = fit.magnitudes[name], fit.deviations[name] * calibration.interval_factor
     low, high = bounds(name, vehicle)
-    return Interval(q, max(q - 1.96 * sigma, low), min(q + 1.96 * sigma, high))
+    return Interval(q, max(q - TWO_SIDED * sigma, low), min(q + TWO_SIDED * sigma, high))
 
 
 def at_ends(magnitudes: dict[str, Interval], vehicle: VehicleParameters) -> list[str]:

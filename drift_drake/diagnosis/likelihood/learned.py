@@ -13,7 +13,7 @@ import numpy as np
 
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, start_rows
 from drift_drake.estimation.problem import Problem
-from drift_drake.estimation.reduction import FOLDS, WORST, fold_of, share_removed
+from drift_drake.estimation.reduction import FOLDS, WORST, at_judged, fold_of, share_removed
 from drift_drake.estimation.run_data import RunData
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands
@@ -21,7 +21,6 @@ from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
 from drift_drake.model.quality import learn, step_model
 from drift_drake.model.samples import Samples, concatenate
-from drift_drake.vehicle.parameters import Constants
 
 STEP = 0.1  # [s] of the model
 AHEAD = round(HORIZONS[JUDGED] / STEP)  # steps to the horizon that a gap is judged by
@@ -57,11 +56,12 @@ def learned(problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.n
     missing = _missing(problem)
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")
-    if not _alike(problem.nominal, model.vehicle.constants()):
+    if any(abs(a - b) > LIKE * abs(b) for a, b in zip(problem.nominal, model.vehicle.constants(), strict=True)):
         return Learned("The learnt model was trained about another kind of car and does not apply to this one.")
     if any(abs(STEP / run.period - round(STEP / run.period)) > 0.01 for run in problem.runs):
         return Learned("The learnt model steps by 0.1 s, which is no whole number of these logs' rows.")
     runs = [_Sampled(run) for run in problem.runs]
+    nominal, least = at_judged(before), at_judged(floor)
     adapted = [np.full((*b.shape[:1], STATE_COUNT), np.nan) for b in before]
     for fold in range(FOLDS):
         belief = learn(model, model.prior(), concatenate([run.samples(fold) for run in runs]))
@@ -69,11 +69,11 @@ def learned(problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.n
             held = run.folds[run.starts] == fold
             into[held] = run.errors(model, belief, problem.noise)[held]
     unadapted = [run.errors(model, model.prior(), problem.noise) for run in runs]
-    shares = [share_removed(before, [_judged(e) for e in errors], floor) for errors in (adapted, unadapted)]
+    shares = [share_removed(nominal, errors, least) for errors in (adapted, unadapted)]
     whole = learn(model, model.prior(), concatenate([run.samples(None) for run in runs]))
     cells = uncertainty_map(model, whole, concatenate([run.samples(None) for run in runs]))
     regions = uncertain_regions(cells)
-    errors = [_mean(b[:, JUDGED] for b in before), _mean(adapted), _mean(f[:, JUDGED] for f in floor)]
+    errors = [_mean(nominal), _mean(adapted), _mean(least)]
     sentence = _sentence(shares[0], errors[0], errors[1], regions[0])
     return Learned(sentence, shares[0], shares[1], errors[0], errors[1], errors[2], tuple(regions), cells)
 
@@ -95,19 +95,8 @@ def _missing(problem: Problem) -> list[str]:
     return out + (["tau_cmd"] if problem.rim_fed else [])
 
 
-def _alike(car: Constants, known: Constants) -> bool:
-    return all(abs(a - b) <= LIKE * abs(b) for a, b in zip(car, known, strict=True))
-
-
-def _judged(errors: np.ndarray) -> np.ndarray:
-    """Errors [starts, states] at the judged horizon where `reduction` has all horizons."""
-    out = np.full((len(errors), len(HORIZONS), STATE_COUNT), np.nan)
-    out[:, JUDGED] = errors
-    return out
-
-
-def _mean(parts: Any) -> float:
-    return float(np.nanmean(np.concatenate(list(parts))))
+def _mean(parts: Sequence[np.ndarray]) -> float:
+    return float(np.nanmean(np.concatenate(parts)))
 
 
 class _Sampled:

@@ -54,22 +54,6 @@ class Candidate:
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
-    """Hypotheses that were fitted fully; `none` has the empty tuple."""
-
-    fits: dict[tuple[Names, float], Fit]  # by effects and exactness
-
-    def hypotheses(self) -> list[tuple[Fit, float]]:
-        """Of each hypothesis, its best fit and its log evidence over all exactnesses; best first."""
-        out = []
-        for names in {names for names, _ in self.fits}:
-            both = [f for (key, _), f in self.fits.items() if key == names]
-            evidence = float(np.logaddexp.reduce([f.log_evidence for f in both])) - float(np.log(len(EXACTNESSES)))
-            out.append((max(both, key=lambda f: f.log_evidence), evidence))
-        return sorted(out, key=lambda pair: (-pair[1], pair[0].names))
-
-
-@dataclasses.dataclass(frozen=True)
 class Base:
     """A hypothesis that effects are added to: its filter and derivatives."""
 
@@ -77,11 +61,6 @@ class Base:
     theta: np.ndarray
     gains: Gains
     jacobian: Derivatives
-
-
-def with_exact_file(problem: Problem, exactness: float) -> Problem:
-    """The same problem with the vehicle file believed exact to so many tolerances."""
-    return problem.replace(exactness=exactness)
 
 
 def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
@@ -100,7 +79,7 @@ def predicted_candidates(
     information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
     out = []
     for exactness in exactnesses:
-        held = with_exact_file(problem, exactness)
+        held = problem.replace(exactness=exactness)
         delta, gain = normal_step(held, information, pull, theta, names, 1e-3)
         cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(theta)) @ theta**2) - gain
         out.append(Candidate(names, theta + delta, cost if np.isfinite(cost) else np.inf))
@@ -160,7 +139,7 @@ def additions(
     results = [job.result() for job in jobs]
     out = []
     for i, exactness in enumerate(exactnesses):
-        held = with_exact_file(problem, exactness)
+        held = problem.replace(exactness=exactness)
         promising = best_of([result[i] for result in results])[:keep]
         out.append(best_of(list(pool.map(lambda c, h=held: relinearise(h, base, c), promising))))
     return out
@@ -179,12 +158,12 @@ def full(problem: Problem, names: Names, theta: np.ndarray) -> dict[tuple[Names,
     A vehicle file that is believed exact is given up where the quadratic around the first fit puts it far behind.
     """
     names, theta = canonical(names, theta)
-    held = with_exact_file(problem, EXACTNESSES[0])
+    held = problem.replace(exactness=EXACTNESSES[0])
     start = minimise(with_more_process_noise(held), names, theta, iterations=5, enough=1.0).theta
     at = minimise(held, names, start)
     out = {(names, EXACTNESSES[0]): conclude(held, names, at)}
     for exactness in EXACTNESSES[1:]:
-        tight = with_exact_file(problem, exactness)
+        tight = problem.replace(exactness=exactness)
         pull = at.jacobian.pull(flat(problem, at.filtered.innovations))
         step, gain = normal_step(tight, at.jacobian.information, pull, at.theta, names, 0.0)
         loss = cost_of(tight, at.filtered, at.theta) - gain - at.cost
@@ -210,13 +189,24 @@ def full_all(
     return fits
 
 
-def leading(fits: dict[tuple[Names, float], Fit]) -> Fit:
-    """The fit with the most evidence."""
-    return max(fits.values(), key=lambda f: f.log_evidence)
+def hypotheses_of(fits: dict[tuple[Names, float], Fit]) -> list[tuple[Fit, float]]:
+    """Of each hypothesis its best fit and its log evidence over all exactnesses, best first.
+
+    Args:
+        fits: by effects and exactness; `none` has the empty tuple.
+    """
+    out = []
+    for names in {names for names, _ in fits}:
+        both = [f for (key, _), f in fits.items() if key == names]
+        evidence = float(np.logaddexp.reduce([f.log_evidence for f in both])) - float(np.log(len(EXACTNESSES)))
+        out.append((max(both, key=lambda f: f.log_evidence), evidence))
+    return sorted(out, key=lambda pair: (-pair[1], pair[0].names))
 
 
-def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None) -> Found:
-    """Fits `none`, the most promising singles of `names` and the most promising pairs."""
+def search(
+    problem: Problem, names: Sequence[str], workers: int = 2, progress: Progress | None = None
+) -> list[tuple[Fit, float]]:
+    """Fits of `none`, the most promising singles of `names` and pairs of them, with their log evidence; best first."""
     tell = progress or (lambda _stage, _share: None)
     rough = with_more_process_noise(problem)
     start = np.zeros(problem.nuisances)
@@ -229,7 +219,7 @@ def search(problem: Problem, names: Sequence[str], workers: int = 2, progress: P
         tell("pairs of effects", 0.5)
         fits |= search_pairs(problem, names, fits, pool)
         tell("pairs of effects", 1.0)
-    return Found(fits)
+    return hypotheses_of(fits)
 
 
 def handed_over(problem: Problem, seed: Fit, names: Sequence[str]) -> list[Candidate]:
@@ -251,7 +241,7 @@ def search_pairs(
 ) -> dict[tuple[Names, float], Fit]:
     """Full fits of the most promising pairs that contain one of the best singles."""
     rough = with_more_process_noise(problem)
-    best = leading(fits)
+    best = max(fits.values(), key=lambda f: f.log_evidence)
     adequate = best.mean_square < ADEQUATE
     exactnesses: tuple[float, ...] = EXACTNESSES
     if adequate:

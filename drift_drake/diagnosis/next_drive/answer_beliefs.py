@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError, without_rivals
+from drift_drake.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing, beliefs_from_data
 from drift_drake.errors import one_line
 from drift_drake.estimation.filter_state import CHANNELS
@@ -23,7 +23,10 @@ def beliefs_of(answer: Answer) -> tuple[Sensing, list[Belief]]:
     """
     data = answer.details.get("beliefs") or {}
     if not data:
-        raise UnplannableError(without_rivals(answer))
+        raise UnplannableError(
+            f"{answer.case}: the answer holds no rival hypotheses (an older answer, or logs without torque commands); "
+            "diagnose logs with the column tau_cmd anew"
+        )
     try:
         sensing, beliefs = beliefs_from_data(data)
         _check(sensing, beliefs)

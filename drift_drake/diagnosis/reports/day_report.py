@@ -1,18 +1,25 @@
 """The report of another day: one self-contained HTML file."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-from drift_drake.diagnosis.reports import day_report_figures as figures
-from drift_drake.diagnosis.reports.limit_rows import LimitRow, limit_rows
+from drift_drake.diagnosis.another_day.gap import squares
+from drift_drake.diagnosis.reports.limit_rows import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH
-from drift_drake.estimation.windows import regimes
+from drift_drake.estimation.horizons import STATES
+from drift_drake.estimation.normal import LOST, Normal
+from drift_drake.estimation.robust_fit import MAD
+from drift_drake.estimation.scores import Day
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, regimes
+from drift_drake.logs.table import UNITS
+from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, reach_of, stacked
 from drift_drake.pages.page import GLOSSARY, Source, page_html
 from drift_drake.vehicle.catalogue import CATALOGUE
 
@@ -20,6 +27,8 @@ TEMPLATE = Path(__file__).parent / "day_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
 OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
+
+Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the name of the car
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,14 +60,60 @@ def worst_run(d: DayDiagnosis) -> int:
     return max(range(len(d.search.day.runs)), key=lambda k: runs[d.search.day.runs[k].name])
 
 
-def asked(d: DayDiagnosis, limits: list[LimitRow]) -> list[str]:
-    """Effects that another drive should show: those still in doubt, or those that these logs cannot name."""
-    if d.answer.verdict == "none":
-        return [row.name for row in limits if not row.named or row.share > 1.0]
-    rivals = [name for names in d.answer.ambiguity for name in names.split("+") if name in CATALOGUE]
+def nearest_names(d: DayDiagnosis) -> tuple[str, ...]:
+    """Effects of the nearest hypothesis to an unknown gap, if it removes some of it."""
     nearest = d.answer.details.get("nearest") or {}
-    near = d.ranked.leading.names if d.answer.verdict == UNKNOWN and (nearest.get("removes") or 0.0) > 0.0 else ()
-    return list(dict.fromkeys([*rivals, *near])) if len(d.answer.ambiguity) > 1 or near else []
+    return d.ranked.leading.names if d.answer.verdict == UNKNOWN and (nearest.get("removes") or 0.0) > 0.0 else ()
+
+
+def ends(run: WindowedRun) -> np.ndarray:
+    """Rows [windows] that are predicted, at the longest horizon."""
+    return np.asarray(run.starts + HORIZONS * run.stride_rows)
+
+
+def judged_states(day: Day) -> list[tuple[int, str]]:
+    """Indices and names of the states that every run measures and the car itself predicts."""
+    return [(i, state) for i, state in enumerate(STATES) if all(run.used[i] for run in day.runs)]
+
+
+def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float]) -> Markup:
+    """One run as measured and as predicted at the longest horizon, and below each state what is left over."""
+    run = day.runs[index]
+    t, at = np.arange(len(run.y)) * run.period, ends(run)
+    panels = []
+    for i, state in judged_states(day):
+        left = {name: errors[day.run == index][:, -1, i] for name, errors in cars.items()}
+        predicted = [Line(name, at * run.period, run.y[at, i] - e, dots=True) for name, e in left.items()]
+        measured = Line("measured", t, run.y[:, i])
+        reach = reach_of(run.y[:, i], [line.y for line in predicted])
+        panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach))
+        misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
+        title = f"measured less predicted [{UNITS[state]}]"
+        panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))
+    return stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {})
+
+
+def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
+    """Median absolute errors of each state against the horizon, beside those of the day of calibration."""
+    at, panels = np.array(day.runs[0].horizons), []
+    for i, state in judged_states(day):
+        usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)
+        lines = [Line(name, at, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
+        panels.append(Panel(f"{state} [{UNITS[state]}]", [usual, *lines], 140))
+    return beside(panels, "ahead [s]")
+
+
+def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) -> Markup:
+    """Errors at the longest horizon over time, run by run, in those of the day of calibration."""
+    parts = {name: np.sqrt(squares(normal, errors, LOST)[:, -1].mean(axis=-1)) for name, errors in cars.items()}
+    panels = []
+    for k, run in enumerate(day.runs):
+        t = run.starts * run.period
+        lines = [Line("day of calibration", t[[0, -1]], np.ones(2), NORMAL)]
+        lines += [Line(name, t, values[day.run == k]) for name, values in parts.items()]
+        sets_in = f"; gap sets in at {onset[run.name]:.1f} s" if run.name in onset else ""
+        panels.append(Panel(f"{run.name}: error, in normal ones{sets_in}", lines, 90, log=True))
+    return stacked(panels)
 
 
 def pictures(d: DayDiagnosis) -> dict[str, Markup]:
@@ -71,9 +126,9 @@ def pictures(d: DayDiagnosis) -> dict[str, Markup]:
         cars["corrected"] = day.errors_with(d.ranked.leading.effects(day))
     worst, onset = worst_run(d), d.answer.where["onset"]
     return {
-        "overlay": figures.overlay(day, normal, worst, cars, onset),
-        "by_horizon": figures.by_horizon(day, normal, cars),
-        "time_line": figures.time_line(day, normal, cars, onset),
+        "overlay": overlay(day, normal, worst, cars, onset),
+        "by_horizon": by_horizon(day, normal, cars),
+        "time_line": time_line(day, normal, cars, onset),
     }
 
 
@@ -101,5 +156,5 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         reach=REACH,
         coverage=coverage,
         beyond=beyond,
-        drives=shown_by(asked(d, limits)),
+        drives=shown_by(in_doubt(answer, limits, nearest_names(d))),
     )

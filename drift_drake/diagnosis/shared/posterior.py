@@ -1,8 +1,9 @@
 """From evidences to a posterior over `none`, singles, pairs and `unknown`."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 import yaml
@@ -30,15 +31,29 @@ class PosteriorConstants:
     interval_factor: float = 1.0  # on the standard deviations of magnitudes
 
 
+class _Named(Protocol):
+    """A hypothesis of either diagnosis."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+
+H = TypeVar("H", bound=_Named)
+
+
 @dataclasses.dataclass(frozen=True)
-class HypothesisPosterior:
-    """Probabilities by name ("none", "unknown", "effect", "effect+effect"), largest first, and what they say."""
+class Ranked(Generic[H]):
+    """Probabilities by name ("none", "unknown", "effect", "effect+effect"), most probable first, and what they say."""
 
     probabilities: dict[str, float]
     ambiguity: list[str]
     verdict: str  # effect, none or unknown
-    causes: tuple[str, ...]
-    fit: Fit  # of the leading hypothesis other than unknown
+    leading: H  # of the hypotheses other than unknown
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """That the verdict names."""
+        return self.leading.names if self.verdict == "effect" else ()
 
 
 def read_constants(path: Path = CALIBRATION_FILE) -> PosteriorConstants:
@@ -99,9 +114,18 @@ def ambiguity_set(probabilities: Mapping[str, float]) -> list[str]:
     return out
 
 
+def ranked_by(probabilities: dict[str, float], hypotheses: Iterable[H]) -> Ranked[H]:
+    """What probabilities, largest first, say of the hypotheses that are known."""
+    leader = next(iter(probabilities))
+    by_name = {hypothesis_name(h.names): h for h in hypotheses}
+    known = by_name[next(name for name in probabilities if name != UNKNOWN)]
+    verdict = leader if leader in (NONE, UNKNOWN) else "effect"
+    return Ranked(probabilities, ambiguity_set(probabilities), verdict, known)
+
+
 def make_posterior(
     hypotheses: Sequence[tuple[Fit, float]], unexplained: float, catalogue: int, c: PosteriorConstants
-) -> HypothesisPosterior:
+) -> Ranked[Fit]:
     """Probabilities of all fitted hypotheses and of `unknown`, and what they say.
 
     Args:
@@ -111,10 +135,4 @@ def make_posterior(
     """
     gain = max(unexplained, 0.0) + implausibility(hypotheses[0][0], c)
     probabilities = probabilities_of({f.names: e for f, e in hypotheses}, gain, catalogue, c)
-    ambiguity = ambiguity_set(probabilities)
-    leader = next(iter(probabilities))
-    by_name = {hypothesis_name(f.names): f for f, _ in hypotheses}
-    known = next(name for name in probabilities if name != UNKNOWN)
-    verdict = leader if leader in (NONE, UNKNOWN) else "effect"
-    causes = by_name[leader].names if verdict == "effect" else ()
-    return HypothesisPosterior(probabilities, ambiguity, verdict, causes, by_name[known])
+    return ranked_by(probabilities, (f for f, _ in hypotheses))

@@ -1,15 +1,15 @@
 """Where the gap is: by state, force channel, run, time, operating region and lag."""
 
-import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.filter_state import SIZE
 from drift_drake.estimation.freeform import FORCE_CHANNELS
-from drift_drake.estimation.horizons import JUDGED, STATES
-from drift_drake.estimation.problem import Problem, filter_case, observe
+from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
+from drift_drake.estimation.problem import Problem, filter_case, filtered_states
+from drift_drake.estimation.reduction import mean_squares
 from drift_drake.estimation.regression import Regression
 
 SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]
@@ -21,53 +21,61 @@ LONGEST_LAG = 0.4  # [s]
 DEAFNESS = 30.0  # factor on the noise levels that makes a filter rely on its model
 
 
-@dataclasses.dataclass(frozen=True)
-class Where:
-    """Shares of the gap; each of the first three sums to one (or is zero throughout without a gap)."""
+def find_gap(
+    problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.ndarray], lacking: Regression
+) -> dict[str, Any]:
+    """The `where` of an answer: what the nominal car gets wrong beyond the best fit.
 
-    states: dict[str, float]
-    runs: dict[str, float]
-    channels: dict[str, float]
-    regions: list[str]
-    onset: dict[str, float]  # [s] into each run
-    lag: dict[str, float]  # [s] by which each measured state follows the nominal car's
-
-
-def locate(
-    problem: Problem, excess: Sequence[np.ndarray], rows: Sequence[np.ndarray], pushes: Regression | None
-) -> Where:
-    """Shares of the gap from excess squared prediction errors.
+    Shares of the gap by states, runs and force channels each sum to one (or are zero throughout without a gap); regions
+    that hold it; onset [s] into each run; lag [s] by which each measured state follows the nominal car's; horizons:
+    mean squared errors of the nominal car.
 
     Args:
-        excess: squared errors of the nominal car beyond the floor [starts, horizons, states] of each run;
-        rows: their first rows; pushes: what forces the nominal car lacks, by channel.
+        before, floor: squared errors [starts, horizons, states] of each run, of the nominal car and of the best fit;
+        lacking: forces that the nominal car lacks.
     """
-    judged = [np.nan_to_num(e[:, JUDGED]) for e in excess]
-    by_state = shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)})
+    judged = [np.nan_to_num((b - f)[:, JUDGED]) for b, f in zip(before, floor, strict=True)]
     by_run = shares({r.name: float(e.sum()) for r, e in zip(problem.runs, judged, strict=True)})
-    onset = {}
-    for run, e, first in zip(problem.runs, judged, rows, strict=True):
-        total = np.cumsum(np.maximum(e.sum(axis=1), 0.0))
-        if by_run[run.name] > LEAST_SHARE and total[-1] > 0.0:
-            onset[run.name] = float(first[int(np.searchsorted(total, ONSET * total[-1]))] * run.period)
+    gaps, places = [], []
+    for run, e in zip(problem.runs, judged, strict=True):
+        rows = start_rows(run)
+        gaps.append((run.name, e.sum(axis=1), rows * run.period))
+        places.append(run.y[rows])
     channels = dict.fromkeys(FORCE_CHANNELS, 0.0)
-    if pushes is not None and len(pushes.weights):
-        power = [float(np.sum(pushes.weights[pushes.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
+    if len(lacking.weights):
+        power = [float(np.sum(lacking.weights[lacking.channel_of == c] ** 2)) for c in range(len(FORCE_CHANNELS))]
         channels = shares(dict(zip(FORCE_CHANNELS, power, strict=True)))
     grip = problem.nominal.friction * problem.nominal.gravity
-    region = np.concatenate(
-        [
-            region_of(run.y[first, 1], run.y[first, 0], run.y[first, 2], grip)
-            for run, first in zip(problem.runs, rows, strict=True)
-        ]
-    )
-    excess_of_all = np.concatenate([e.sum(axis=1) for e in judged])
-    return Where(by_state, by_run, channels, regions(excess_of_all, region), onset, lags(problem))
+    region = np.concatenate([region_of(y[:, 1], y[:, 0], y[:, 2], grip) for y in places])
+    means = zip(HORIZONS, mean_squares(np.concatenate(before)), strict=True)
+    return {
+        "states": shares({s: float(sum(e[:, i].sum() for e in judged)) for i, s in enumerate(STATES)}),
+        "runs": by_run,
+        "channels": channels,
+        "regions": regions(np.concatenate([gap for _, gap, _ in gaps]), region),
+        "onset": onsets(by_run, gaps),
+        "lag": lags(problem),
+        "horizons": {f"{h:g} s": mean for h, mean in means if np.isfinite(mean)},
+    }
 
 
 def shares(parts: dict[str, float]) -> dict[str, float]:
     total = sum(max(p, 0.0) for p in parts.values())
     return {name: (max(p, 0.0) / total if total > 0.0 else 0.0) for name, p in parts.items()}
+
+
+def onsets(by_run: dict[str, float], gaps: Iterable[tuple[str, np.ndarray, np.ndarray]]) -> dict[str, float]:
+    """When the gap has set in [s], of each run that holds some of it.
+
+    Args:
+        by_run: share of each; gaps: name of a run, its gap and the times [s] of that [starts].
+    """
+    out = {}
+    for name, gap, t in gaps:
+        total = np.cumsum(np.maximum(gap, 0.0))
+        if by_run[name] > LEAST_SHARE and total[-1] > 0.0:
+            out[name] = float(t[int(np.searchsorted(total, ONSET * total[-1]))])
+    return out
 
 
 def region_of(v: np.ndarray, r: np.ndarray, beta: np.ndarray, grip: float) -> np.ndarray:
@@ -98,9 +106,7 @@ def regions(excess: np.ndarray, region: np.ndarray) -> list[str]:
         excess: squared errors beyond the floor [starts]; region: of each start (`region_of`).
     """
     names = region_names()
-    total, count = np.zeros(len(names)), np.zeros(len(names))
-    np.add.at(total, region, excess)
-    np.add.at(count, region, 1.0)
+    total, count = np.bincount(region, excess, len(names)), np.bincount(region, minlength=len(names))
     gap = float(np.sum(np.maximum(total, 0.0)))
     mean = total / np.maximum(count, 1.0)
     if gap <= 0.0:
@@ -116,8 +122,7 @@ def lags(problem: Problem) -> dict[str, float]:
     gains = filter_case(deaf, theta, ())
     scores: dict[str, dict[int, float]] = {}
     for index, run in enumerate(problem.runs):
-        states = np.empty((len(run.y), SIZE))
-        observe(deaf, gains, theta, (), index, states=states)
+        states = filtered_states(deaf, gains, theta, (), index)
         most = int(LONGEST_LAG / run.period)
         for i, name in enumerate(STATES):
             if run.used[i]:

@@ -59,11 +59,7 @@ class Import:
 
 
 def run_import(command: Import) -> None:
-    """`drift-drake import`.
-
-    Raises:
-        InvalidMappingError, InvalidRecordingError, InvalidOptionError: names the file, the place and the remedy.
-    """
+    """`drift-drake import`."""
     for path in command.recordings:
         if not path.exists():
             raise InvalidOptionError(f"{path}: no such file; 'drift-drake import --help' says which formats are read")

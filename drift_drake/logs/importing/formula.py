@@ -17,24 +17,8 @@ BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Pow: operator.pow,
 }
 UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
-FUNCTIONS: dict[str, np.ufunc] = {
-    name: getattr(np, name)
-    for name in (
-        "abs",
-        "arctan",
-        "arctan2",
-        "cos",
-        "exp",
-        "hypot",
-        "maximum",
-        "minimum",
-        "sign",
-        "sin",
-        "sqrt",
-        "tan",
-        "tanh",
-    )
-}
+FUNCTION_NAMES = "abs arctan arctan2 cos exp hypot maximum minimum sign sin sqrt tan tanh"
+FUNCTIONS: dict[str, np.ufunc] = {name: getattr(np, name) for name in FUNCTION_NAMES.split()}
 LONGEST = 1000  # characters of a formula
 
 

@@ -8,27 +8,29 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.logs.importing.checks import TITLES, column_doubts
+from drift_drake.logs.driving import spans
+from drift_drake.logs.importing.checks import column_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
-from drift_drake.logs.importing.motion_capture import Stretch
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.logs.importing.recording import Recording, read_recording
-from drift_drake.logs.importing.resample import PERIOD, resample, rows_between
-from drift_drake.logs.importing.reversing import forward_parts, reversing_parts, reversing_sentence
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
     MEASURED,
     VELOCITY,
+    Stretch,
     from_velocity,
     moving_stretches,
+    reversing_rows,
+    reversing_sentence,
     stretch_of,
 )
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 
 Array = NDArray[np.float64]
 
+PERIOD = 0.01  # [s] of the log
 SLOW = 1.5  # periods of the log between two readings: more, and rows between readings are no measurements
 
 
@@ -101,9 +103,9 @@ def import_recordings(
         parts = []
         for stretch, t in kept:
             columns = _columns(recording, stretch, t, offsets, mapping)
-            spans = reversing_parts(columns, PERIOD)
-            remarks += [f"{label}: {sentence}" for sentence in reversing_sentence(t, spans)]
-            forwards = [part for part in forward_parts(len(t), spans) if part.stop - part.start >= SHORTEST_RUN]
+            backwards = reversing_rows(columns, PERIOD)
+            remarks += [f"{label}: {sentence}" for sentence in reversing_sentence(t, spans(backwards))]
+            forwards = [slice(a, b) for a, b in spans(~backwards) if b - a >= SHORTEST_RUN]
             parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]
         if not parts:
             raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of forward driving; leave it out")
@@ -114,7 +116,10 @@ def import_recordings(
             except InvalidLogError as error:
                 raise InvalidRecordingError(f"{path}: {error}") from None
             runs.append(run)
-            reports.append(_report(run, label, stretch, sentences, noise))
+            std = stretch.std | {key: value for key, value in noise.items() if key in COLUMNS}
+            start_s, end_s = float(run.t[0]), float(run.t[-1])
+            reports.append(RunReport(name, label, start_s, end_s, len(run), stretch.noise | noise, std,
+                                     stretch.bandwidth, sentences))  # fmt: skip
             remarks += [f"{name}: {sentence}" for sentence in sentences]
     return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
 
@@ -133,7 +138,9 @@ def _rows(
     for clock, report in offsets.items():
         times = recording.clocks[clock].t + report.offset - origin
         start, end = max(start, times[0]), min(end, times[-1])
-    return rows_between(start, end)
+    # The log's times are whole multiples of its period.
+    first, last = int(np.ceil(start / PERIOD - 1e-6)), int(np.floor(end / PERIOD + 1e-6))
+    return np.asarray(np.arange(first, last + 1) * PERIOD, dtype=float)
 
 
 def _columns(
@@ -153,6 +160,13 @@ def _columns(
     if "beta" in columns:
         columns["beta"] = np.angle(np.exp(1j * columns["beta"]))
     return columns
+
+
+def resample(rows: Array, t: Array, values: Array, between: str = "linear") -> Array:
+    """Values read at times t [s] on the log's rows [s]: on a line between two readings, or held until the next."""
+    if between == "hold":
+        return np.asarray(values[np.clip(np.searchsorted(t, rows, side="right") - 1, 0, len(t) - 1)])
+    return np.asarray(np.interp(rows, t, values))
 
 
 def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tuple[Run, list[str]]:
@@ -177,27 +191,11 @@ def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> di
     return noise
 
 
-def _report(
-    run: Run, recording: str, stretch: Stretch, sentences: list[str], other_noise: dict[str, float]
-) -> RunReport:
-    return RunReport(
-        name=run.name,
-        recording=recording,
-        start=float(run.t[0]),
-        end=float(run.t[-1]),
-        rows=len(run),
-        noise=stretch.noise | other_noise,
-        std=stretch.std | {name: value for name, value in other_noise.items() if name in COLUMNS},
-        bandwidth=stretch.bandwidth,
-        remarks=sentences,
-    )
-
-
 def _slow_columns(recording: Recording) -> list[str]:
     """Sentences on measured columns that are read less often than the log has rows."""
     sentences = []
     for readings in recording.clocks.values():
-        names = sorted(set(readings.signals) & set(TITLES) & set(COLUMNS))
+        names = sorted(set(readings.signals) & {*MEASURED, "psi"} & set(COLUMNS))
         if names and readings.period > SLOW * PERIOD:
             sentences.append(
                 f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} read each {readings.period:.2g} s: the rows "

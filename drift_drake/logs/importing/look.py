@@ -118,10 +118,12 @@ def mapping_text(found: Look) -> str:
 def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]:
     """A mapping file's content, and the quantities that a log needs and nothing looks like."""
     clocks = {topic.name: clock for topic in topics if (clock := _clock(topic)) is not None}
+    rates = {topic.name: _hertz(_seconds(topic, clocks[topic.name])) for topic in topics if topic.name in clocks}
+    ordered = sorted((topic for topic in topics if topic.name in clocks), key=lambda topic: -rates[topic.name])
     found: dict[str, tuple[Topic, str]] = {}
     taken = set(clocks.values())
     for name, patterns in NAMES.items():
-        best = _best(topics, clocks, patterns, taken)
+        best = _best(ordered, patterns, taken)
         if best is not None:
             found[name] = best
             taken.add(best[1])
@@ -130,8 +132,13 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
     elif "v" in found:
         found.pop("vx", None), found.pop("vy", None)
     tables = {topic.name: topic for topic, _ in found.values()}
-    used = sorted(tables, key=lambda name: (-_rate(tables[name], clocks), name))
-    names = {name: _short(name, len(used)) for name in used}
+    used = sorted(tables, key=lambda name: (-rates[name], name))
+    unnamed = "recorder" if len(used) == 1 else "table"
+    names = {name: re.sub(r"\W+", "_", name).strip("_") or unnamed for name in used}
+    entries = {}
+    for name in used:
+        unit = _time_unit(tables[name], clocks[name])
+        entries[names[name]] = {"column": clocks[name]} | ({} if unit == "s" else {"unit": unit})
     signals: dict[str, Any] = {}
     for key, (topic, column) in found.items():
         signals[key] = {"column": column, "unit": _unit(key, column, topic)}
@@ -141,7 +148,11 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
             signals[key]["radius"] = 0.3
     mapping = {
         "frame": "iso8855",
-        "clocks": {names[name]: _clock_entry(tables[name], clocks[name]) for name in used},
+        "clocks": {
+            names[name]: {"column": clocks[name]}
+            | ({} if (unit := _time_unit(tables[name], clocks[name])) == "s" else {"unit": unit})
+            for name in used
+        },
         "signals": signals,
     }
     known = (
@@ -179,11 +190,8 @@ def _described(topic: TopicSummary) -> list[str]:
     return lines
 
 
-def _best(
-    topics: Sequence[Topic], clocks: dict[str, str], patterns: Sequence[str], taken: set[str]
-) -> tuple[Topic, str] | None:
+def _best(ordered: Sequence[Topic], patterns: Sequence[str], taken: set[str]) -> tuple[Topic, str] | None:
     """The column that the first pattern finds, in the topic that is read most often."""
-    ordered = sorted((topic for topic in topics if topic.name in clocks), key=lambda topic: -_rate(topic, clocks))
     for pattern in patterns:
         for topic in ordered:
             for column in topic.table.columns:
@@ -206,11 +214,6 @@ def _clock(topic: Topic) -> str | None:
     return None
 
 
-def _clock_entry(topic: Topic, column: str) -> dict[str, Any]:
-    unit = _time_unit(topic, column)
-    return {"column": column} | ({} if unit == "s" else {"unit": unit})
-
-
 def _time_unit(topic: Topic, column: str) -> str:
     """The coarsest unit in which the column's steps are those of a recorder."""
     if topic.units.get(column) in STEPS:
@@ -228,14 +231,6 @@ def _seconds(topic: Topic, column: str) -> np.ndarray:
 def _hertz(t: np.ndarray) -> float:
     steps = np.diff(t)
     return float(1.0 / np.median(steps[steps > 0.0]))
-
-
-def _rate(topic: Topic, clocks: dict[str, str]) -> float:
-    return _hertz(_seconds(topic, clocks[topic.name]))
-
-
-def _short(name: str, count: int) -> str:
-    return re.sub(r"\W+", "_", name).strip("_") or ("recorder" if count == 1 else "table")
 
 
 def _unit(key: str, column: str, topic: Topic) -> str:

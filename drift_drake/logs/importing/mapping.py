@@ -133,19 +133,18 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
         InvalidMappingError: names `source`, the key and the remedy.
     """
     entries = _entries(data, RecorderMapping, source, "")
-    for key in ("clocks", "signals"):
-        if not isinstance(entries[key], dict) or not entries[key]:
-            raise InvalidMappingError(f"{source}: '{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
     for key in ("clocks", "signals", "constants", "formulas"):
-        for name in entries.get(key) or {} if isinstance(entries.get(key), dict) else {}:
+        named = entries.get(key, {})
+        if key in ("clocks", "signals") and (not isinstance(named, dict) or not named):
+            raise InvalidMappingError(f"{source}: '{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
+        if not isinstance(named, dict):
+            raise InvalidMappingError(f"{source}: '{key}' must hold 'name: value' lines")
+        for name in named:
             if not isinstance(name, str):
                 raise InvalidMappingError(f"{source}: the name {shown(name)} in '{key}' is no text; put it in quotes")
     clocks = {name: _clock(item, source, f"clocks.{name}") for name, item in entries["clocks"].items()}
     first = next(iter(clocks))
     signals = {name: _signal(name, item, first, source) for name, item in entries["signals"].items()}
-    for key in ("constants", "formulas"):
-        if not isinstance(entries.get(key, {}), dict):
-            raise InvalidMappingError(f"{source}: '{key}' must hold 'name: value' lines")
     constants = {k: _number(v, source, f"constants.{k}") for k, v in entries.get("constants", {}).items()}
     point = entries.get("measured_point", (0.0, 0.0))
     if not isinstance(point, (list, tuple)) or len(point) != 2:
@@ -156,25 +155,25 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     trust = entries.get("trust", [])
     if not isinstance(trust, (list, tuple)) or not all(name in COLUMNS for name in trust):
         raise InvalidMappingError(f"{source}: trust must be a list of some of {', '.join(COLUMNS)}")
-    moving = entries.get("moving")
-    wheelbase = entries.get("wheelbase")
+    moving = None
+    if entries.get("moving") is not None:
+        given = _entries(entries["moving"], Moving, source, "moving.")
+        moving = Moving(**{name: _number(q, source, f"moving.{name}", positive=True) for name, q in given.items()})
+    wheelbase, bandwidth = entries.get("wheelbase"), math.inf
+    if "bandwidth" in entries:
+        bandwidth = _number(entries["bandwidth"], source, "bandwidth", positive=True)
     mapping = RecorderMapping(
         clocks=clocks,
         signals=signals,
         recorder=str(entries.get("recorder", "")),
         frame=_choice(entries.get("frame", "iso8855"), FRAMES, source, "frame"),
-        measured_point=(
-            _number(point[0], source, "measured_point"),
-            _number(point[1], source, "measured_point"),
-        ),
+        measured_point=(_number(point[0], source, "measured_point"), _number(point[1], source, "measured_point")),
         wheelbase=None if wheelbase is None else _number(wheelbase, source, "wheelbase", positive=True),
         derive=tuple(derive),
         constants=constants,
         formulas={key: str(value) for key, value in entries.get("formulas", {}).items()},
-        bandwidth=_number(entries["bandwidth"], source, "bandwidth", positive=True)
-        if "bandwidth" in entries
-        else math.inf,
-        moving=None if moving is None else _moving(moving, source),
+        bandwidth=bandwidth,
+        moving=moving,
         trust=tuple(trust),
     )
     _check_names(mapping, source)
@@ -267,11 +266,6 @@ def _signal(name: str, data: Any, first_clock: str, source: str) -> Signal:
         if not turns:
             raise InvalidMappingError(f"{source}: {key}.radius is for an omega_r in rpm or rad/s; take it out")
     return Signal(**entries)
-
-
-def _moving(data: Any, source: str) -> Moving:
-    entries = _entries(data, Moving, source, "moving.")
-    return Moving(**{name: _number(value, source, f"moving.{name}", positive=True) for name, value in entries.items()})
 
 
 def _check_names(mapping: RecorderMapping, source: str) -> None:

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.screening.screened import MEASURED, screened
 from drift_drake.logs.table import OPTIONAL, Run
-from drift_drake.logs.white_noise import white_noise_level
 
 
 @dataclasses.dataclass(frozen=True)

@@ -22,39 +22,43 @@ SMALLEST = 1e-9  # spread of a column that says something
 
 
 @dataclasses.dataclass(frozen=True)
-class Relation:
-    """One ratio of columns: `size` and `sign` as found, one and positive where all is well.
+class Kind:
+    """A ratio of columns that should be one, measured over expected in the windows that count.
 
     powers: with which a factor on a column (`t`: the clock) enters the ratio; mirrors: columns whose signs it holds
     against each other; tolerance: standard deviation of log(size) among cars of the catalogue's effects, with noise;
-    likeness: rank correlation that it was found with.
+    least_likeness: rank correlation from which the slope is believed, None of speeds, whose ratio is taken; witness:
+    the relation that has to hold first.
     """
 
-    name: str
     powers: Mapping[str, int]
     mirrors: tuple[str, ...]
     tolerance: float
+    least_likeness: float | None
+    says: str  # the ratio in words
+    columns: Callable[[Windows, VehicleParameters], tuple[np.ndarray, np.ndarray]]
+    witness: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Relation:
+    """One ratio as found: `size` and `sign` are one and positive where all is well; likeness: its rank correlation."""
+
+    name: str
+    kind: Kind
     size: float
     sign: float
     likeness: float
-    says: str  # the ratio in words
 
     @property
     def off(self) -> float:
         """How far from one, in tolerances."""
-        return float(np.log(self.size)) / self.tolerance
+        return float(np.log(self.size)) / self.kind.tolerance
 
-
-@dataclasses.dataclass(frozen=True)
-class _Kind:
-    """How a relation is found: measured over expected, for the windows that count, and from which likeness."""
-
-    powers: Mapping[str, int]
-    mirrors: tuple[str, ...]
-    tolerance: float
-    least_likeness: float
-    says: str
-    columns: Callable[[Windows, VehicleParameters], tuple[np.ndarray, np.ndarray]]
+    @property
+    def holds(self) -> bool:
+        """Whether it can be a witness for others."""
+        return self.sign > 0.0 and abs(self.off) < WITNESS
 
 
 def _grip(w: Windows) -> np.ndarray:
@@ -84,53 +88,51 @@ def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
     return (p.gear_ratio / p.wheel_radius * w.tau_cmd)[kept], (p.mass * w.gain + spun_up)[kept]
 
 
-SLOPES = {
-    "turn": _Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi",
-                  lambda w, _: (w.r, w.turning)),
-    "course": _Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi",
-                    lambda w, _: (w.course, w.turning)),
-    "across": _Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r",
-                    lambda w, _: (w.ay, w.v * w.r)),
-    "along": _Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v",
-                   lambda w, _: (w.ax[_straight(w)], w.gain[_straight(w)])),
-    "steer": _Kind({"delta_cmd": 1, "r": -1, "v": 1}, ("delta_cmd", "r"), 0.4, 0.75,
-                   "delta_cmd over r (a + b) / v", _steer),
-    "drive": _Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
-                   "gear_ratio tau_cmd / wheel_radius over mass times the rate of v", _drive),
-}  # fmt: skip
-# Whose witnesses have to agree first: (kind, the relation that says so).
-DEPENDENT = {
-    "slide": (_Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r",
-                    lambda w, _: (w.swing, w.ay / w.v - w.r)), "across"),
-    "slide by course": (_Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7,
-                              "the rate of beta over that of course less psi",
-                              lambda w, _: (w.swing, w.course - w.turning)), "course"),
+KINDS = {
+    "turn": Kind({"r": 1, "psi": -1, "t": 1}, ("r", "psi"), 0.05, 0.8, "r over the rate of psi",
+                 lambda w, _: (w.r, w.turning)),
+    "course": Kind({"psi": -1}, ("y", "psi"), 0.15, 0.8, "the rate of the course of x, y over that of psi",
+                   lambda w, _: (w.course, w.turning)),
+    "across": Kind({"ay": 1, "v": -1, "r": -1}, ("ay", "r"), 0.2, 0.75, "ay over v r",
+                   lambda w, _: (w.ay, w.v * w.r)),
+    "along": Kind({"ax": 1, "v": -1, "t": 1}, ("ax",), 0.13, 0.8, "ax over the rate of v",
+                  lambda w, _: (w.ax[_straight(w)], w.gain[_straight(w)])),
+    "steer": Kind({"delta_cmd": 1, "r": -1, "v": 1}, ("delta_cmd", "r"), 0.4, 0.75,
+                  "delta_cmd over r (a + b) / v", _steer),
+    "drive": Kind({"tau_cmd": 1, "v": -1, "t": 1}, ("tau_cmd",), 0.25, 0.6,
+                  "gear_ratio tau_cmd / wheel_radius over mass times the rate of v", _drive),
+    "path": Kind({"v": 1, "t": 1}, (), 0.05, None, "v over the speed along x, y", lambda w, _: (w.v, w.moved)),
+    "rim": Kind({"omega_r": 1, "v": -1}, (), 0.08, None, "omega_r over v",
+                lambda w, _: (np.abs(w.omega_r)[_grip(w)], w.v[_grip(w)])),
+    "slide": Kind({"beta": 1, "t": -1}, ("beta", "r"), 0.15, 0.6, "the rate of beta over ay / v - r",
+                  lambda w, _: (w.swing, w.ay / w.v - w.r), "across"),
+    "slide by course": Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7, "the rate of beta over that of course less psi",
+                            lambda w, _: (w.swing, w.course - w.turning), "course"),
 }  # fmt: skip
 WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
-def relations(windows: Windows, vehicle: VehicleParameters) -> list[Relation]:
+def relations(windows: Windows, vehicle: VehicleParameters, kinds: Mapping[str, Kind] = KINDS) -> list[Relation]:
     """The relations that the columns allow, those left out that are too unlike to say."""
-    found = {name: _slope(name, kind, windows, vehicle) for name, kind in SLOPES.items()}
-    found["path"] = _ratio("path", {"v": 1, "t": 1}, 0.05, "v over the speed along x, y", windows.v, windows.moved)
-    rolls = _grip(windows)
-    found["rim"] = _ratio(
-        "rim", {"omega_r": 1, "v": -1}, 0.08, "omega_r over v", np.abs(windows.omega_r)[rolls], windows.v[rolls]
-    )
-    for name, (kind, witness) in DEPENDENT.items():
-        at = found[witness]
-        if at is not None and at.sign > 0.0 and abs(at.off) < WITNESS:
-            found[name] = _slope(name, kind, windows, vehicle)
-    return [relation for relation in found.values() if relation is not None]
+    found: dict[str, Relation] = {}
+    for name, kind in kinds.items():
+        if kind.witness is not None and not (kind.witness in found and found[kind.witness].holds):
+            continue
+        measured, expected = kind.columns(windows, vehicle)
+        known = np.isfinite(measured) & np.isfinite(expected)
+        measured, expected = measured[known], expected[known]
+        if len(measured) < FEWEST:
+            continue
+        least = kind.least_likeness
+        at = _ratio(measured, expected) if least is None else _slope(measured, expected, least)
+        if at is not None:
+            found[name] = Relation(name, kind, *at)
+    return list(found.values())
 
 
-def _slope(name: str, kind: _Kind, windows: Windows, vehicle: VehicleParameters) -> Relation | None:
-    """The robust slope between two columns, of which neither is exact: the geometric mean of both ways (Theil-Sen)."""
-    measured, expected = kind.columns(windows, vehicle)
-    known = np.isfinite(measured) & np.isfinite(expected)
-    measured, expected = measured[known], expected[known]
-    if len(measured) < FEWEST:
-        return None
+def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) -> tuple[float, float, float] | None:
+    """Size, sign and likeness of the robust slope between two columns, of which neither is exact: the geometric mean of
+    both ways (Theil-Sen)."""
     if len(measured) > MOST:
         chosen = np.linspace(0, len(measured) - 1, MOST).astype(int)
         measured, expected = measured[chosen], expected[chosen]
@@ -139,22 +141,14 @@ def _slope(name: str, kind: _Kind, windows: Windows, vehicle: VehicleParameters)
     likeness = float(spearmanr(measured, expected).statistic)
     there = float(theilslopes(measured, expected).slope)
     back = float(theilslopes(expected, measured).slope)
-    if abs(likeness) < kind.least_likeness or there * back <= 0.0:
+    if abs(likeness) < least_likeness or there * back <= 0.0:
         return None
-    size = float(np.sqrt(there / back))
-    return Relation(
-        name, kind.powers, kind.mirrors, kind.tolerance, size, float(np.sign(there)), abs(likeness), kind.says
-    )
+    return float(np.sqrt(there / back)), float(np.sign(there)), abs(likeness)
 
 
-def _ratio(
-    name: str, powers: Mapping[str, int], tolerance: float, says: str, measured: np.ndarray, expected: np.ndarray
-) -> Relation | None:
-    """The ratio of two speeds: of what most windows show the tenth that is nearest to one, as a wheel may slip."""
-    known = np.isfinite(measured) & np.isfinite(expected)
-    measured, expected = measured[known], expected[known]
-    if len(measured) < FEWEST or np.min(expected) <= 0.0 or np.min(measured) <= 0.0:
+def _ratio(measured: np.ndarray, expected: np.ndarray) -> tuple[float, float, float] | None:
+    """The same of two speeds: of what most windows show the tenth that is nearest to one, as a wheel may slip."""
+    if np.min(expected) <= 0.0 or np.min(measured) <= 0.0:
         return None
     low, middle, high = np.quantile(np.log(measured / expected), [0.1, 0.5, 0.9])
-    size = float(np.exp(max(low, 0.0) if middle > 0.0 else min(high, 0.0)))
-    return Relation(name, powers, (), tolerance, size, 1.0, 1.0, says)
+    return float(np.exp(max(low, 0.0) if middle > 0.0 else min(high, 0.0))), 1.0, 1.0

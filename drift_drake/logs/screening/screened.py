@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.logs.screening.frozen import frozen
-from drift_drake.logs.screening.rounding import coarse, noise_of, step
-from drift_drake.logs.screening.spikes import filled, spikes
-from drift_drake.logs.table import Run
+from drift_drake.logs.driving import in_spans
+from drift_drake.logs.noise import coarse, noise_of, step
+from drift_drake.logs.screening.bad_samples import filled, frozen, spikes
+from drift_drake.logs.table import UNITS, Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
 ANGLES = ("psi", "beta")  # that may be wrapped
-UNITS = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
-         "ay": "m/s^2"}  # fmt: skip
 LISTED = 3  # spikes of a column that are reported one by one
 
 Span = tuple[int, int]
@@ -41,23 +39,16 @@ class Screened:
     bad: tuple[BadRows, ...]
     noise_floor: Mapping[str, float]
 
-    def mask(self, *columns: str) -> np.ndarray:
-        """Rows [rows] (bool) in which one of the columns (any, if none is named) is filled, not measured."""
-        rows = np.zeros(len(self.run), dtype=np.bool_)
-        for part in self.bad:
-            if not columns or part.column in columns:
-                rows[part.start : part.stop] = True
-        return rows
+    def mask(self, beyond: float = 0.0) -> np.ndarray:
+        """Rows [rows] (bool) in which a column is filled, not measured, for more than so many rows."""
+        bad = [(part.start, part.stop) for part in self.bad if part.stop - part.start > beyond]
+        return in_spans(bad, len(self.run))
 
 
 def screened(runs: Sequence[Run]) -> tuple[list[Screened], list[str]]:
     """Each run without its bad samples, and sentences on what was found."""
-    out, sentences = [], []
-    for run in runs:
-        one, said = screen(run)
-        out.append(one)
-        sentences += said
-    return out, sentences
+    found = [screen(run) for run in runs]
+    return [one for one, _ in found], [sentence for _, said in found for sentence in said]
 
 
 def screen(run: Run) -> tuple[Screened, list[str]]:
@@ -112,10 +103,7 @@ def _corrected(raw: np.ndarray, values: np.ndarray, bad: Sequence[Span], wrapped
     between = filled(values, bad)
     if wrapped:
         between = np.arctan2(np.sin(between), np.cos(between))
-    rows = np.zeros(len(raw), dtype=np.bool_)
-    for start, stop in bad:
-        rows[start:stop] = True
-    return np.where(rows, between, raw)
+    return np.where(in_spans(bad, len(raw)), between, raw)
 
 
 def _spike_sentences(

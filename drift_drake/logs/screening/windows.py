@@ -6,7 +6,7 @@ noise and sensors' lags then matter little.
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -61,30 +61,36 @@ class Windows:
 
 def windows_of(runs: Sequence[Run]) -> Windows:
     """Windows through all runs, each half over the one before, without those in which the car hardly moves."""
-    parts = [_of_run(run, index) for index, run in enumerate(runs)]
+    columns = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
+    parts = [
+        windows_of_columns({name: run.column(name) for name in columns}, run.period, index)
+        for index, run in enumerate(runs)
+    ]
     names = [field.name for field in dataclasses.fields(Windows)]
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _of_run(run: Run, index: int) -> Windows:
-    width, part = max(round(WINDOW / run.period), 8), max(round(PART / run.period), 2)
-    starts = np.arange(0, len(run) - width, width // 2)
-    length = width * run.period
+def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, index: int = 0) -> Windows:
+    """Windows through columns of the log format [rows], which may lack all but `v`, of the run of that index."""
+    rows = len(np.asarray(columns["v"]))
+    width, part = max(round(WINDOW / period), 8), max(round(PART / period), 2)
+    starts = np.arange(0, rows - width, width // 2)
+    length = width * period
 
     def column(name: str) -> np.ndarray:
-        values = run.column(name)
-        return np.full(len(run), np.nan) if values is None else np.asarray(values, dtype=float)
+        values = columns.get(name)
+        return np.full(rows, np.nan) if values is None else np.asarray(values, dtype=float)
 
     def change(values: np.ndarray) -> np.ndarray:
         """From the mean of the first rows to that of the last, per second."""
         sums = np.concatenate([[0.0], np.cumsum(values)])
         first = (sums[starts + part] - sums[starts]) / part
         last = (sums[starts + width] - sums[starts + width - part]) / part
-        return (last - first) / (length - part * run.period)
+        return (last - first) / (length - part * period)
 
     def mean(values: np.ndarray) -> np.ndarray:
         """Weighted as the change of its integral is."""
-        return change(np.cumsum(values) * run.period)
+        return change(np.cumsum(values) * period)
 
     x, y, v = column("x"), column("y"), column("v")
     ends = [starts, starts + part, starts + width - part, starts + width]
@@ -98,7 +104,7 @@ def _of_run(run: Run, index: int) -> Windows:
         run=np.full(len(starts), index),
         r=mean(column("r")),
         turning=change(_continuous(column("psi"))),
-        course=turned / (length - part * run.period),
+        course=turned / (length - part * period),
         moved=np.array(path, dtype=float) / length,
         v=speed,
         gain=change(v),

@@ -16,14 +16,15 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     effects_of,
     follow,
 )
-from drift_drake.diagnosis.another_day.not_excluded import evidence_over, not_excluded
 from drift_drake.diagnosis.another_day.posterior import (
     OF_SCATTER,
     PRIORS,
     STANDS_FOR,
     at_bound,
     deviation,
+    evidence_over,
     interval,
+    not_excluded,
     ranked,
     tells_from_zero,
 )

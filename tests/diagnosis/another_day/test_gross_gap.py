@@ -16,22 +16,22 @@ def late(late_day):
 
 
 def test_the_cause_is_named_with_its_magnitude(late):
-    leading = late.ranked.leading
+    leading = late[0].leading
     assert "steering_delay" in leading.names
     m = interval(leading, leading.names.index("steering_delay"))
     assert m.low < 0.08 < m.high
-    assert 0.3 < late.reduction.low <= late.reduction.estimate <= late.reduction.high <= 1.0
+    assert 0.3 < late[1].low <= late[1].estimate <= late[1].high <= 1.0
 
 
 def test_what_it_leaves_on_held_out_blocks_is_unknowns(late):
-    assert late.ranked.probabilities["unknown"] == pytest.approx(1.0 - late.reduction.estimate)
-    assert sum(late.ranked.probabilities.values()) == pytest.approx(1.0)
+    assert late[0].probabilities["unknown"] == pytest.approx(1.0 - late[1].estimate)
+    assert sum(late[0].probabilities.values()) == pytest.approx(1.0)
 
 
 def test_a_gap_that_no_effect_removes_is_unknown(strange_day):
-    found = judged_by_errors(strange_day.search, PRIORS, lambda _: None)
-    assert found.ranked.verdict == "unknown"
-    assert found.reduction.estimate < 0.5
+    ranked, reduction = judged_by_errors(strange_day.search, PRIORS, lambda _: None)
+    assert ranked.verdict == "unknown"
+    assert reduction.estimate < 0.5
 
 
 def test_no_error_counts_more_than_a_diverged_one(late_day):
@@ -79,7 +79,7 @@ def narrow(late_day):
 
 
 def test_a_cause_beyond_its_range_is_followed_and_found(narrow):
-    found = judged_by_errors(narrow, PRIORS, lambda _: None).ranked.leading
+    found = judged_by_errors(narrow, PRIORS, lambda _: None)[0].leading
     at = found.names.index("steering_delay")
     assert found.magnitudes[at] == pytest.approx(0.08, abs=0.02)
     assert narrow.ranges["steering_delay"].high == pytest.approx(0.1)  # so that 0.08 is not stated as "at least"

@@ -15,7 +15,7 @@ from drift_drake.diagnosis.likelihood.isolability import Isolability
 from drift_drake.diagnosis.reports.report import report_html
 from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.problem import filter_case, make_problem
-from drift_drake.estimation.seen_effects import seen_effects
+from drift_drake.estimation.usable import seen_effects
 from drift_drake.logs.cases import case_folders
 from drift_drake.logs.table import InvalidLogError, write_run
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.likelihood.search import Candidate, Found, best_of, canonical, handed_over
+from drift_drake.diagnosis.likelihood.search import Candidate, best_of, canonical, handed_over, hypotheses_of
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.problem import NUISANCES, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -31,8 +31,7 @@ def test_evidence_is_the_mean_over_exactnesses():
     def fitted(evidence, exactness):
         return Fit(("a",), np.zeros(3), 0.0, np.eye(3), evidence, 1.0, 1, exactness)
 
-    found = Found({(("a",), 1.0): fitted(2.0, 1.0), (("a",), 0.05): fitted(3.0, 0.05)})
-    ((best, evidence),) = found.hypotheses()
+    ((best, evidence),) = hypotheses_of({(("a",), 1.0): fitted(2.0, 1.0), (("a",), 0.05): fitted(3.0, 0.05)})
     assert best.exactness == 0.05
     assert evidence == pytest.approx(np.log(0.5 * (np.exp(2.0) + np.exp(3.0))))
 

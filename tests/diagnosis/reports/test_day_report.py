@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
-from drift_drake.diagnosis.reports.day_report import coverage_rows, report_html
-from drift_drake.diagnosis.reports.day_report_figures import by_horizon, overlay
+from drift_drake.diagnosis.reports.day_report import by_horizon, coverage_rows, overlay, report_html
 from drift_drake.diagnosis.reports.limit_rows import limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import SHOWN_BY, shown_by
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH

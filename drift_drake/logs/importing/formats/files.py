@@ -13,16 +13,16 @@ from drift_drake.plain_files import check_file
 READERS = {  # of an ending: module, function, what the format is called, the extra that it needs
     ".csv": ("tables", "read_csv", "CSV", ""),
     ".parquet": ("tables", "read_parquet", "Parquet", "parquet"),
-    ".mcap": ("mcap_file", "read_mcap", "MCAP", "ros"),
-    ".bag": ("ros_bag", "read_bag", "ROS bags", "ros"),
-    ".db3": ("ros_bag", "read_bag", "ROS bags", "ros"),
+    ".mcap": ("ros", "read_mcap", "MCAP", "ros"),
+    ".bag": ("ros", "read_bag", "ROS bags", "ros"),
+    ".db3": ("ros", "read_bag", "ROS bags", "ros"),
     ".mf4": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".mdf": ("mdf4", "read_mdf", "MDF", "mdf"),
     ".dat": ("mdf4", "read_mdf", "MDF", "mdf"),
-    ".mat": ("arrays", "read_mat", "MATLAB files", "matlab"),
-    ".npz": ("arrays", "read_npz", "npz", ""),
-    ".h5": ("arrays", "read_hdf5", "HDF5", "hdf5"),
-    ".hdf5": ("arrays", "read_hdf5", "HDF5", "hdf5"),
+    ".mat": ("tables", "read_mat", "MATLAB files", "matlab"),
+    ".npz": ("tables", "read_npz", "npz", ""),
+    ".h5": ("tables", "read_hdf5", "HDF5", "hdf5"),
+    ".hdf5": ("tables", "read_hdf5", "HDF5", "hdf5"),
 }
 KNOWN = "CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz or HDF5"
 

@@ -1,4 +1,4 @@
-"""MCAP files with messages of ROS 2 (cdr) or JSON."""
+"""MCAP files with messages of ROS 2 (cdr) or JSON, and bags of ROS 2 (a folder with metadata.yaml) and ROS 1 (.bag)."""
 
 import json
 from pathlib import Path
@@ -36,3 +36,28 @@ def read_mcap(path: Path) -> list[Topic]:
         found = f"; its topics are {', '.join(sorted(unread))}" if unread else ""
         raise ValueError(f"holds no messages of ROS 2 (cdr) or JSON{found}")
     return topics_of_messages(messages)
+
+
+def read_bag(path: Path) -> list[Topic]:
+    """All topics whose message types are known.
+
+    Raises:
+        ValueError: no bag, or no message that can be read; ImportError: `rosbags` is not installed; OSError.
+    """
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    try:
+        # Of a ROS 2 bag one of the files in its folder may be given.
+        bag = path.parent if path.suffix == ".db3" else path
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            known = [item for item in reader.connections if item.msgtype in reader.typestore.fielddefs]
+            topics = topics_of_messages(
+                (connection.topic, time, reader.deserialize(data, connection.msgtype))
+                for connection, time, data in reader.messages(known)
+            )
+    except AnyReaderError as error:
+        raise ValueError(str(error)) from None
+    if not topics:
+        raise ValueError("holds no messages of a known type; record the bag with its message definitions (MCAP)")
+    return topics

@@ -1,15 +1,28 @@
-"""Rounding: the step of a channel's numbers, and whether it is coarse beside the noise."""
+"""The white noise on a signal, and the step of its numbers, from the signal alone."""
 
 import math
 
 import numpy as np
 
-from drift_drake.logs.white_noise import white_noise_level
-
+DIFFERENCES = 4  # order of the differences: motion at 100 Hz is smooth to them, white noise is not
+CLIP = 4.0  # standard deviations beyond which a difference is the car's jerk, not noise
 SHARE_OF_RANGE = 1e-4  # of what a channel covers, below which a step is that of its text or converter
 SHARE_OF_NOISE = 0.6  # the noise that is seen, in steps, below which the step makes it
 ON_STEPS = 0.99  # of the values that lie on multiples of the step
 OFF = 0.1  # of a step that a value may lie off it
+
+
+def white_noise_level(values: np.ndarray) -> float:
+    """Standard deviation of the white noise on a smooth signal [n], robust against jumps.
+
+    From the fourth differences: the noise's variance is multiplied by the sum of the squared binomial coefficients
+    (70), a smooth motion's fourth difference is far smaller. Differences beyond `CLIP` deviations are left out.
+    """
+    fourth = np.diff(values, n=DIFFERENCES)
+    fourth = fourth - np.median(fourth)
+    spread = float(np.median(np.abs(fourth))) / 0.6744897501960817
+    kept = fourth[np.abs(fourth) <= CLIP * spread]
+    return float(np.sqrt(np.mean(kept**2) / 70.0)) if len(kept) else 0.0
 
 
 def step(values: np.ndarray) -> float:

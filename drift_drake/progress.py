@@ -6,9 +6,12 @@ from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
+Progress = Callable[[str, float], None]
+"""Is told a stage's name and the share done."""
+
 
 @contextlib.contextmanager
-def progress_bar(quiet: bool) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(quiet: bool) -> Iterator[Progress]:
     """A bar that is told a stage's name and the share done; nothing where `quiet`."""
     with tqdm(total=100, disable=quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 

@@ -1,7 +1,7 @@
 """A car calibrated by the likelihood of the diagnosis's filter: exact where innovations are white."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from drift_drake.identification.unknowns import (
 )
 from drift_drake.identification.widening import widening
 from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.progress import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
@@ -38,8 +39,6 @@ LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are 
 ABSOLUTE = ("front_axle_distance", "steering_offset")  # tolerances with a unit; the others are relative
 FIELD = {"torque": "gear_ratio"}  # the parameter that a deviation changes, where it has another name
 STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
-
-Progress = Callable[[str, float], None]
 
 
 def identify_by_likelihood(

@@ -1,7 +1,7 @@
 """A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded,
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.unknowns import KEEPS
+from drift_drake.progress import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -29,8 +30,6 @@ ALONE = (
     "calibrated on one recording: by how much this car differs from one to the next is not known, but for what varies "
     "on any car (biases, grade, wind, rolling resistance); calibrate on several recordings, of different driving"
 )
-
-Progress = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)

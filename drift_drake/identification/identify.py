@@ -6,7 +6,7 @@ are not (`by_prediction`). The logs choose.
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,11 +27,10 @@ from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.identification.unknowns import check_effect_names
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
+from drift_drake.progress import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Progress = Callable[[str, float], None]
 
 NEAR = 20.0  # mean square up to which a fit by likelihood may still make innovations white
 WHITE = 0.1  # row weight of that fit, from which they are

@@ -3,15 +3,13 @@
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
+from drift_drake.arrays import Array
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effects import Effects, unbiased
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 WINDOW = 0.1  # [s] of measurements that a simulation's first state is smoothed over, by a parabola
 COURSE_WINDOW = 0.6  # [s] of positions that a course is taken from

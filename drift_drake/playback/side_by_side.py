@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, Leaf
 from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drift_drake.arrays import Array
 from drift_drake.logs.driving import SPUN, driven, slowest, spans
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
@@ -21,8 +22,6 @@ from drift_drake.simulation.runner import make_simulator
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE_AT
-
-Array = NDArray[np.float64]
 
 ACCURACY = 1e-5
 LOST_SIDESLIP, LOST_SPEED = 1.4, 0.3  # [rad] beyond, in slowest speeds below which a simulated car is lost

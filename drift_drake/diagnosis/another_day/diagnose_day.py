@@ -6,7 +6,7 @@ each direction, and what that day's drives left unknown.
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
+from drift_drake.progress import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -54,8 +55,6 @@ FAR_BEYOND = (
 SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
 USUAL = 2.0  # deviations from one recording to the next, below which a cause may be what is usual
 WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
-
-Progress = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)

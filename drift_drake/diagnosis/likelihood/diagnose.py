@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.likelihood.judging import judge_hypotheses
@@ -20,12 +20,11 @@ from drift_drake.estimation.regression import Regression
 from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
+from drift_drake.progress import Progress
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Progress = Callable[[str, float], None]
 
 
 @dataclasses.dataclass(frozen=True)

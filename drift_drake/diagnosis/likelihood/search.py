@@ -9,7 +9,7 @@ tolerance and with deviations of a twentieth (the file is right), and its eviden
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -28,6 +28,7 @@ from drift_drake.estimation.fit import (
 )
 from drift_drake.estimation.prior import TOLERANCE_OF, bounds, starts
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
+from drift_drake.progress import Progress
 
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
@@ -40,7 +41,6 @@ SEEDS, STEPPED_PAIRS, LEAST_PAIRS, FULL_PAIRS = 3, 5, 2, 4  # singles that pairs
 STRETCHED, MOST_HANDED_OVER = 2.5, 3  # tolerances beyond which an effect is tried in a deviation's place; how many
 FEW_SEEDS, FEW_PAIRS = 1, 3  # where the best single may be the whole story
 
-Progress = Callable[[str, float], None]
 Names = tuple[str, ...]
 
 

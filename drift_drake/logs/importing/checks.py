@@ -9,17 +9,15 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from drift_drake.arrays import Array
 from drift_drake.logs.importing.offsets import estimate_offset
 from drift_drake.logs.screening.mistakes import mistakes
 from drift_drake.logs.screening.relations import GRIP, KINDS, Relation, relations
 from drift_drake.logs.screening.suspicions import contradictions
 from drift_drake.logs.screening.windows import Windows, windows_of_columns
 from drift_drake.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 FEWEST = 230  # rows
 SCALE = math.log(1.25)  # of a ratio to one, beyond which a column's scale is doubted though no unit explains it

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from drift_drake.arrays import Array
 
 FRAMES = ("iso8855", "ned", "sae")
 MIRRORED = ("y", "vy", "ay", "az", "psi", "r", "beta", "delta_cmd")  # what turns its sign where y is right and z down

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.logs.driving import spans
 from drift_drake.logs.importing.checks import column_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
@@ -27,8 +27,6 @@ from drift_drake.logs.importing.stretches import (
     stretch_of,
 )
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
-
-Array = NDArray[np.float64]
 
 PERIOD = 0.01  # [s] of the log
 SLOW = 1.5  # periods of the log between two readings: more, and rows between readings are no measurements

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.frames import to_iso8855
@@ -17,7 +18,6 @@ from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.units import factor
 from drift_drake.logs.plausible import ABSURD, LARGEST
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 WRAPPED = ("psi", "beta")  # angles that a recorder may report modulo a turn

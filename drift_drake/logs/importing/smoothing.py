@@ -12,12 +12,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-
-Array = NDArray[np.float64]
 
 SHORTEST = 20  # readings; the ratio cannot be estimated from fewer
 TIME_SCALES = (0.3, 300.0)  # of the smoother, 1 / (2 pi bandwidth), in sampling periods

@@ -20,7 +20,6 @@ import pandas as pd
 import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Believed
 from drift_drake.gathering.identified import IdentifiedCar
@@ -35,7 +34,7 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.true_plant import TruePlant, effects_on, plant_of
+from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
@@ -94,7 +93,7 @@ class ModelsConfig(DriftConfig):
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
     plant: TruePlant = "single_track"
     """What the effects are put on: the car of the controllers' equations, or a double-track one, which has load
-    transfer, tyres and a differential of its own. No model of a controller knows that one: it has no oracle."""
+    transfer, tyres and a differential of its own, which of the controllers' models the oracle alone knows."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
@@ -149,9 +148,12 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
     else:
-        true_car = IdentifiedCar(parameters, job.effects)
-        known = believes if isinstance(believes, IdentifiedCar) else true_car if believes == "oracle" else None
-        model = NominalStepModel(parameters) if known is None else known.step_model()
+        if isinstance(believes, IdentifiedCar):
+            model = believes.step_model()
+        elif believes == "oracle":
+            model = oracle_of(job.plant, parameters, job.effects)
+        else:
+            model = NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
     plant = plant_of(job.plant, job.effects, driven.path)
@@ -189,12 +191,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     """All models on all vehicles: gathers and drives what the folder lacks; one row a run.
 
     Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
-
-    Raises:
-        InvalidOptionError: an oracle of a car that no model knows.
     """
-    if config.plant == "double_track" and "oracle" in config.models:
-        raise InvalidOptionError("no model knows the double-track car; leave oracle out of --models")
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,

@@ -9,14 +9,15 @@ import math
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from numpy.typing import NDArray
+from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
+from drift_drake.control.memory_observer import MemoryObserver
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import (
-    COUNT,
     INSTALLED_STATES,
     MEMORIES,
     RATE_LIMIT_TIME,
@@ -73,6 +74,26 @@ class EffectsStepModel(StepModel):
     def observer(self, period: float) -> LeafSystem:
         """See `MemoryObserver`."""
         return MemoryObserver(self, period)
+
+    def settled(self, state: Array, command: Array) -> Array:
+        """See `RememberingModel`."""
+        return np.array(settled_memory(*state, *command, self.constants, self.effects), dtype=float)
+
+    def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
+        """See `RememberingModel`."""
+        x_next = np.empty((1, STATE_SIZE))
+        substeps = _stable_substeps(self.effects, duration)
+        _steps(x[None].copy(), u[None].copy(), u_next[None].copy(), np.zeros(1), self.constants, self.effects, duration,
+               substeps, x_next)  # fmt: skip
+        later: Array = x_next[0]
+        return later
+
+    def follows_at_once(self) -> NDArray[np.bool_]:
+        """See `RememberingModel`."""
+        q = self.effects
+        relaxed, lagged = q.tyre_relaxation > 0.0, q.steering_lag + q.steering_rate_limit > 0.0
+        installed = [getattr(q, name) == 0.0 for name in INSTALLED_STATES]
+        return np.array([not lagged, q.torque_lag <= 0.0, not relaxed, not relaxed, *[False] * 4, *installed])
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         if self._parametric:
@@ -178,64 +199,3 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
                 jacobian[n, i, j] = z[i].imag / COMPLEX_STEP
         for i in range(n_x):
             x_next[n, i] = z[i].real
-
-
-def _free(q: Effects) -> Array:
-    """Which of `Memory` nothing lags or relaxes (bool)."""
-    relaxed = q.tyre_relaxation > 0.0
-    lagged = q.steering_lag + q.steering_rate_limit > 0.0
-    installed = [getattr(q, name) == 0.0 for name in INSTALLED_STATES]
-    return np.array([not lagged, q.torque_lag <= 0.0, not relaxed, not relaxed, *[False] * 4, *installed])
-
-
-class MemoryObserver(LeafSystem):
-    """Runs the effects' states along what is measured: they are stable, so that their initial error dies out.
-
-    What no effect lags or relaxes follows the commands and the slips at once, so that an effect may begin at any time.
-
-    Input ports: measured_state [7]; command [2], in force; theta (optional), magnitudes in place of the model's own.
-    Output port: memory (`effects.Memory`).
-    State in the Context, each `period`: the memory and the command of the last tick; the memory starts settled.
-    """
-
-    def __init__(self, model: EffectsStepModel, period: float = 0.01) -> None:
-        LeafSystem.__init__(self)
-        self._model, self._period = model, period
-        self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._command = self.DeclareVectorInputPort("command", 2)
-        self._theta = self.DeclareVectorInputPort("theta", COUNT)
-        # Time, memory, state and command of the last tick.
-        held = self.DeclareDiscreteState(np.full(1 + STATE_SIZE + 2, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command, self._theta)}
-        self.DeclareVectorOutputPort(
-            "memory",
-            MEMORIES,
-            lambda context, output: output.SetFromVector(self._now(context)[7:-2]),
-            prerequisites_of_calc={*inputs, self.discrete_state_ticket(held), self.time_ticket()},
-        )
-
-    def _now(self, context: Context) -> Array:
-        """(time, measured state [6], memory, command [2]) at this tick, the memory run on from the last one."""
-        held, t = context.get_discrete_state_vector().value(), context.get_time()
-        if t - held[0] < 0.5 * self._period:
-            return held
-        measured, command = self._measured.Eval(context), self._command.Eval(context)
-        model = self._model
-        if self._theta.HasValue(context):
-            model = model.with_theta(self._theta.Eval(context))
-        if not np.isfinite(measured).all():  # no reading: go on from the last one
-            measured = held[1:8]
-        settled = np.array(settled_memory(*measured[:4], *command, model.constants, model.effects), dtype=float)
-        if np.isnan(held[0]) or not np.isfinite(held[7:-2]).all():
-            memory = settled
-        else:
-            x_next = np.empty((1, STATE_SIZE))
-            substeps = _stable_substeps(model.effects, self._period)
-            _steps(held[None, 1:-2].copy(), held[None, -2:].copy(), command[None].copy(), np.zeros(1), model.constants,
-                   model.effects, self._period, substeps, x_next)  # fmt: skip
-            memory = np.where(_free(model.effects), settled, x_next[0, 6:])
-        return np.concatenate([[t], measured[:6], memory, command])
-
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
-        discrete.set_value(self._now(context))

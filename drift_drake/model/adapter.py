@@ -44,6 +44,13 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
     return update(posterior, model.sigma, phi, y, model.sample_weight), True
 
 
+def left_over(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array) -> Array:
+    """What a sample's learnt states did over the step beside what the posterior's mean says [4]; see `adapt`."""
+    phi = features(model.network, network_inputs(x, u, u_next))
+    found: Array = residual(x, u, x_next, model.vehicle.constants()) - np.sum(posterior.mean * phi, axis=-1)
+    return found
+
+
 class BayesianAdapter(LeafSystem):
     """Adapts the last layer to the car at hand: every `TIME_STEP` one sample, from the step that ended.
 
@@ -57,18 +64,24 @@ class BayesianAdapter(LeafSystem):
     Output ports:
         posterior_mean [64]: theta, states by features (row-major [4, 16]).
         posterior_covariance [4096]: Lambda^{-1}, row-major [64, 64].
+        parameters [68]: theta, then the offset: what the learnt states did over a step beside what theta says, in a
+            running mean of the samples taken over `offset_time`. It holds what the features and their prior leave over,
+            such as a resistance that no vehicle of the training had (offset-free predictive control: Pannocchia and
+            Rawlings 2003). Zero without `offset_time`.
         counters [2]: samples (taken, refused).
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
-    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the counters, the
-    measurement and commands of the last tick, and whether the car was then trusted to be the same. The tick at
-    t takes the sample of [t - `TIME_STEP`, t].
+    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posterior, the offset, the
+    counters, the measurement and commands of the last tick, and whether the car was then trusted to be the same. The
+    tick at t takes the sample of [t - `TIME_STEP`, t].
     """
 
-    def __init__(self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD) -> None:
-        """Args: model: its prior is the state that a default Context starts with."""
+    def __init__(
+        self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, offset_time: float | None = None
+    ) -> None:
+        """Args: model: its prior is the state that a default Context starts with; offset_time: of the offset [s]."""
         super().__init__()
-        self.model = model
+        self.model, self.offset_time = model, offset_time
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
         self._command = self.DeclareVectorInputPort("command", 2)
@@ -78,6 +91,7 @@ class BayesianAdapter(LeafSystem):
         self._covariance = self.DeclareDiscreteState(prior.covariance.ravel())
         self._q = self.DeclareDiscreteState(prior.q.ravel())
         self._counters = self.DeclareDiscreteState(2)
+        self._offset = self.DeclareDiscreteState(STATE_COUNT)
         # The last tick: its measured state, lagged command and command; NaN before the first.
         self._last = self.DeclareDiscreteState(np.full(10, np.nan))
         self._started = self.DeclareDiscreteState(1)
@@ -91,6 +105,14 @@ class BayesianAdapter(LeafSystem):
         ):
             self.DeclareStateOutputPort(name, index)
             assert self.GetOutputPort(name).size() == size
+        self.DeclareVectorOutputPort(
+            "parameters",
+            MEAN_COUNT + STATE_COUNT,
+            lambda context, output: output.SetFromVector(
+                np.concatenate([context.get_discrete_state(index).value() for index in (self._mean, self._offset)])
+            ),
+            prerequisites_of_calc={self.discrete_state_ticket(index) for index in (self._mean, self._offset)},
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
@@ -104,6 +126,10 @@ class BayesianAdapter(LeafSystem):
             posterior, taken = adapt(self.model, before, last[:8], last[8:], u, x, threshold)
             if taken or changed:
                 self._write(discrete, posterior)
+            if self.offset_time is not None:
+                offset = np.zeros(STATE_COUNT) if changed else context.get_discrete_state(self._offset).value()
+                left = left_over(self.model, posterior, last[:8], last[8:], u, x) - offset if taken else 0.0
+                discrete.set_value(self._offset, offset + TIME_STEP / self.offset_time * left)
             counters = discrete.get_mutable_vector(self._counters)
             counters.SetAtIndex(0 if taken else 1, counters.GetAtIndex(0 if taken else 1) + 1.0)
         discrete.get_mutable_vector(self._last).SetFromVector(np.concatenate([x, u]))

@@ -20,7 +20,7 @@ from drift_drake.arrays import Array
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
-from drift_drake.model.features import STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
+from drift_drake.model.features import MEAN_COUNT, STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
@@ -66,12 +66,18 @@ class BayesianStepModel(StepModel):
         self._nominal = nominal
         self._lag = lag_factors(TIME_STEP)
         self._trapezoid = path_step == "trapezoid"
+        self._offset = np.zeros(STATE_COUNT)
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
-        """The model with another theta [4, 16] or [64] (the features and work arrays are shared)."""
+        """The model with another theta [4, 16] or [64] (the features and work arrays are shared).
+
+        Four numbers more [68] are an offset of the learnt states over a step, beside what theta says of it.
+        """
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
-        other._mean = self._mean.with_theta(np.reshape(theta, (4, -1)))
+        last_layer, offset = np.split(np.ravel(theta), [MEAN_COUNT])
+        other._mean = self._mean.with_theta(last_layer.reshape(STATE_COUNT, -1))
+        other._offset = offset if offset.size else np.zeros(STATE_COUNT)
         return other
 
     def expanded(self) -> "BayesianStepModel":
@@ -88,7 +94,7 @@ class BayesianStepModel(StepModel):
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""
         points, x_next = _points(x, u, u_next, curvature), np.empty((len(x), 8))
-        g = self._mean.value(network_inputs(x, u, u_next))
+        g = self._mean.value(network_inputs(x, u, u_next)) + self._offset
         steps(points, g, self._nominal, self._lag, self._trapezoid, x_next)
         return x_next
 
@@ -101,7 +107,7 @@ class BayesianStepModel(StepModel):
         points, x_next = _points(x, u, u_next, curvature), np.empty((len(x), 8))
         jacobian = np.empty((len(x), 8, 12))
         g, slope = self._mean.linearize(network_inputs(x, u, u_next))
-        linearized_steps(points, g, slope, self._nominal, self._lag, self._trapezoid, x_next,
+        linearized_steps(points, g + self._offset, slope, self._nominal, self._lag, self._trapezoid, x_next,
                           jacobian)  # fmt: skip
         return x_next, jacobian[:, :, :8], jacobian[:, :, 8:10], jacobian[:, :, 10:]
 
@@ -138,7 +144,7 @@ class BayesianStepModel(StepModel):
         count, mean = len(points), ExpandedMean(self.expansions, self._mean.theta)
         g, by_z = mean.linearize(at.z)
         bent, by_g = np.empty((count, 12, 12)), np.empty((count, STATE_COUNT))
-        curved_steps(points, g, by_z, np.ascontiguousarray(weights), self._nominal, self._lag,
+        curved_steps(points, g + self._offset, by_z, np.ascontiguousarray(weights), self._nominal, self._lag,
                      self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent, by_g)  # fmt: skip
         return bent, by_g[:, :, None] * mean.theta
 

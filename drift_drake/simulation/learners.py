@@ -8,7 +8,7 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.own_controller import Controller
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.features import MEAN_COUNT
+from drift_drake.model.features import MEAN_COUNT, STATE_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.vehicle.step_model import StepModel
 
@@ -40,7 +40,9 @@ class Learners(NamedTuple):
     @property
     def theta_size(self) -> int:
         """Length of what the adapter gives the model; 0 without one."""
-        return MEAN_COUNT if self.adapter else 0
+        if self.adapter is None:
+            return 0
+        return MEAN_COUNT if self.adapter.offset_time is None else MEAN_COUNT + STATE_COUNT
 
     def connect(
         self,
@@ -77,7 +79,8 @@ class Learners(NamedTuple):
         self._connect_observer(builder, controller, ports)
 
     def _connect_belief(self, builder: DiagramBuilder, controller: MpcController, adapter: BayesianAdapter) -> None:
-        builder.Connect(adapter.GetOutputPort("posterior_mean"), controller.GetInputPort("theta"))
+        believed = adapter.GetOutputPort("posterior_mean" if adapter.offset_time is None else "parameters")
+        builder.Connect(believed, controller.GetInputPort("theta"))
         if self.tightening is not None:
             covariance = adapter.GetOutputPort("posterior_covariance")
             builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))

@@ -2,11 +2,15 @@
 
 from typing import Literal
 
+from drift_drake.control.double_track_step import DoubleTrackStepModel
+from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+from drift_drake.vehicle.step_model import StepModel
 
 TruePlant = Literal["single_track", "double_track"]
 
@@ -20,3 +24,10 @@ def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath) -> PathPlant 
     """The plant on a path: the double-track coupe; None for `Car`'s own, of the simulator's equations."""
     made: PathPlant | None = None if plant == "single_track" else DoubleTrackPlant(CARS["coupe"], effects, path)
     return made
+
+
+def oracle_of(plant: TruePlant, parameters: VehicleParameters, effects: Effects) -> StepModel:
+    """The step model that knows the car; `parameters`: of the single-track one."""
+    if plant == "double_track":
+        return DoubleTrackStepModel(CARS["coupe"], effects)
+    return EffectsStepModel(parameters, effects)

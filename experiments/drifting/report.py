@@ -23,6 +23,7 @@ LABELS = {
     "once_info": "Once-Info",
     "twice_info": "Twice-Info",
     "online": "prior, adapting",
+    "offset_free": "prior, adapting, with an offset",
     "twice_online": "Twice-Info, adapting",
     "identified": "identified car",
     "chosen": "chosen by the drives",

@@ -2,7 +2,8 @@
 
 Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
-while it drives), `twice_online` (Twice-Info, adapting while it drives), `identified` (the nominal equations with what
+while it drives), `offset_free` (the same, and what is left over taken for an offset), `twice_online` (Twice-Info,
+adapting while it drives), `identified` (the nominal equations with what
 Twice-Info's two drives identify), `chosen` (of Twice-Info and the identified car the one that predicts these drives
 better; the prior, adapting, where neither knows the car) and `oracle` (the true car with its true effects). All else,
 the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once for each noise seed,
@@ -20,7 +21,6 @@ import pandas as pd
 import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Believed
 from drift_drake.gathering.identified import IdentifiedCar
@@ -35,22 +35,23 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.true_plant import TruePlant, effects_on, plant_of
+from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
 
-Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "twice_online",
-                "identified", "chosen", "oracle"]  # fmt: skip
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
+                "twice_online", "identified", "chosen", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
 BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
     "identified": "identified", "chosen": "identified",
 }  # fmt: skip
-ADAPTING = ("online", "twice_online")
+ADAPTING = ("online", "offset_free", "twice_online")
+OFFSET_TIME = 2.0  # [s] of `offset_free`; chosen of 0.4, 1 and 2 on eight double-track cars of draw 240713
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -94,7 +95,7 @@ class ModelsConfig(DriftConfig):
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
     plant: TruePlant = "single_track"
     """What the effects are put on: the car of the controllers' equations, or a double-track one, which has load
-    transfer, tyres and a differential of its own. No model of a controller knows that one: it has no oracle."""
+    transfer, tyres and a differential of its own, which of the controllers' models the oracle alone knows."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
@@ -108,6 +109,7 @@ class Learnt(NamedTuple):
     belief: Posterior  # that the run starts with
     adapting: bool = False
     path_step: PathStep = "trapezoid"
+    offset_time: float | None = None  # [s] of the adapter's offset
 
 
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
@@ -147,11 +149,15 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
     if isinstance(believes, Learnt):
         model = step_model(believes.model, believes.belief, believes.path_step)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
-        adapter = BayesianAdapter(believes.model) if believes.adapting or control.tightening > 0.0 else None
+        if believes.adapting or control.tightening > 0.0:
+            adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time)
     else:
-        true_car = IdentifiedCar(parameters, job.effects)
-        known = believes if isinstance(believes, IdentifiedCar) else true_car if believes == "oracle" else None
-        model = NominalStepModel(parameters) if known is None else known.step_model()
+        if isinstance(believes, IdentifiedCar):
+            model = believes.step_model()
+        elif believes == "oracle":
+            model = oracle_of(job.plant, parameters, job.effects)
+        else:
+            model = NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
     plant = plant_of(job.plant, job.effects, driven.path)
@@ -189,12 +195,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     """All models on all vehicles: gathers and drives what the folder lacks; one row a run.
 
     Where no feasible second plan was found, Twice-Info drives with what Once-Info has taught (`second_plan` is false).
-
-    Raises:
-        InvalidOptionError: an oracle of a car that no model knows.
     """
-    if config.plant == "double_track" and "oracle" in config.models:
-        raise InvalidOptionError("no model knows the double-track car; leave oracle out of --models")
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
@@ -232,7 +233,8 @@ class Believing(NamedTuple):
                 labels["refused"] = taught.surprise > self.usual.surprise.limit()
             if BELIEFS[model] == "identified":
                 return self._of_drives(model, taught, labels)
-        return labels, Learnt(self.learnt, belief, model in ADAPTING, self.path_step)
+        offset_time = OFFSET_TIME if model == "offset_free" else None
+        return labels, Learnt(self.learnt, belief, model in ADAPTING, self.path_step, offset_time)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same for `identified` and `chosen`; the prior, adapting, where no car was identified or none is known."""

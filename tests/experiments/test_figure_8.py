@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.errors import InvalidOptionError
+from drift_drake.control.controller import MpcController
+from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.gathering.identified import IdentifiedCar
@@ -90,12 +91,16 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
 
     for module in (drift_runs, beliefs):
         monkeypatch.setattr(module, "plant_of", noted)
-    double = dataclasses.replace(config(tmp_path, here), plant="double_track", models=("once_info",))
+    double = dataclasses.replace(config(tmp_path, here), plant="double_track", models=("once_info", "oracle"))
     main(double)
-    assert json.loads((tmp_path / "once_info-000-0.json").read_text())["outcome"] == "completed"
-    assert plants == [True, True]  # along the lane, and in the drift
-    with pytest.raises(InvalidOptionError, match="no model knows the double-track car; leave oracle out"):
-        main(dataclasses.replace(double, models=("oracle",)))
+    for model in ("once_info", "oracle"):
+        assert json.loads((tmp_path / f"{model}-000-0.json").read_text())["outcome"] == "completed"
+    assert plants == [True, True, True]  # along the lane, and in both drifts
+    loop = drift_runs.closed_loop(
+        drift_runs.DriveJob("", {}, "figure_8", double.effects(0), 0, "oracle", FAST, "double_track")
+    )
+    assert isinstance(loop.controller, MpcController)
+    assert isinstance(loop.controller.mpc.model, DoubleTrackStepModel)
 
 
 def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:

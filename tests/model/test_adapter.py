@@ -19,6 +19,7 @@ from drift_drake.model.posterior import mahalanobis, predict, update
 TICKS = 30
 TIMES = 0.1 * np.arange(TICKS + 1)
 DEAF_TO_NOTHING = 1e9
+OFFSET_TIME = 1.5
 PORTS = (("measured_state", slice(0, 7)), ("command", slice(7, 9)), ("lagged_command", slice(9, 11)))
 
 
@@ -40,7 +41,7 @@ def learner(random_model: BayesianModel, physical_network: Network) -> BayesianM
 @pytest.fixture(scope="module")
 def replay(learner: BayesianModel, record: PiecewisePolynomial) -> tuple[Diagram, BayesianAdapter]:
     builder = DiagramBuilder()
-    adapter = builder.AddSystem(BayesianAdapter(learner, threshold=DEAF_TO_NOTHING))
+    adapter = builder.AddSystem(BayesianAdapter(learner, threshold=DEAF_TO_NOTHING, offset_time=OFFSET_TIME))
     for name, rows in PORTS:
         part = PiecewisePolynomial.FirstOrderHold(TIMES, record.vector_values(list(TIMES))[rows])
         source = builder.AddSystem(TrajectorySource(part))
@@ -55,16 +56,20 @@ def test_outputs_equal_the_plain_functions(
     simulator = Simulator(diagram)
     simulator.AdvanceTo(TIMES[-1] + 0.01)
     context = adapter.GetMyContextFromRoot(simulator.get_context())
-    posterior = learner.prior()
+    posterior, offset = learner.prior(), np.zeros(4)
     for k in range(TICKS):
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, u, u_next = now[[0, 1, 2, 3, 4, 5, 9, 10]], now[7:9], then[7:9]
         phi = features(learner.network, network_inputs(x, u, u_next))
         y = residual(x, u, then[:4], learner.vehicle.constants())
         posterior = update(posterior, learner.sigma, phi, y, learner.sample_weight)
+        offset += 0.1 / OFFSET_TIME * (y - np.sum(posterior.mean * phi, axis=-1) - offset)
     for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
         np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
+    parameters = adapter.GetOutputPort("parameters").Eval(context)
+    np.testing.assert_array_equal(parameters[:64], adapter.GetOutputPort("posterior_mean").Eval(context))
+    np.testing.assert_allclose(parameters[64:], offset, rtol=1e-7, atol=1e-9)
 
 
 def test_a_cloned_context_replays_to_the_bit(replay: tuple[Diagram, BayesianAdapter]) -> None:
@@ -120,6 +125,12 @@ def consistent_rows(model: BayesianModel, count: int) -> list[np.ndarray]:
         h = x[:4] - residual(x, u, x, model.vehicle.constants())
         rows.append(np.concatenate([h + np.sum(model.prior_mean * phi, axis=-1), rows[-1][4:]]))
     return rows
+
+
+def test_without_a_time_there_is_no_offset(learner: BayesianModel) -> None:
+    rows = [row + 0.01 * k for k, row in enumerate(consistent_rows(learner, 3))]
+    adapter, context = stepped(learner, rows)
+    np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[64:], 0.0)
 
 
 @pytest.mark.parametrize("place", [1, 8])

@@ -9,6 +9,7 @@ from drift_drake.model.command_lag import LAG, LAGGED
 from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.step_model import StepModel
 
 CAR = VehicleParameters().constants()
 
@@ -135,6 +136,20 @@ def test_another_theta_changes_the_step_and_not_the_first_model(network: Network
         BayesianStepModel(network, 2.0 * theta, CAR).step(x, u, u_next, curvature),
     )
     np.testing.assert_array_equal(model.step(x, u, u_next, curvature), before)
+
+
+def test_an_offset_moves_the_learnt_states_and_what_follows_from_them(network: Network, theta: np.ndarray) -> None:
+    x, u, u_next, curvature = horizon(10)
+    model, offset = BayesianStepModel(network, theta, CAR), np.array([0.02, -0.05, 0.01, 0.1])
+    moved = model.with_theta(np.append(theta.ravel(), offset))
+    difference = moved.step(x, u, u_next, curvature) - model.step(x, u, u_next, curvature)
+    np.testing.assert_allclose(difference[:, :4], np.tile(offset, (10, 1)), atol=1e-12)
+    assert np.abs(difference[:, 4:6]).min() > 0.0
+    found, expected = moved.linearize(x, u, u_next, curvature), StepModel.linearize(moved, x, u, u_next, curvature)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4)
+    again = moved.with_theta(theta).step(x, u, u_next, curvature)  # which says nothing of an offset
+    np.testing.assert_array_equal(again, model.step(x, u, u_next, curvature))
 
 
 def test_trapezoid_follows_a_circle_that_euler_leaves(network: Network) -> None:

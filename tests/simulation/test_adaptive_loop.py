@@ -19,6 +19,7 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
 
@@ -111,6 +112,21 @@ def test_a_detector_needs_an_adapter() -> None:
     detector = OutOfDistributionDetector(load_model(), threshold=10.0)
     with pytest.raises(ValueError, match="give an adapter"):
         ClosedLoop(parameters, figure_8(parameters), NominalStepModel(parameters), detector=detector)
+
+
+def test_the_controller_plans_with_the_adapters_offset() -> None:
+    """Of a resistance that no vehicle of the training had, the speed loses less."""
+    learnt, parameters = load_model(), VehicleParameters()
+    reference, effects = dataclasses.replace(figure_8(parameters), distance=40.0), Effects(rolling_resistance=0.05)
+    model, errors = step_model(learnt, learnt.prior()), []
+    for offset_time in (None, 1.0):
+        adapter = BayesianAdapter(learnt, offset_time=offset_time)
+        loop = ClosedLoop(parameters, reference, model, effects, control=CONTROL, adapter=adapter)
+        context = loop.initial_context(seed=1)
+        errors.append(loop.run(context).metrics().rms_e)
+        offset = adapter.GetOutputPort("parameters").Eval(adapter.GetMyContextFromRoot(context))[MEAN_COUNT:]
+        assert (offset == 0.0).all() if offset_time is None else offset[1] < -0.01
+    assert errors[1] < errors[0]
 
 
 def test_a_lane_tightened_by_uncertainty() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.control.effects_step import BEYOND, COMPLEX_STEP
+from drift_drake.control.effects_step import COMPLEX_STEP, check_one_step
 from drift_drake.control.memory_observer import MemoryObserver
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
@@ -53,9 +53,7 @@ class DoubleTrackStepModel(StepModel):
     """
 
     def __init__(self, parameters: DoubleTrackParameters, effects: Effects = Effects()) -> None:  # noqa: B008 (immutable)
-        beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
-        if beyond:
-            raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
+        check_one_step(effects)
         check_supported(effects)
         self.memory_scale = OWN_SCALE
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects

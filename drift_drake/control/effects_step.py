@@ -42,6 +42,17 @@ PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 
+def check_one_step(effects: Effects) -> None:
+    """Sees that a one-step model can have the effects.
+
+    Raises:
+        ValueError: it cannot; the message names them.
+    """
+    beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
+    if beyond:
+        raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
+
+
 class EffectsStepModel(StepModel):
     """One step of the car with effects: RK4 with sub-steps under linear input, Jacobians by the complex step (exact).
 
@@ -53,9 +64,7 @@ class EffectsStepModel(StepModel):
     """
 
     def __init__(self, parameters: VehicleParameters, effects: Effects) -> None:
-        beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
-        if beyond:
-            raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
+        check_one_step(effects)
         self.memory_scale = MEMORY_SCALE
         self.constants, self.effects = parameters.constants(), effects
         self._substeps = max(SUBSTEPS, _stable_substeps(effects, STEP))

@@ -72,7 +72,7 @@ class MemoryObserver(LeafSystem):
         if not np.isfinite(measured).all():  # no reading: go on from the last one
             measured = held[1:8]
         memory = model.settled(measured[:4], command)
-        if not (np.isnan(held[0]) or not np.isfinite(held[7:-2]).all()):
+        if not np.isnan(held[0]) and np.isfinite(held[7:-2]).all():
             later = model.run_on(held[1:-2], held[-2:], command, self._period)
             memory = np.where(model.follows_at_once(), memory, later[6:])
         return np.concatenate([[t], measured[:6], memory, command])

@@ -18,7 +18,7 @@ from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.products import Iterate, Rows, along, iterate, largest, rows_times, violations
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
-SUFFICIENT_DECREASE, SHRINK, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
+SUFFICIENT_DECREASE, HALF, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +31,8 @@ class SqpOptions:
     gauss_newton: bool = False  # leave the constraints' curvature out of the Hessian
     exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
     defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
+    long_qp: float = np.inf  # iterations of a QP, after more than which no further SQP iteration is made
+    least_share: float = HALF  # that a step which is too long is shortened to by interpolation, a half at most
 
     @classmethod
     def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
@@ -38,8 +40,10 @@ class SqpOptions:
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
-        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). None is made after
-        a QP that took both of its attempts, which bounds the time of a solve.
+        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). Two things bound the time of
+        a solve. No iteration follows a QP that took both of its attempts or more than 8 interior-point iterations (3 as
+        a rule, more than 8 in one of 1,000). And steps are shortened by up to ten times at once; to convergence halves
+        lead there in fewer iterations, since the merit function has kinks.
 
         OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
         thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.
@@ -51,6 +55,8 @@ class SqpOptions:
             gauss_newton=True,
             exact_merit=True,
             defect_tolerance=0.01,
+            long_qp=8 if method == "stagewise" else np.inf,
+            least_share=0.1,
         )
 
 
@@ -61,6 +67,7 @@ class SqpIteration(NamedTuple):
     """What one iteration did. Residuals are those of the point that it started from."""
 
     step: float
+    trials: int  # of the line search
     cost: float
     primal_residual: float
     dual_residual: float
@@ -101,6 +108,24 @@ class _Point(NamedTuple):
     extra_cost: float  # the part of the cost that is not quadratic
     numbers: Iterate
     blocks: Array  # the QP's Hessian by stages
+
+
+class _Step(NamedTuple):
+    """What an iteration arrives at; a step of 0 and the given point if no step would do."""
+
+    step: float
+    trials: int
+    z: Array
+    y: Array
+    residual: Array
+    extra_cost: float
+    penalty: float
+    qp: QpSolution
+
+
+def _share(expected: float, change: float, least: float) -> float:
+    """Of a step, what to try next: the minimiser of the parabola through what is known (3.57), from `least` to half."""
+    return min(max(0.5 * expected / (expected - change), least), HALF) if change < np.inf else HALF
 
 
 class LineSearchSqp:
@@ -152,9 +177,11 @@ class LineSearchSqp:
             point = _Point(z, y, residual, extra_cost, numbers, blocks)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
-            step, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
+            step, trials, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
             seconds = time.perf_counter() - start
-            iterations.append(SqpIteration(step, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds))
+            iterations.append(
+                SqpIteration(step, trials, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds)
+            )
             if step == 0.0:
                 status = "line search failed" if qp.usable else f"qp failed: {qp.status}"
                 break
@@ -162,8 +189,8 @@ class LineSearchSqp:
             if options.defect_tolerance is not None:
                 if largest(residual) <= options.defect_tolerance:
                     status, last = "feasible", True
-                # In real time a QP that took both attempts is all the work that one solve may do.
-                last = last or qp.second_attempt
+                # In real time a long QP is all the work that one solve may do.
+                last = last or qp.second_attempt or qp.iterations > options.long_qp
             if last:
                 bent = rows_times(self._hessian, z)
                 cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
@@ -171,20 +198,13 @@ class LineSearchSqp:
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
-    def _step(
-        self, point: _Point, penalty: float, interior: bool
-    ) -> tuple[float, Array, Array, Array, float, float, QpSolution]:
-        """The step to the QP's solution, halved until the merit function falls enough.
-
-        Returns:
-            (step, z, y, residual of the dynamics and extra cost there, penalty mu, the QP's solution); step 0 and the
-            given point if no step will do.
-        """
+    def _step(self, point: _Point, penalty: float, interior: bool) -> _Step:
+        """The step to the QP's solution, shortened until the merit function falls enough."""
         options, extra, numbers = self.options, self.problem.extra_cost, point.numbers
         offset = numbers.gradient - self._workspace.hessian.times(point.blocks, point.z)
         qp = self._workspace.solve(offset, numbers.low, numbers.high, point.z, point.y, interior)
         if not qp.usable:
-            return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
+            return _Step(0.0, 0, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
         direction = qp.z - point.z
         slope, quadratic_slope, bend, model_bend = along(
             numbers.gradient, numbers.quadratic_gradient, self._hessian, point.blocks, self._workspace.hessian.columns,
@@ -199,8 +219,9 @@ class LineSearchSqp:
         # Near the solution the decrease drowns in the merit's rounding error.
         rounding = 1e-12 * (1.0 + abs(merit))
         low, high = (row[point.residual.size :] for row in (numbers.low, numbers.high))
-        step = 1.0
+        step, trials = 1.0, 0
         while step >= LEAST_STEP:
+            trials += 1
             trial = point.z + step * direction
             residual = self._dynamics.value(trial)
             cost = start + step * quadratic_slope + 0.5 * step * step * bend
@@ -208,9 +229,10 @@ class LineSearchSqp:
             cost += extra_cost - point.extra_cost
             trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
-                return step, trial, point.y + step * (qp.y - point.y), residual, extra_cost, penalty, qp
-            step *= SHRINK
-        return 0.0, point.z, point.y, point.residual, point.extra_cost, penalty, qp
+                y = point.y + step * (qp.y - point.y)
+                return _Step(step, trials, trial, y, residual, extra_cost, penalty, qp)
+            step *= _share(decrease * step, trial_merit - merit, options.least_share)
+        return _Step(0.0, trials, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""

@@ -157,7 +157,7 @@ class Bench:
         self._last = result.z, result.y
         iterations = result.iterations
         forward, both = self._products
-        evaluations = sum(1.0 - np.log2(i.step) if i.step > 0.0 else 1.0 for i in iterations)  # of the line searches
+        evaluations = sum(i.trials for i in iterations)
         gemm = len(iterations) * cpu(both)[0] + evaluations * cpu(forward)[0]
         values = (self.model.linearise, sum(i.qp_cpu for i in iterations), self.model.step_time, seconds)
         for name, value in zip(PARTS, (*values, None, gemm), strict=True):

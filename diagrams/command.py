@@ -27,7 +27,7 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
     """
     import tyro
 
-    from drift_drake.ending import ended_well
+    from drift_drake.interruption import ended_well
 
     def run() -> int:
         if options is None:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import forecasts
+from drift_drake.gathering.choice import forecasts, identified, runs_of
 from drift_drake.gathering.gather import execution, taught
-from drift_drake.gathering.identified import identified, runs_of
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.gathering.recipe import Recipe
 from drift_drake.gathering.trust import usual_for

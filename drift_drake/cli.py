@@ -12,9 +12,8 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
-from drift_drake.ending import BAD_INPUT, ended_well
 from drift_drake.errors import InvalidOptionError, shown
-from drift_drake.interruption import ended_at_once
+from drift_drake.interruption import BAD_INPUT, ended_at_once, ended_well
 
 
 class Command(NamedTuple):

@@ -4,15 +4,20 @@ import dataclasses
 import json
 import platform
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drift_drake.safe_files import write_text
+from drift_drake.safe_files import replacing, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba", "osqp", "matplotlib")
 
@@ -81,3 +86,26 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value
+
+
+def write_results_table(folder: Path, rows: "Sequence[Mapping[str, Any]] | pd.DataFrame") -> Path:
+    """Writes results.parquet, or results.csv where pyarrow is not installed, whole or not at all; returns its path.
+
+    Args:
+        rows: one for each result, by column; what one has and another lacks is empty there.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    import pandas as pd
+
+    table = pd.DataFrame(rows)
+    if find_spec("pyarrow") is None:
+        path = folder / "results.csv"
+        with replacing(path) as part:
+            table.to_csv(part, index=False)
+        return path
+    path = folder / "results.parquet"
+    with replacing(path) as part:
+        table.to_parquet(part, index=False)
+    return path

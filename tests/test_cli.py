@@ -17,7 +17,7 @@ from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.cli import BAD_INPUT, COMMANDS, main
 from drift_drake.diagnosis.answers import apply
-from drift_drake.ending import NOT_READ
+from drift_drake.interruption import NOT_READ
 from drift_drake.logs.table import write_run
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle

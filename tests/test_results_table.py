@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from drift_drake import results_table
+from drift_drake import run_folder
 from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.estimation.interval import Interval
-from drift_drake.results_table import write_results_table
+from drift_drake.run_folder import write_results_table
 
 ROWS = [{"case": "a", "refused": True, "mass_error": 0.1}, {"case": "b", "outcome": "spin"}]
 
@@ -31,7 +31,7 @@ def test_parquet_where_it_can_be_written(tmp_path: Path) -> None:
 
 
 def test_csv_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(results_table, "find_spec", lambda _name: None)
+    monkeypatch.setattr(run_folder, "find_spec", lambda _name: None)
     path = write_results_table(tmp_path, ROWS)
     assert path.name == "results.csv"
     check(pd.read_csv(path))

@@ -6,8 +6,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from drift_drake.safe_files import try_folder, write_text
-from drift_drake.unfinished import PARTIAL, remove_left_behind, unfinished_folder
+from drift_drake.safe_files import PARTIAL, remove_left_behind, try_folder, unfinished_folder, write_text
 
 WRITER = """
 import sys, time

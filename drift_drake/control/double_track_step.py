@@ -17,10 +17,10 @@ from drift_drake.control.memory_observer import MemoryObserver
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
+from drift_drake.vehicle.double_track.loads import settled_states
 from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import check_supported
-from drift_drake.vehicle.double_track.settled import settled_states
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 from drift_drake.vehicle.step_model import STEP, StepModel
@@ -64,7 +64,6 @@ class DoubleTrackStepModel(StepModel):
         return DoubleTrackStepModel(self.parameters, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
-        """See `MemoryObserver`."""
         return MemoryObserver(self, period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
@@ -80,22 +79,18 @@ class DoubleTrackStepModel(StepModel):
         return x_next, sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
 
     def settled(self, state: Array, command: Array) -> Array:
-        """See `RememberingModel`."""
         r, v, beta, omega_r = (float(value) for value in state)
         own = settled_states(r, v, beta, omega_r, float(command[0]), float(command[1]), self.constants, self.effects)
         return np.array(own, dtype=float)
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
-        """See `RememberingModel`."""
         later = x[None].copy()
         substeps = math.ceil(self.substeps * duration / STEP)
         _steps(later, *_contiguous(u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
                substeps)  # fmt: skip
-        found: Array = later[0]
-        return found
+        return later[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
-        """See `RememberingModel`."""
         q, free = self.effects, np.zeros(OWN, dtype=bool)
         free[OwnStates._fields.index("steering")] = q.steering_lag + q.steering_rate_limit <= 0.0
         free[OwnStates._fields.index("torque")] = q.torque_lag <= 0.0

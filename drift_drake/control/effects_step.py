@@ -81,24 +81,19 @@ class EffectsStepModel(StepModel):
         return self.of_car(self.constants, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
-        """See `MemoryObserver`."""
         return MemoryObserver(self, period)
 
     def settled(self, state: Array, command: Array) -> Array:
-        """See `RememberingModel`."""
         return np.array(settled_memory(*state, *command, self.constants, self.effects), dtype=float)
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
-        """See `RememberingModel`."""
         x_next = np.empty((1, STATE_SIZE))
         substeps = _stable_substeps(self.effects, duration)
         _steps(x[None].copy(), u[None].copy(), u_next[None].copy(), np.zeros(1), self.constants, self.effects, duration,
                substeps, x_next)  # fmt: skip
-        later: Array = x_next[0]
-        return later
+        return x_next[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
-        """See `RememberingModel`."""
         q = self.effects
         relaxed, lagged = q.tyre_relaxation > 0.0, q.steering_lag + q.steering_rate_limit > 0.0
         installed = [getattr(q, name) == 0.0 for name in INSTALLED_STATES]

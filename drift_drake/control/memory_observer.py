@@ -17,19 +17,15 @@ class RememberingModel(Protocol):
 
     def with_theta(self, theta: Array) -> Self:
         """The model of the car with other magnitudes of the effects."""
-        ...
 
     def settled(self, state: Array, command: Array) -> Array:
         """The memory [m] of a car that has been in (r, v, beta, omega_r) under (delta, tau) for long."""
-        ...
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         """The state [n] a duration [s] after x [n] on a straight path, the input going from u to u_next [2]."""
-        ...
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         """Which of the memory [m] nothing lags or relaxes, so that it always is the settled one."""
-        ...
 
 
 class MemoryObserver(LeafSystem):

@@ -38,7 +38,6 @@ class Controller(Protocol):
         Raises:
             NoPlanError, ArithmeticError: there is none from here; the last plan goes on, and the failure is counted.
         """
-        ...
 
 
 class ControllerSystem(LeafSystem):

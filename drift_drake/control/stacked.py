@@ -27,11 +27,9 @@ class StageCost(Protocol):
 
     def value(self, x: Array, u: Array, u_next: Array) -> float:
         """The total."""
-        ...
 
     def expansion(self, x: Array, u: Array, u_next: Array) -> CostExpansion:
         """The total to second order."""
-        ...
 
 
 class DifferencedExpansion:
@@ -53,17 +51,14 @@ class DifferencedExpansion:
         return self._gradient(points[:, :n], points[:, n : n + 2], points[:, n + 2 :])
 
     def gradient(self) -> Array:
-        """See `CostExpansion`."""
         return self._at(self._points)
 
     def curvature(self) -> Array:
-        """See `CostExpansion`."""
         count, steps = self._scale.size, CURVATURE_STEP * self._scale
         shifts = np.concatenate([np.zeros((1, count)), np.diag(steps)])
         found = self._at((self._points + shifts[:, None]).reshape(-1, count)).reshape(count + 1, -1, count)
         bent = np.moveaxis((found[1:] - found[0]) / steps[:, None, None], 0, 1)
-        symmetric: Array = 0.5 * (bent + np.swapaxes(bent, 1, 2))
-        return symmetric
+        return 0.5 * (bent + np.swapaxes(bent, 1, 2))
 
 
 class StageLayout:

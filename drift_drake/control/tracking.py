@@ -87,8 +87,7 @@ class TrackingController(LeafSystem):
         """Linear interpolation at time t [s] after the trajectory's start, the ends held."""
         position = min(max(t / self._dt, 0.0), len(values) - 1.0)
         k = min(int(position), len(values) - 2)
-        result: Array = values[k] + (position - k) * (values[k + 1] - values[k])
-        return result
+        return values[k] + (position - k) * (values[k + 1] - values[k])
 
     def _calc_plan(self, context: Context, output: Any) -> None:
         x, u, gains, start = context.get_abstract_parameter(self._tracked).get_value()

@@ -19,7 +19,6 @@ class CurvatureLookup(Protocol):
 
     def curvature(self, s: Array) -> Array:
         """Curvature [1/m] at s [m]."""
-        ...
 
 
 def samples_from_log(

@@ -104,5 +104,4 @@ class ControlInformation(NarrowingCost):
         return np.array([self._noise + np.sum(self._hessian * covariance)])
 
     def wanted(self, spread: Array) -> Array:
-        """See `NarrowingCost`."""
         return self._hessian / spread

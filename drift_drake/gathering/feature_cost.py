@@ -24,25 +24,21 @@ class InformationExpansion:
         self.at, self._derivatives, self._size, self._alpha = at, derivatives, size, alpha
 
     def gradient(self) -> Array:
-        """See `CostExpansion`."""
         found = np.zeros((len(self.at.z), self._size + 4))
         by_z = _flat(self.at.tangents) @ _flat(self.by_features())[:, :, None]
         found[:, places_of_inputs(self._size)] = by_z[:, :, 0]
         return found
 
     def curvature(self) -> Array:
-        """See `CostExpansion`."""
         size, places = self._size + 4, places_of_inputs(self._size)
         found = np.zeros((len(self.at.z), size, size))
         found[:, places[:, None], places] = self.along_features() + self.at.second(self.by_features())
         return found
 
     def by_features(self) -> Array:
-        """See `OfFeatures`."""
         return -self._alpha * self._derivatives.first
 
     def along_features(self) -> Array:
-        """See `OfFeatures`."""
         return -self._alpha * self._derivatives.second
 
 
@@ -78,7 +74,6 @@ class InformationCost(ABC):
         return -self._alpha * self.information(x, u, u_next)
 
     def expansion(self, x: Array, u: Array, u_next: Array) -> InformationExpansion:
-        """See `StageCost`."""
         at = self._expansions.at(network_inputs(x, u, u_next))
         return InformationExpansion(at, self.by_features(at), x.shape[1], self._alpha)
 

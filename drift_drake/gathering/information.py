@@ -8,6 +8,8 @@ with the covariance of before the drive, as in the paper, or with the covariance
 That one needs no recursion: by the chain rule of information the sum is 1/2 log det(Lambda^{-1} (Lambda + sum_k Phi_k'
 Phi_k)), whatever the stages' order.
 
+Phi [4, 64] has the features of state i in row i, in that state's place, D_a likewise their derivatives by number a of
+z.
 Second derivatives along dPhi = D_a, D_b, of a stage alone, with G = (I + Phi C Phi')^{-1} and C = Lambda^{-1}:
 
     d2 l = tr(G D_a C D_b') - 1/2 tr(G dS_a G dS_b),   dS_a = D_a C Phi' + Phi C D_a'
@@ -21,10 +23,59 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
-from drift_drake.gathering.feature_curvature import bent, crossed, met
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import STATE_COUNT, Network
 from drift_drake.model.posterior import block_diagonal, spread_of_features
+from drift_drake.vehicle.compilation import compiled
+
+
+def bent(tangents: Array, *terms: tuple[Array, Array]) -> Array:
+    """Sum of tr(L D_a A D_b') [N, 10, 10]; tangents [N, 10, 4, 16], terms: (L [N, 4, 4], A), all symmetric."""
+    states, width = tangents.shape[2:]
+    by_state = np.ascontiguousarray(np.moveaxis(tangents, 2, 0)).reshape(states, -1, width)
+    flat = (*tangents.shape[:2], states * width)
+    mixed = np.zeros(flat)
+    for left, matrix in terms:
+        products = by_state @ matrix.reshape(states, width, -1)  # row j of D_a A [4, 10 N, 64]
+        _mix(products, left, width, mixed.reshape(-1, states * width))
+    return mixed @ tangents.reshape(flat).swapaxes(1, 2)
+
+
+@compiled
+def _mix(products: Array, left: Array, width: int, out: Array) -> None:
+    """Adds what of L D_a A stands where D_b has entries."""
+    states, count = products.shape[0], out.shape[0]
+    each = count // left.shape[0]
+    for m in range(count):
+        factors, row = left[m // each], out[m]
+        for j in range(states):
+            through = products[j, m]
+            for i in range(states):
+                factor, first = factors[i, j], i * width
+                for g in range(first, first + width):
+                    row[g] += factor * through[g]
+
+
+@compiled
+def met(tangents: Array, rows: Array) -> Array:
+    """D_a R' [N, 10, 4, 4] of rows R [N, 4, 64]."""
+    count, directions, states, width = tangents.shape
+    out = np.empty((count, directions, states, states))
+    for n in range(count):
+        for a in range(directions):
+            for i in range(states):
+                for j in range(states):
+                    total = 0.0
+                    for f in range(width):
+                        total += tangents[n, a, i, f] * rows[n, j, i * width + f]
+                    out[n, a, i, j] = total
+    return out
+
+
+def crossed(first: Array, second: Array) -> Array:
+    """tr(F_a S_b) [N, 10, 10] of factors [N, 10, 4, 4]."""
+    flat = (*first.shape[:2], -1)
+    return first.reshape(flat) @ second.swapaxes(2, 3).reshape(flat).swapaxes(1, 2)
 
 
 class StageInformation(InformationCost):
@@ -40,11 +91,9 @@ class StageInformation(InformationCost):
         self._covariance = np.asarray(covariance, dtype=float)
 
     def of_features(self, phi: Array) -> float:
-        """See `InformationCost`."""
         return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
-        """See `InformationCost`."""
         projected, spread = spread_of_features(self._covariance, at.phi)
         projected = projected.reshape(*spread.shape[:2], -1)
         shrink = inverse(spread)
@@ -63,12 +112,10 @@ class UpdatedInformation(InformationCost):
         self._precision = inverse(covariance)
 
     def of_features(self, phi: Array) -> float:
-        """See `InformationCost`."""
         after, before = (np.linalg.slogdet(p)[1] for p in (precision_after(self._precision, phi), self._precision))
         return float(0.5 * (after - before))
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
-        """See `InformationCost`."""
         after = inverse(precision_after(self._precision, at.phi))
         rows, seen = rows_and_products(after, at.phi)
         ends = met(at.tangents, rows)
@@ -96,5 +143,4 @@ def rows_and_products(matrix: Array, phi: Array) -> tuple[Array, Array]:
 def own_blocks(rows: Array) -> Array:
     """What of rows [N, 4, 64] stands where Phi has the features [N, 4, 16]."""
     count, states, _ = rows.shape
-    by_state: Array = rows.reshape(count, states, states, -1)[:, range(states), range(states)]
-    return by_state
+    return rows.reshape(count, states, states, -1)[:, range(states), range(states)]

@@ -20,8 +20,15 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
-from drift_drake.gathering.feature_curvature import bent, crossed, met
-from drift_drake.gathering.information import inverse, own_blocks, precision_after, rows_and_products
+from drift_drake.gathering.information import (
+    bent,
+    crossed,
+    inverse,
+    met,
+    own_blocks,
+    precision_after,
+    rows_and_products,
+)
 from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
 from drift_drake.model.features import STATE_COUNT, Network, features
 from drift_drake.model.posterior import block_diagonal, state_blocks, weighed
@@ -65,7 +72,6 @@ class NarrowingCost(InformationCost):
         """W [64, 64], with which tr(W A) is the mean of v under A, each over its `spread`, but for constants."""
 
     def of_features(self, phi: Array) -> float:
-        """See `InformationCost`."""
         return float(0.5 * np.log(self._before / self._left(phi)[1]).sum() / self.count)
 
     def _left(self, phi: Array) -> tuple[Array, Array]:
@@ -77,7 +83,6 @@ class NarrowingCost(InformationCost):
         return last[1]
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
-        """See `InformationCost`."""
         left, spread = self._left(at.phi)
         told = left @ self.wanted(spread) @ left  # B
         rows, seen = rows_and_products(left, at.phi)
@@ -114,7 +119,6 @@ class PredictiveInformation(NarrowingCost):
         return (1.0 + np.sum((self._rows @ state_blocks(covariance)) * self._rows, axis=2)).ravel()
 
     def wanted(self, spread: Array) -> Array:
-        """See `NarrowingCost`."""
         weighted = self._rows / spread.reshape(*self._rows.shape[:2], 1)
         return block_diagonal(weighted.swapaxes(1, 2) @ self._rows) / self.count
 

@@ -12,7 +12,7 @@ from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_p
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
 from drift_drake.identification.estimate import Estimate, estimate
-from drift_drake.identification.everyday_misfit import everyday_misfit
+from drift_drake.identification.everyday_misfit import everyday_misfit, widening
 from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.identification.unknowns import (
     FIRST_SHARE,
@@ -23,7 +23,6 @@ from drift_drake.identification.unknowns import (
     shown_effects,
     widened,
 )
-from drift_drake.identification.widening import widening
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.progress import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -81,8 +81,7 @@ class Run:
 
     def column(self, name: str) -> np.ndarray | None:
         """The column of that name, None where the log lacks it."""
-        values: np.ndarray | None = getattr(self, name)
-        return values
+        return getattr(self, name)
 
     def without(self, *names: str) -> "Run":
         """The same run with some optional columns taken out."""

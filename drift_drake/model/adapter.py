@@ -47,8 +47,7 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
 def left_over(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array) -> Array:
     """What a sample's learnt states did over the step beside what the posterior's mean says [4]; see `adapt`."""
     phi = features(model.network, network_inputs(x, u, u_next))
-    found: Array = residual(x, u, x_next, model.vehicle.constants()) - np.sum(posterior.mean * phi, axis=-1)
-    return found
+    return residual(x, u, x_next, model.vehicle.constants()) - np.sum(posterior.mean * phi, axis=-1)
 
 
 class BayesianAdapter(LeafSystem):

@@ -88,7 +88,6 @@ class BayesianStepModel(StepModel):
         return other
 
     def observer(self, period: float) -> LeafSystem:
-        """See `CommandLag`."""
         return CommandLag(period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

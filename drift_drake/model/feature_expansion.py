@@ -73,11 +73,9 @@ class OfFeatures(Protocol):
 
     def by_features(self) -> Array:
         """Its derivative by the features [N, 4, 16]."""
-        ...
 
     def along_features(self) -> Array:
         """Its second derivatives by z [N, 10, 10], as if the features were linear in z."""
-        ...
 
 
 class Expansions:

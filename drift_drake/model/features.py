@@ -82,8 +82,7 @@ def hidden_layers(network: Network, inputs: Array) -> tuple[Array, Array]:
 
 def feature_outputs(network: Network, h2: Array) -> Array:
     """phi [..., 4, 16] from the last hidden layer [..., 128]."""
-    outputs: Array = (h2 @ output_rows(network).T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
-    return outputs
+    return (h2 @ output_rows(network).T).reshape(*h2.shape[:-1], *network.b_out.shape) + network.b_out
 
 
 def output_rows(network: Network) -> Array:

@@ -22,7 +22,6 @@ class Stepper(Protocol):
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_next [n, 6 or 8] for x [n, 8]."""
-        ...
 
 
 class Split(NamedTuple):

@@ -13,8 +13,8 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.control.effects_step import BEYOND
+from drift_drake.monitoring.evidence import ALARM, TRUSTED
 from drift_drake.monitoring.monitor import Monitor
-from drift_drake.monitoring.renewal import ALARM, TRUSTED
 from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import COUNT, Effects
 

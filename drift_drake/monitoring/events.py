@@ -8,8 +8,8 @@ import numpy as np
 
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.errors import unit_suffix
+from drift_drake.monitoring.evidence import ALARM, NAMED, TRUSTED
 from drift_drake.monitoring.monitor import Monitor
-from drift_drake.monitoring.renewal import ALARM, NAMED, TRUSTED
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit

@@ -5,9 +5,9 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring.bank import BankState
+from drift_drake.monitoring.evidence import TRUSTED
 from drift_drake.monitoring.history import Sums
 from drift_drake.monitoring.monitor import Monitor, State, after_row
-from drift_drake.monitoring.renewal import TRUSTED
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.control.plan import plan_size
 from drift_drake.control.stopping import stopping_command, stopping_plan
 from drift_drake.monitoring.correction import SENSORS, cause_to_take
-from drift_drake.monitoring.renewal import ALARM, TRUSTED
+from drift_drake.monitoring.evidence import ALARM, TRUSTED
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import ReadingKind
 from drift_drake.vehicle.effects import COUNT

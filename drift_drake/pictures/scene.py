@@ -39,19 +39,15 @@ class Canvas(Protocol):
 
     def mesh(self, path: str, vertices: Array, faces: Faces, rgba: Rgba) -> None:
         """Triangles: vertices [3, n] [m], faces [3, m]."""
-        ...
 
     def cylinder(self, path: str, radius: float, length: float, rgba: Rgba) -> None:
         """A cylinder along z about the origin [m]."""
-        ...
 
     def lines(self, path: str, starts: Array, ends: Array, rgba: Rgba) -> None:
         """Thin lines on the ground, from starts to ends [3, n] [m]."""
-        ...
 
     def place(self, path: str, pose: RigidTransform) -> None:
         """Where a thing stands in its parent."""
-        ...
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,8 +26,7 @@ from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_p
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.monitoring.slow_down import SlowDown
 from drift_drake.reference.trajectory import Reference
-from drift_drake.sensing.innovation import Innovation
-from drift_drake.sensing.screening import Screen
+from drift_drake.sensing.screening import Innovation, Screen
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
@@ -35,9 +34,8 @@ from drift_drake.simulation.change import Change, check_change, make_change, wit
 from drift_drake.simulation.fault_systems import FaultPoints
 from drift_drake.simulation.faults import Fault, patches
 from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
-from drift_drake.simulation.log_file import LogFile, read_log
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
-from drift_drake.simulation.runner import Logs, make_simulator
+from drift_drake.simulation.runner import LogFile, Logs, make_simulator, read_log
 from drift_drake.simulation.safe_stop import SafeStop
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.bicycle import INPUTS, STATES

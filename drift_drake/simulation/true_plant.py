@@ -22,8 +22,7 @@ def effects_on(plant: TruePlant, drawn: Effects) -> Effects:
 
 def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath) -> PathPlant | None:
     """The plant on a path: the double-track coupe; None for `Car`'s own, of the simulator's equations."""
-    made: PathPlant | None = None if plant == "single_track" else DoubleTrackPlant(CARS["coupe"], effects, path)
-    return made
+    return None if plant == "single_track" else DoubleTrackPlant(CARS["coupe"], effects, path)
 
 
 def oracle_of(plant: TruePlant, parameters: VehicleParameters, effects: Effects) -> StepModel:

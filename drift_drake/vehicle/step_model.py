@@ -29,11 +29,9 @@ class CostExpansion(Protocol):
 
     def gradient(self) -> Array:
         """The total's derivative by each stage's (x, u, u_next) [N, n+4] (SI)."""
-        ...
 
     def curvature(self) -> Array:
         """Its second derivatives within each stage, the other stages held where they are [N, n+4, n+4]."""
-        ...
 
 
 class StepModel(Protocol):
@@ -49,7 +47,6 @@ class StepModel(Protocol):
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_next [N, n]."""
-        ...
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         """(x_next [N, n], d x_next/dx [N, n, n], d x_next/du [N, n, 2], d x_next/du_next [N, n, 2]).
@@ -70,8 +67,7 @@ class StepModel(Protocol):
     def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
         """The derivative of weights [N, n] times x_next by (x, u, u_next) [N, n+4], from `linearize` as a rule."""
         _, by_x, by_u, by_u_next = self.linearize(x, u, u_next, curvature)
-        gradient: Array = (weights[:, None] @ np.concatenate([by_x, by_u, by_u_next], axis=2))[:, 0]
-        return gradient
+        return (weights[:, None] @ np.concatenate([by_x, by_u, by_u_next], axis=2))[:, 0]
 
     def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array | None:  # noqa: ARG002
         """Second derivatives of weights [N, n] times x_next within each stage, by (x, u, u_next) [N, n+4, n+4].

@@ -25,8 +25,7 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
-from drift_drake.simulation.log_file import LogFile
-from drift_drake.simulation.runner import make_simulator
+from drift_drake.simulation.runner import LogFile, make_simulator
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.made import write_benchmark

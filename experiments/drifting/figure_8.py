@@ -11,8 +11,7 @@ overhead.png. Broken off, it goes on where it was (give --out).
 """
 
 from diagrams.command import run_command
-from drift_drake.results_table import write_results_table
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.run_folder import make_run_folder, write_json, write_results_table, write_versions
 from experiments.drifting.report import (
     completion_table,
     draw,

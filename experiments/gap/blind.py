@@ -35,8 +35,7 @@ from drift_drake.diagnosis.folders import answer_folder
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import write_run
-from drift_drake.results_table import write_results_table
-from drift_drake.run_folder import is_done
+from drift_drake.run_folder import is_done, write_results_table
 from drift_drake.safe_files import write_bytes, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

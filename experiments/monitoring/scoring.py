@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.monitoring.events import PERSISTS, UNKNOWN_PERSISTS
-from drift_drake.monitoring.renewal import ALARM, NAMED
+from drift_drake.monitoring.evidence import ALARM, NAMED
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is

@@ -30,8 +30,7 @@ from diagrams.command import run_command
 from drift_drake.errors import DriftDrakeError
 from drift_drake.interruption import ENDS
 from drift_drake.run_folder import is_done, make_run_folder, write_json
-from drift_drake.safe_files import write_table
-from drift_drake.unfinished import PARTIAL
+from drift_drake.safe_files import PARTIAL, write_table
 from experiments.robustness.long_commands import COMMANDS
 
 MOST_OFTEN = 4  # interruptions of one attempt

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
-from drift_drake.control.stage_rows import by_stages, one_sided
+from drift_drake.control.stagewise_qp import by_stages, one_sided
 
 SIZE, HORIZON = 3, 2
 STATES, INPUTS = SIZE * (HORIZON + 1), 2 * (HORIZON + 1)

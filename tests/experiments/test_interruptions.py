@@ -26,7 +26,7 @@ from drift_drake.interruption import ended_at_once
 with ended_at_once():
     import time
     from pathlib import Path
-    from drift_drake.ending import ended_well
+    from drift_drake.interruption import ended_well
     from drift_drake.run_folder import is_done, write_json
 
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.run_data import prepare_run
-from drift_drake.identification.widening import widening
+from drift_drake.identification.everyday_misfit import widening
 from drift_drake.logs.table import Run
 
 ROWS = 3000

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from drift_drake.pictures.overhead_panels import OverheadPanel, overhead_panels
+from drift_drake.pictures.overhead import OverheadPanel, overhead_panels
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -12,7 +12,7 @@ import pytest
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.simulation import drive_command, log_file
+from drift_drake.simulation import drive_command, runner
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, run_closed_loop
 from drift_drake.vehicle.double_track.cars import CARS
@@ -204,7 +204,7 @@ def test_the_config_names_the_plant() -> None:
 def test_a_run_that_is_logged_to_a_file_is_the_run(
     loop: ClosedLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(log_file, "ROWS", 20)
+    monkeypatch.setattr(runner, "ROWS", 20)
     in_memory = loop.run(loop.initial_context(3))
     in_file = loop.run(loop.initial_context(3), log_to=tmp_path / "run.csv")
     assert in_file.log == tmp_path / "run.csv"

@@ -8,8 +8,7 @@ from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference
-from drift_drake.sensing.innovation import Innovation
-from drift_drake.sensing.screening import PERSISTENT
+from drift_drake.sensing.screening import PERSISTENT, Innovation
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, RunLimits

@@ -10,9 +10,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventSta
 from pydrake.systems.primitives import Sine
 
 from drift_drake.errors import OutputError
-from drift_drake.simulation import log_file
-from drift_drake.simulation.log_file import LogFile, read_log
-from drift_drake.simulation.runner import Logs
+from drift_drake.simulation import runner
+from drift_drake.simulation.runner import LogFile, Logs, read_log
 
 PERIOD, END = 0.01, 2.0
 
@@ -47,7 +46,7 @@ def run(diagram: Diagram, logs: Logs, file: LogFile | None) -> tuple[Context, in
 def test_the_file_holds_the_table_to_the_bit_and_memory_few_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(log_file, "ROWS", 25)
+    monkeypatch.setattr(runner, "ROWS", 25)
     diagram, logs = waves()
     context, most = run(diagram, logs, None)
     table = logs.table(context)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pydrake.autodiffutils import AutoDiffXd
 
-from drift_drake.vehicle.brush import brush_secant
-from drift_drake.vehicle.tyre import tyre_force
+from drift_drake.vehicle.tyre import brush_secant, tyre_force
 
 C, MU, F_Z = 2.2e5, 0.9, 8000.0
 FULL_SLIDE = 3.0 * MU * F_Z / C  # slip from which the whole patch slides

@@ -64,8 +64,7 @@ class Relation:
 def _grip(w: Windows) -> np.ndarray:
     """Windows without much sideslip; where none is logged, those of little lateral acceleration."""
     unseen = np.isnan(w.beta)
-    rows: np.ndarray = np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
-    return rows
+    return np.where(unseen, np.abs(w.v * w.r) < GENTLE, np.abs(w.beta) < GRIP)
 
 
 def _straight(w: Windows) -> np.ndarray:

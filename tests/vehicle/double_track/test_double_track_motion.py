@@ -8,7 +8,7 @@ import pytest
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.constants import changed_constants
-from drift_drake.vehicle.double_track.loads import roll_arm_moment, sprung_mass, wheel_loads
+from drift_drake.vehicle.double_track.loads import roll_arm_moment, settled_states, sprung_mass, wheel_loads
 from drift_drake.vehicle.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -20,7 +20,6 @@ from drift_drake.vehicle.double_track.motion import (
 )
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
-from drift_drake.vehicle.double_track.settled import settled_states
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.plant import OFF_THE_MOTION
 

@@ -3,6 +3,7 @@
 import difflib
 import reprlib
 from collections.abc import Iterable
+from decimal import Decimal
 from typing import Any
 
 _SHORT = reprlib.Repr()
@@ -52,3 +53,8 @@ def meant(name: str, known: Iterable[str]) -> str:
     known = list(known)
     near = difflib.get_close_matches(name, known, 2)
     return f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number in so many significant digits, never as a power of ten."""
+    return format(Decimal(f"{value:.{digits}g}"), "f")

@@ -17,8 +17,7 @@ from drift_drake.control.memory_observer import MemoryObserver
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
-from drift_drake.vehicle.double_track.loads import settled_states
-from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion
+from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion, settled_states
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import check_supported
 from drift_drake.vehicle.effects import Effects

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import tyro
 
 from drift_drake import safe_files
-from drift_drake.command_line import command_line
 from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.diagnosis.answers.provenance import all_answered
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
-from drift_drake.estimation.part import MOST_SECONDS, PIECE
+from drift_drake.estimation.usable import MOST_SECONDS, PIECE
 from drift_drake.executors import ExecutorConfig
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
@@ -23,7 +22,7 @@ from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.progress import progress_bar
 from drift_drake.run_folder import write_results_table
-from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, command_line, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

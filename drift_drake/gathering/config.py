@@ -1,13 +1,15 @@
 """What a drive that is planned for information is: along which lane, by which objective, within which limits."""
 
 import dataclasses
-from typing import Literal
+from pathlib import Path
+from typing import Literal, Self
 
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import DT
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering.lane import LaneDrive
 from drift_drake.model.bayesian_step import PathStep
+from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.stadium import HARDEST, Stadium
 
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
@@ -98,3 +100,21 @@ def as_in_paper(config: GatheringConfig) -> GatheringConfig:
         config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
         path_step="euler",
     )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """What every experiment that gathers is configured with."""
+
+    checkpoint: Path | None = None
+    """Of the learnt model; the shipped one without."""
+    as_in_paper: bool = False
+    """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
+    gathering: eq. (8) with one weight, Euler's path, no added bounds."""
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+
+    def resolved(self) -> Self:
+        """The configuration with what `as_in_paper` stands for."""
+        if not self.as_in_paper:
+            return self
+        return dataclasses.replace(self, checkpoint=paper_checkpoint(), gathering=as_in_paper(self.gathering))

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drift_drake.command_line import command_line
-from drift_drake.digits import significant
-from drift_drake.errors import unit_suffix
+from drift_drake.errors import significant, unit_suffix
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
 from drift_drake.progress import progress_bar
 from drift_drake.safe_files import try_outputs, write_text
-from drift_drake.standard_output import STANDARD_OUTPUT, said_to, write_results
+from drift_drake.standard_output import STANDARD_OUTPUT, command_line, said_to, write_results
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.estimation.interval import TWO_SIDED
-from drift_drake.estimation.part import part_of
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
-from drift_drake.estimation.usable import seen_effects, usable
+from drift_drake.estimation.usable import part_of, seen_effects, usable
 from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction

@@ -15,8 +15,8 @@ from scipy.special import log_ndtr
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.estimation.interval import TWO_SIDED
+from drift_drake.monitoring.bank import FORCES, Node
 from drift_drake.monitoring.history import History, Sums, newest, since, until
-from drift_drake.monitoring.nodes import FORCES, Node
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 HAZARD = 1.0 / 600.0  # [1/s] of a change

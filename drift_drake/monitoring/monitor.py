@@ -12,10 +12,9 @@ from drift_drake.estimation.problem import PROCESS_NOISE
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.bank import Bank, BankState, allowance, gated_row, make_bank
+from drift_drake.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes
 from drift_drake.monitoring.evidence import TRUSTED, EvidenceProblem, evidence_problem, labels, renewed, verdict_of
 from drift_drake.monitoring.history import Sums, no_history, no_sums, packed, unpacked, with_block
-from drift_drake.monitoring.nodes import Node, make_nodes
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 from plotly.subplots import make_subplots
 
-from drift_drake.digits import significant
+from drift_drake.errors import significant
 from drift_drake.pictures.style import CARS, INK, REFERENCE
 
 Array = np.ndarray

@@ -12,7 +12,7 @@ import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from drift_drake.digits import significant
+from drift_drake.errors import significant
 from drift_drake.pictures.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")

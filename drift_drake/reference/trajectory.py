@@ -10,10 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from drift_drake.arrays import Array
-from drift_drake.reference.chain import GRID_SPACING, Chain, Leg, chain, other_side, steady_straight
+from drift_drake.reference.chain import (
+    GRID_SPACING,
+    Chain,
+    Leg,
+    Transition,
+    chain,
+    other_side,
+    plan_transition,
+    steady_straight,
+)
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.path import Path
-from drift_drake.reference.transition import Transition, plan_transition
 from drift_drake.vehicle.parameters import VehicleParameters
 
 ENTRY_LENGTH = 10.0  # [m] of steady straight before and after the loops' acceleration

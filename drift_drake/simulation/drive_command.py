@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal, TextIO
 
 import numpy as np
+import pandas as pd
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
@@ -19,13 +20,17 @@ from drift_drake.monitoring.live_page import shown_while
 from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
-from drift_drake.reference.trajectory import figure_8, loops
-from drift_drake.run_folder import make_run_folder
-from drift_drake.safe_files import write_text
+from drift_drake.pictures.overhead import overhead
+from drift_drake.pictures.replay import replay
+from drift_drake.pictures.solver_work import solver_work
+from drift_drake.pictures.time_series import time_series
+from drift_drake.reference.trajectory import Reference, figure_8, loops
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
-from drift_drake.simulation.results import write_run_results
+from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.double_track.cars import CARS
@@ -152,3 +157,31 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         file=to,
     )
     return {"out": folder, "metrics": m, "events": events}
+
+
+def write_run_results(
+    folder: Path,
+    config: Any,
+    metrics: RunMetrics,
+    table: pd.DataFrame,
+    reference: Reference,
+    parameters: VehicleParameters,
+    period: float,
+) -> None:
+    """Writes config.json, numbers.json, versions.json, run.csv, three PNG pictures and replay.html.
+
+    Args:
+        config: the dataclass that the run was made from.
+        table: a row each control period, as `ClosedLoop.run` gives it.
+        period: of the controller [s].
+    """
+    write_json(folder / "config.json", config)
+    write_json(folder / "numbers.json", metrics)
+    write_versions(folder)
+    write_table(table, folder / "run.csv", index=False)
+    runs = {"driven": table}
+    write_figure(overhead(runs, reference, parameters), folder / "overhead.png")
+    write_figure(time_series(runs, reference, parameters), folder / "time_series.png")
+    statistics = table.filter(regex="^(t$|solve_)").rename(columns=lambda name: str(name).removeprefix("solve_"))
+    write_figure(solver_work(statistics, period), folder / "solver.png")
+    replay(runs, folder / "replay.html", reference, parameters)

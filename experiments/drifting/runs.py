@@ -23,7 +23,7 @@ import tyro
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Believed, IdentifiedCar
-from drift_drake.gathering.recipe import Recipe
+from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.trust import Usual, usual_for
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep

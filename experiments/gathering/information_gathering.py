@@ -27,10 +27,9 @@ from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.config import GatheringConfig, Recipe
 from drift_drake.gathering.gather import taught
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.gathering.recipe import Recipe
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.posterior import Posterior, covariance_norms, weighed

@@ -24,7 +24,7 @@ from drift_drake.arrays import Array
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.executors import ExecutorConfig
 from drift_drake.gathering.choice import Believed
-from drift_drake.gathering.recipe import Recipe
+from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.trust import REFUSED, Usual, familiar_from, keep_usual
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.part import PIECE, part_of
+from drift_drake.estimation.usable import PIECE, part_of
 from drift_drake.logs.table import Run
 
 

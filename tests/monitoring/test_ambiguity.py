@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from drift_drake.monitoring.bank import Node
 from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.evidence import evidence_problem
 from drift_drake.monitoring.history import Sums, no_history, with_block
-from drift_drake.monitoring.nodes import Node
 from drift_drake.monitoring.watch import mistakable
 
 NODES = [

@@ -6,7 +6,7 @@ import pytest
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.problem import PROCESS_NOISE, car, filter_case, make_problem
 from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.nodes import RATE_LIMIT, Node, make_nodes
+from drift_drake.monitoring.bank import RATE_LIMIT, Node, make_nodes
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.monitoring.gap_monitor import GapMonitor
+from drift_drake.monitoring.in_loop import GapMonitor
 from drift_drake.monitoring.monitor import after_row
 from drift_drake.monitoring.watch import rows_of
 

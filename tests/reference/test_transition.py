@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drift_drake.reference.chain import other_side, steady_straight
+from drift_drake.reference.chain import NoTransitionError, other_side, plan_transition, steady_straight
 from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.reference.transition import NoTransitionError, plan_transition
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.parameters import VehicleParameters
 

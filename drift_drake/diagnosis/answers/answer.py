@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from drift_drake.digits import significant
-from drift_drake.errors import DriftDrakeError, shown
+from drift_drake.errors import DriftDrakeError, shown, significant
 from drift_drake.estimation.interval import Interval
 from drift_drake.plain_files import named_number, parse_json, read_text
 from drift_drake.safe_files import write_text

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from drift_drake.digits import significant
-from drift_drake.errors import InvalidOptionError
+from drift_drake.errors import InvalidOptionError, significant
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_name
 from drift_drake.logs.table import read_case, run_paths, stated_noise

@@ -10,9 +10,8 @@ from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import no_effects
 from drift_drake.estimation.normal import Normal
-from drift_drake.estimation.part import part_of
 from drift_drake.estimation.problem import make_problem
-from drift_drake.estimation.usable import seen_effects
+from drift_drake.estimation.usable import part_of, seen_effects
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects

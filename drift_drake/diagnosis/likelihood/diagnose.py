@@ -13,11 +13,10 @@ from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.part import MOST_SECONDS, part_of
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, without_effects
 from drift_drake.estimation.regression import Regression
-from drift_drake.estimation.usable import seen_effects, usable
+from drift_drake.estimation.usable import MOST_SECONDS, part_of, seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.progress import Progress

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
 from drift_drake.diagnosis.another_day.gap import squares
-from drift_drake.diagnosis.reports.limit_rows import in_doubt, limit_rows
+from drift_drake.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH

@@ -9,8 +9,7 @@ from drift_drake.vehicle.bicycle import world_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
 from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
-from drift_drake.vehicle.double_track.loads import settled_states
-from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion
+from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion, settled_states
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable
 

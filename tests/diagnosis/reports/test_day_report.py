@@ -9,7 +9,7 @@ import pytest
 from browser import check_charts, needs_browser
 
 from drift_drake.diagnosis.reports.day_report import by_horizon, coverage_rows, overlay, report_html
-from drift_drake.diagnosis.reports.limit_rows import limit_rows
+from drift_drake.diagnosis.reports.report import limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import SHOWN_BY, shown_by
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
 from drift_drake.pages.page import Source

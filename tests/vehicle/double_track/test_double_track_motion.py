@@ -8,7 +8,7 @@ import pytest
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.constants import changed_constants
-from drift_drake.vehicle.double_track.loads import roll_arm_moment, settled_states, sprung_mass, wheel_loads
+from drift_drake.vehicle.double_track.loads import roll_arm_moment, sprung_mass, wheel_loads
 from drift_drake.vehicle.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -16,6 +16,7 @@ from drift_drake.vehicle.double_track.motion import (
     double_track_motion,
     ground_wrench,
     road_wheel_angles,
+    settled_states,
     wheel_forces,
 )
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters

@@ -22,6 +22,7 @@ from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT
+from drift_drake.model.quality import predicted_windows
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -93,11 +94,6 @@ class Choice(NamedTuple):
         )
 
 
-def windows(runs: Sequence[Run]) -> list[WindowedRun]:
-    """The drives as windows of half a second."""
-    return [windowed(run) for run in runs]
-
-
 def learnt_errors(model: BayesianStepModel, runs: Sequence[WindowedRun]) -> Array:
     """Errors of the learnt model's predictions [windows, HORIZONS, 4], each from a smoothed measurement on."""
     return np.concatenate([_run_errors(model, run) for run in runs])
@@ -107,17 +103,10 @@ def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
     commands = np.stack([run.delta, run.tau], axis=1)
     lagged = lagged_commands(run.period * np.arange(len(commands)), commands)
     x = np.concatenate([run.start_y[run.starts, :STATE_COUNT], np.zeros((len(run.starts), 2)), lagged[run.starts]], 1)
-    out, straight = np.empty((len(x), HORIZONS, STATE_COUNT)), np.zeros(len(x))
-    for h in range(HORIZONS):
-        start, end = (run.starts + k * run.stride_rows for k in (h, h + 1))
-        x = model.step(x, commands[start], commands[end], straight)
-        out[:, h] = run.y[end, :STATE_COUNT] - x[:, :STATE_COUNT]
+    out = np.empty((len(x), HORIZONS, STATE_COUNT))
+    for h, ahead in enumerate(predicted_windows(model, x, commands, run.starts, run.stride_rows, HORIZONS)):
+        out[:, h] = run.y[run.starts + (h + 1) * run.stride_rows, :STATE_COUNT] - ahead[:, :STATE_COUNT]
     return out
-
-
-def identified_errors(car: IdentifiedCar, runs: Sequence[WindowedRun]) -> Array:
-    """Errors of the identified car's predictions [windows, HORIZONS, 5]."""
-    return errors(runs, car.vehicle.constants(), car.effects)
 
 
 def forecasts(model: BayesianStepModel, car: IdentifiedCar | None, runs: Sequence[Run]) -> tuple[float, float]:
@@ -126,6 +115,6 @@ def forecasts(model: BayesianStepModel, car: IdentifiedCar | None, runs: Sequenc
     Args:
         model: with what it has learnt of the drives; car: identified from them; none: its error is infinite.
     """
-    judged = windows(runs)
-    other = float("inf") if car is None else forecast_error(identified_errors(car, judged))
+    judged = [windowed(run) for run in runs]
+    other = float("inf") if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
     return forecast_error(learnt_errors(model, judged)), other

@@ -1,6 +1,7 @@
 """A cost that is one of the features at a horizon's stages: its derivatives by the stages' variables."""
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -49,13 +50,17 @@ class InformationCost(ABC):
     projects the sum, so that its QPs stay convex. Second derivatives between stages the SQP leaves out.
 
     Args:
-        network: the features; alpha: weight of the information [1/nat].
-        expansions: those of the dynamics, where they are of the same network.
+        network: the features; covariance: Lambda^{-1} before the drive [64, 64], see `posterior.weighed`.
+        alpha: weight of the information [1/nat]; expansions: those of the dynamics, where they are of the same network.
     """
 
-    def __init__(self, network: Network, alpha: float, expansions: Expansions | None = None) -> None:
-        self._alpha = alpha
+    def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
+        self._covariance, self._alpha = np.asarray(covariance, dtype=float), alpha
         self._expansions = expansions or Expansions(network)
+
+    @cached_property
+    def _precision(self) -> Array:
+        return inverse(self._covariance)
 
     @abstractmethod
     def of_features(self, phi: Array) -> float:
@@ -76,6 +81,11 @@ class InformationCost(ABC):
     def expansion(self, x: Array, u: Array, u_next: Array) -> InformationExpansion:
         at = self._expansions.at(network_inputs(x, u, u_next))
         return InformationExpansion(at, self.by_features(at), x.shape[1], self._alpha)
+
+
+def inverse(matrix: Array) -> Array:
+    """The inverse of matrices [..., m, m]."""
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def _flat(features: Array) -> Array:

@@ -22,9 +22,9 @@ and of the sum, with what is left of the covariance after all stages, A = (Lambd
 import numpy as np
 
 from drift_drake.arrays import Array
-from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
-from drift_drake.model.feature_expansion import Expansions, FeatureExpansion
-from drift_drake.model.features import STATE_COUNT, Network
+from drift_drake.gathering.feature_cost import ByFeatures, InformationCost, inverse
+from drift_drake.model.feature_expansion import FeatureExpansion
+from drift_drake.model.features import STATE_COUNT
 from drift_drake.model.posterior import block_diagonal, spread_of_features
 from drift_drake.vehicle.compilation import compiled
 
@@ -79,16 +79,7 @@ def crossed(first: Array, second: Array) -> Array:
 
 
 class StageInformation(InformationCost):
-    """-alpha l_info as a `StageCost`, of each stage by itself: eq. (8).
-
-    Args:
-        network, alpha, expansions: see `InformationCost`.
-        covariance: Lambda^{-1} before the drive [64, 64], see `posterior.weighed`.
-    """
-
-    def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
-        super().__init__(network, alpha, expansions)
-        self._covariance = np.asarray(covariance, dtype=float)
+    """-alpha l_info as a `StageCost`, of each stage by itself: eq. (8)."""
 
     def of_features(self, phi: Array) -> float:
         return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())
@@ -105,11 +96,7 @@ class StageInformation(InformationCost):
 
 
 class UpdatedInformation(InformationCost):
-    """-alpha l_info as a `StageCost`, the covariance updated along the horizon; arguments: see `StageInformation`."""
-
-    def __init__(self, network: Network, covariance: Array, alpha: float, expansions: Expansions | None = None) -> None:
-        super().__init__(network, alpha, expansions)
-        self._precision = inverse(covariance)
+    """-alpha l_info as a `StageCost`, the covariance updated along the horizon."""
 
     def of_features(self, phi: Array) -> float:
         after, before = (np.linalg.slogdet(p)[1] for p in (precision_after(self._precision, phi), self._precision))
@@ -127,11 +114,6 @@ def precision_after(precision: Array, phi: Array) -> Array:
     """Lambda + sum_k Phi_k' Phi_k [64, 64] after stages of features phi [N, 4, 16]."""
     by_state = np.ascontiguousarray(phi.swapaxes(0, 1))
     return np.asarray(precision + block_diagonal(by_state.swapaxes(1, 2) @ by_state), dtype=np.float64)
-
-
-def inverse(matrix: Array) -> Array:
-    """The inverse of matrices [..., m, m]."""
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def rows_and_products(matrix: Array, phi: Array) -> tuple[Array, Array]:

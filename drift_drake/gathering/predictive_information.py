@@ -19,11 +19,10 @@ from abc import abstractmethod
 import numpy as np
 
 from drift_drake.arrays import Array
-from drift_drake.gathering.feature_cost import ByFeatures, InformationCost
+from drift_drake.gathering.feature_cost import ByFeatures, InformationCost, inverse
 from drift_drake.gathering.information import (
     bent,
     crossed,
-    inverse,
     met,
     own_blocks,
     precision_after,
@@ -56,11 +55,9 @@ class NarrowingCost(InformationCost):
         alpha: float,
         expansions: Expansions | None = None,
     ) -> None:
-        super().__init__(network, alpha, expansions)
         # As if samples counted in full: the covariance is scaled by their weight, and what is wanted against it.
-        before = weighed(covariance, sample_weight)
-        self._precision = inverse(before)
-        self._before = self.spread(before)
+        super().__init__(network, weighed(covariance, sample_weight), alpha, expansions)
+        self._before = self.spread(self._covariance)
         self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
 
     @abstractmethod

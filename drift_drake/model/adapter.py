@@ -4,17 +4,10 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.model.bayesian_step import residual
+from drift_drake.model.bayesian_step import regression_points
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.compiled_step import TIME_STEP
-from drift_drake.model.features import (
-    COVARIANCE_COUNT,
-    FEATURE_COUNT,
-    MEAN_COUNT,
-    STATE_COUNT,
-    features,
-    network_inputs,
-)
+from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, network_inputs
 from drift_drake.model.posterior import Posterior, mahalanobis, predict, update
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
@@ -22,7 +15,7 @@ DEFAULT_THRESHOLD = 8.0
 
 
 def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
-          threshold: float = DEFAULT_THRESHOLD) -> tuple[Posterior, bool]:  # fmt: skip
+          threshold: float = DEFAULT_THRESHOLD) -> tuple[Posterior, Array | None]:  # fmt: skip
     """The posterior after one sample, unless the sample is refused.
 
     A sample is refused when it is not finite, or when its Mahalanobis distance from the prediction (eq. 6, over the
@@ -32,22 +25,16 @@ def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next
         x, x_next: measured states and lagged commands at both ends of the step [8]; u, u_next: commands there [2].
 
     Returns:
-        (posterior, whether the sample was taken).
+        (posterior; what the learnt states did over the step beside what its mean says [4], None of a refused sample).
     """
     numbers = np.concatenate([network_inputs(x, u, u_next), x_next[:STATE_COUNT]])
     if not np.isfinite(numbers).all():
-        return posterior, False
-    phi = features(model.network, network_inputs(x, u, u_next))
-    y = residual(x, u, x_next, model.vehicle.constants())
+        return posterior, None
+    phi, y = regression_points(model, x, u, u_next, x_next)
     if mahalanobis(predict(posterior, model.sigma, phi), y) > threshold:
-        return posterior, False
-    return update(posterior, model.sigma, phi, y, model.sample_weight), True
-
-
-def left_over(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array) -> Array:
-    """What a sample's learnt states did over the step beside what the posterior's mean says [4]; see `adapt`."""
-    phi = features(model.network, network_inputs(x, u, u_next))
-    return residual(x, u, x_next, model.vehicle.constants()) - np.sum(posterior.mean * phi, axis=-1)
+        return posterior, None
+    after = update(posterior, model.sigma, phi, y, model.sample_weight)
+    return after, y - np.sum(after.mean * phi, axis=-1)
 
 
 class BayesianAdapter(LeafSystem):
@@ -122,13 +109,14 @@ class BayesianAdapter(LeafSystem):
         if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
             before, changed = self._remembered(context)
-            posterior, taken = adapt(self.model, before, last[:8], last[8:], u, x, threshold)
+            posterior, left = adapt(self.model, before, last[:8], last[8:], u, x, threshold)
+            taken = left is not None
             if taken or changed:
                 self._write(discrete, posterior)
             if self.offset_time is not None:
                 offset = np.zeros(STATE_COUNT) if changed else context.get_discrete_state(self._offset).value()
-                left = left_over(self.model, posterior, last[:8], last[8:], u, x) - offset if taken else 0.0
-                discrete.set_value(self._offset, offset + TIME_STEP / self.offset_time * left)
+                rise = 0.0 if left is None else left - offset
+                discrete.set_value(self._offset, offset + TIME_STEP / self.offset_time * rise)
             counters = discrete.get_mutable_vector(self._counters)
             counters.SetAtIndex(0 if taken else 1, counters.GetAtIndex(0 if taken else 1) + 1.0)
         discrete.get_mutable_vector(self._last).SetFromVector(np.concatenate([x, u]))

@@ -17,10 +17,19 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
+from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
-from drift_drake.model.features import MEAN_COUNT, STATE_COUNT, MeanFunction, Network, network_inputs, places_of_inputs
+from drift_drake.model.features import (
+    MEAN_COUNT,
+    STATE_COUNT,
+    MeanFunction,
+    Network,
+    features,
+    network_inputs,
+    places_of_inputs,
+)
 from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
@@ -42,6 +51,16 @@ def residual(x: Array, u: Array, x_next: Array, nominal: Constants) -> Array:
     state[..., :STATE_COUNT] = np.asarray(x)[..., :STATE_COUNT]
     h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal)
     return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
+
+
+def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x_next: Array) -> tuple[Array, Array]:
+    """(features phi [..., 4, 16], residuals y [..., 4]) of samples: what the last layer is fitted to.
+
+    Args:
+        x, x_next: states and lagged commands at both ends of a step [..., 8]; u, u_next: commands there [..., 2].
+    """
+    phi = features(model.network, network_inputs(x, u, u_next))
+    return phi, residual(x, u, x_next, model.vehicle.constants())
 
 
 class BayesianStepModel(StepModel):
@@ -124,28 +143,29 @@ class BayesianStepModel(StepModel):
         The learnt part's own second derivatives are `FeatureExpansion`'s; all others are differences of the exact
         derivatives with the learnt part linear, for which no network is asked.
         """
-        at = self.expansions.at(network_inputs(x, u, u_next))
-        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        at, bent, by_features = self._curvature(x, u, u_next, curvature, weights)
         return _with_features(bent, at.second(by_features))
 
     def curvature_with(
         self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
     ) -> Array:
         """See `StepModel`: the features' second derivatives are taken once, by the sum's derivative by them."""
-        at = self.expansions.at(network_inputs(x, u, u_next))
-        bent, by_features = self._curvature(at, _points(x, u, u_next, curvature), weights)
+        at, bent, by_features = self._curvature(x, u, u_next, curvature, weights)
         if not isinstance(cost, OfFeatures) or cost.at is not at:
             return _with_features(bent, at.second(by_features)) + cost.curvature()
         return _with_features(bent, cost.along_features() + at.second(by_features + cost.by_features()))
 
-    def _curvature(self, at: FeatureExpansion, points: Array, weights: Array) -> tuple[Array, Array]:
-        """(second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
-        count, mean = len(points), ExpandedMean(self.expansions, self._mean.theta)
+    def _curvature(
+        self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array
+    ) -> tuple[FeatureExpansion, Array, Array]:
+        """(expansion, second derivatives with linear features [N, 12, 12], first ones by the features [N, 4, 16])."""
+        at, mean = self.expansions.at(network_inputs(x, u, u_next)), ExpandedMean(self.expansions, self._mean.theta)
         g, by_z = mean.linearize(at.z)
-        bent, by_g = np.empty((count, 12, 12)), np.empty((count, STATE_COUNT))
-        curved_steps(points, g + self._offset, by_z, np.ascontiguousarray(weights), self._nominal, self._lag,
-                     self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent, by_g)  # fmt: skip
-        return bent, by_g[:, :, None] * mean.theta
+        bent, by_g = np.empty((len(x), 12, 12)), np.empty((len(x), STATE_COUNT))
+        curved_steps(_points(x, u, u_next, curvature), g + self._offset, by_z, np.ascontiguousarray(weights),
+                     self._nominal, self._lag, self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent,
+                     by_g)  # fmt: skip
+        return at, bent, by_g[:, :, None] * mean.theta
 
 
 def _with_features(bent: Array, by_z: Array) -> Array:

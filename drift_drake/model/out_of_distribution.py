@@ -16,17 +16,10 @@ from scipy.stats import chi2
 
 from drift_drake.arrays import Array
 from drift_drake.model.adapter import MEASURED_COUNT
-from drift_drake.model.bayesian_step import residual
+from drift_drake.model.bayesian_step import regression_points
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.compiled_step import TIME_STEP
-from drift_drake.model.features import (
-    COVARIANCE_COUNT,
-    FEATURE_COUNT,
-    MEAN_COUNT,
-    STATE_COUNT,
-    features,
-    network_inputs,
-)
+from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.model.posterior import Posterior, mahalanobis, predict
 
 WINDOW = 20  # samples: 2 s
@@ -36,8 +29,7 @@ def squared_distance(
     model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array, x_next: Array
 ) -> float:
     """d^2 of one sample: states and lagged commands at both ends of a step [8], commands there [2]; or NaN."""
-    phi = features(model.network, network_inputs(x, u, u_next))
-    y = residual(x, u, x_next, model.vehicle.constants())
+    phi, y = regression_points(model, x, u, u_next, x_next)
     return float(mahalanobis(predict(belief, model.sigma, phi), y) ** 2)
 
 

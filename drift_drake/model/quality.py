@@ -1,14 +1,16 @@
 """How good a learnt model is on vehicles it has not seen: errors, rollouts, calibration, against adaptation points."""
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
-from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, residual
+from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, regression_points
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import STATE_COUNT, features, network_inputs
+from drift_drake.model.features import STATE_COUNT
 from drift_drake.model.posterior import Posterior, predict, update_all
 from drift_drake.model.samples import Samples, concatenate
 
@@ -53,8 +55,7 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
 
 def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
     """The belief after samples."""
-    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
-    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
+    phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
     return update_all(belief, model.sigma, phi, y, model.sample_weight)
 
 
@@ -65,9 +66,8 @@ def adapted(model: BayesianModel, samples: Samples) -> Posterior:
 
 def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Samples) -> tuple[Array, Array]:
     """One-step (errors [n, 4], predicted standard deviations [n, 4]) of the learnt states."""
-    phi = features(model.network, network_inputs(samples.x, samples.u, samples.u_next))
+    phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
     prediction = predict(posterior, model.sigma, phi)
-    y = residual(samples.x, samples.u, samples.x_next, model.vehicle.constants())
     return y - prediction.mean, np.sqrt(prediction.variance)
 
 
@@ -94,17 +94,31 @@ def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int
     The model is fed its own predictions; only its first state is measured. Starts too near the end of their drive for
     the whole rollout are left out.
     """
-    starts = [(drive, k) for drive in drives for k in range(0, len(drive.x) - steps + 1, every)]
+    first, starts = 0, list[int]()
+    for drive in drives:
+        starts += range(first, first + len(drive.x) - steps + 1, every)
+        first += len(drive.x)
     if not starts:
         return np.empty((0, 6))
-    x = np.stack([drive.x[k] for drive, k in starts])
+    samples, rows = concatenate(drives), np.array(starts)
+    x = samples.x[rows]
     for step in range(steps):
-        rows = [(drive, k + step) for drive, k in starts]
-        u, u_next, curvature = (
-            np.stack([getattr(drive, name)[k] for drive, k in rows]) for name in ("u", "u_next", "curvature")
-        )
-        x = model.step(x, u, u_next, curvature)
-    return np.stack([drive.x_next[k + steps - 1, :6] for drive, k in starts]) - x[:, :6]
+        x = model.step(x, samples.u[rows + step], samples.u_next[rows + step], samples.curvature[rows + step])
+    return samples.x_next[rows + steps - 1, :6] - x[:, :6]
+
+
+def predicted_windows(
+    model: Stepper, x: Array, commands: Array, starts: NDArray[np.intp], stride: int, steps: int
+) -> Iterator[Array]:
+    """States [windows, 8] after each of so many steps along a log on a straight path, its commands known.
+
+    Args:
+        x: at the starts [windows, 8]; commands: of the log [rows, 2]; starts: rows [windows]; stride: rows of a step.
+    """
+    for step in range(steps):
+        rows = starts + step * stride
+        x = model.step(x, commands[rows], commands[rows + stride], np.zeros(len(x)))
+        yield x
 
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:

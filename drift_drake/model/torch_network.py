@@ -8,6 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from drift_drake.errors import InvalidOptionError
+from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import PRECISION_FLOOR, WEIGHTS, BayesianModel
 from drift_drake.model.features import (
     FEATURE_COUNT,
@@ -15,8 +16,12 @@ from drift_drake.model.features import (
     INPUT_COUNT,
     MEAN_COUNT,
     STATE_COUNT,
+    all_inputs,
     input_scaling,
+    network_inputs,
 )
+from drift_drake.model.samples import Samples
+from drift_drake.vehicle.parameters import VehicleParameters
 
 Parameters = dict[str, torch.Tensor]
 
@@ -80,6 +85,16 @@ def coupled_precision(parameters: Parameters) -> torch.Tensor:
     """Lambda_0 [4, 16, 16], or [64, 64] where it couples the states."""
     factor = parameters["precision_factor"]
     return factor @ factor.transpose(-1, -2) + PRECISION_FLOOR * torch.eye(factor.shape[-1]).to(factor)
+
+
+def as_tensors(
+    samples: Samples, vehicle: VehicleParameters, physical: bool, device: torch.device
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """(the network's inputs [n, 8 or 18], residuals of the learnt states [n, 4]) of samples, on the device."""
+    z = network_inputs(samples.x, samples.u, samples.u_next)
+    inputs = all_inputs(z, vehicle.constants() if physical else None)
+    y = residual(samples.x, samples.u, samples.x_next, vehicle.constants())
+    return torch.as_tensor(inputs, dtype=torch.float32, device=device), torch.as_tensor(y, device=device)
 
 
 def padded(rows: Sequence[NDArray[np.int64]], device: torch.device) -> tuple[torch.Tensor, torch.Tensor]:

@@ -15,10 +15,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from drift_drake.model.bayesian_step import residual
-from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, all_inputs, network_inputs
+from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features, training_device
+from drift_drake.model.torch_network import (
+    Parameters,
+    as_tensors,
+    coupled_precision,
+    padded,
+    torch_features,
+    training_device,
+)
 from drift_drake.model.training_config import LANE_ROUND, TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -60,12 +66,7 @@ class Tasks:
     ) -> None:
         tables = [drift, lane, mirrored(drift), mirrored(lane)]
         offsets = np.concatenate([[0], np.cumsum([len(table.x) for table in tables])])
-        together = concatenate(tables)
-        z = network_inputs(together.x, together.u, together.u_next)
-        inputs = all_inputs(z, vehicle.constants() if physical else None)
-        self.inputs = torch.as_tensor(inputs, dtype=torch.float32, device=device)
-        y = residual(together.x, together.u, together.x_next, vehicle.constants())
-        self.y = torch.as_tensor(y, device=device)
+        self.inputs, self.y = as_tensors(concatenate(tables), vehicle, physical, device)
         drifts, lanes = drives_by_phase(drift), drives_by_phase(lane)
 
         def moved(phases: list[list[Rows]], offset: int) -> list[list[Rows]]:

@@ -19,10 +19,16 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from drift_drake.model.bayesian_step import residual
-from drift_drake.model.features import STATE_COUNT, all_inputs, network_inputs
+from drift_drake.model.features import STATE_COUNT
 from drift_drake.model.samples import Samples, concatenate, mirrored
-from drift_drake.model.torch_network import Parameters, coupled_precision, padded, torch_features, training_device
+from drift_drake.model.torch_network import (
+    Parameters,
+    as_tensors,
+    coupled_precision,
+    padded,
+    torch_features,
+    training_device,
+)
 from drift_drake.model.training_config import TrainingConfig
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -33,11 +39,7 @@ class EpochWindows:
     """The samples on torch's side, and how an epoch cuts them into windows."""
 
     def __init__(self, samples: Samples, vehicle: VehicleParameters, physical: bool, device: torch.device) -> None:
-        z = network_inputs(samples.x, samples.u, samples.u_next)
-        inputs = all_inputs(z, vehicle.constants() if physical else None)
-        self.inputs = torch.as_tensor(inputs, dtype=torch.float32, device=device)
-        y = residual(samples.x, samples.u, samples.x_next, vehicle.constants())
-        self.y = torch.as_tensor(y, device=device)
+        self.inputs, self.y = as_tensors(samples, vehicle, physical, device)
         cuts = np.flatnonzero(np.diff(samples.drive)) + 1
         drives = np.split(np.arange(len(samples.drive)), cuts)
         of_vehicle = samples.vehicle[[drive[0] for drive in drives]]

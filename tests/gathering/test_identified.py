@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from drift_drake.control.plan import DT
-from drift_drake.estimation.windows import forecast_error
-from drift_drake.gathering.choice import Choice, IdentifiedCar, forecasts, identified, learnt_errors, runs_of, windows
+from drift_drake.estimation.windows import forecast_error, windowed
+from drift_drake.gathering.choice import Choice, IdentifiedCar, forecasts, identified, learnt_errors, runs_of
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
 from drift_drake.gathering.gather import gather, learn_drive
@@ -69,7 +69,7 @@ def test_physics_predicts_such_a_car_better_than_what_is_learnt(
 def test_the_learnt_models_errors_are_those_of_its_steps(model: BayesianModel, driven: list[pd.DataFrame]) -> None:
     """One window by hand: five steps from the smoothed measurement, under the commands at their ends."""
     learnt = step_model(model, model.prior())
-    (run,) = windows(runs_of(driven[:1]))
+    run = windowed(*runs_of(driven[:1]))
     start = int(run.starts[7])
     commands, lagged = np.stack([run.delta, run.tau], axis=1), np.array([run.delta[0], run.tau[0]])
     for row in range(start):  # 10 ms at a time, the exact answer of a first-order lag to a linear command

@@ -19,7 +19,7 @@ from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
-from drift_drake.model.quality import learn, step_model
+from drift_drake.model.quality import learn, predicted_windows, step_model
 from drift_drake.model.samples import Samples, concatenate
 
 STEP = 0.1  # [s] of the model
@@ -122,15 +122,12 @@ class _Sampled:
 
     def errors(self, model: BayesianModel, belief: Posterior, noise: np.ndarray) -> np.ndarray:
         """Squared errors [starts, 4] half a second ahead, in noise variances; NaN where the run ends sooner."""
-        stepper = step_model(model, belief)
         out = np.full((len(self.starts), STATE_COUNT), np.nan)
         inside = self.starts + AHEAD * self.rows < len(self._x)
         rows = self.starts[inside]
-        x, straight = self._x[rows], np.zeros(len(rows))
-        for _ in range(AHEAD):
-            x = stepper.step(x, self._u[rows], self._u[rows + self.rows], straight)
-            rows = rows + self.rows
-        squares = ((self._x[rows, :STATE_COUNT] - x[:, :STATE_COUNT]) / noise[:STATE_COUNT]) ** 2
+        *_, x = predicted_windows(step_model(model, belief), self._x[rows], self._u, rows, self.rows, AHEAD)
+        ends = rows + AHEAD * self.rows
+        squares = ((self._x[ends, :STATE_COUNT] - x[:, :STATE_COUNT]) / noise[:STATE_COUNT]) ** 2
         out[inside] = np.minimum(squares, WORST)
         return out
 

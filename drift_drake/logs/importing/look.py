@@ -148,11 +148,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> tuple[dict[str, Any], list[str]]
             signals[key]["radius"] = 0.3
     mapping = {
         "frame": "iso8855",
-        "clocks": {
-            names[name]: {"column": clocks[name]}
-            | ({} if (unit := _time_unit(tables[name], clocks[name])) == "s" else {"unit": unit})
-            for name in used
-        },
+        "clocks": entries,
         "signals": signals,
     }
     known = (

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.drives.drivers import HoldDriver
-from drift_drake.drives.row_by_row import ROW_PERIOD
+from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.run_folder import make_run_folder

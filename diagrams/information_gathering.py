@@ -10,11 +10,10 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import forecasts, identified, runs_of
+from drift_drake.gathering.choice import forecasts, identified, runs_of, usual_for
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.gather import execution, taught
 from drift_drake.gathering.plan import plan_again, plan_drive
-from drift_drake.gathering.trust import usual_for
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import step_model

@@ -14,7 +14,7 @@ from .control.own_controller import ControllerSystem as ControllerSystem
 from .control.plan import Plan as Plan
 from .diagnosis.answers.answer import Answer as Answer
 from .diagnosis.answers.answer import read_answer as read_answer
-from .diagnosis.answers.correction import corrected_vehicle as corrected_vehicle
+from .diagnosis.answers.apply import corrected_vehicle as corrected_vehicle
 from .diagnosis.likelihood.diagnose import diagnose as diagnose
 from .diagnosis.next_drive.plan import plan_from_answer as plan_from_answer
 from .drives.dataset import samples_from_log as samples_from_log

@@ -3,11 +3,15 @@
 Where the JSON goes to standard output, sentences for a person go to standard error.
 """
 
+import contextlib
 import dataclasses
 import shlex
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
+
+from tqdm import tqdm
 
 from drift_drake import safe_files
 from drift_drake.run_folder import to_json
@@ -61,3 +65,19 @@ def command_line(name: str, command: Any, positional: str) -> str:
 
 def _words(value: Any) -> list[str]:
     return list(map(str, value)) if isinstance(value, tuple) else [str(value)]
+
+
+Progress = Callable[[str, float], None]
+"""Is told a stage's name and the share done."""
+
+
+@contextlib.contextmanager
+def progress_bar(quiet: bool) -> Iterator[Progress]:
+    """A bar that is told a stage's name and the share done; nothing where `quiet`."""
+    with tqdm(total=100, disable=quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
+
+        def show(stage: str, share: float) -> None:
+            bar.set_description(stage)
+            bar.update(round(100 * share) - bar.n)
+
+        yield show

@@ -13,7 +13,7 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.course import lane_for_pictures

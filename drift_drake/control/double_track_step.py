@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.control.effects_step import COMPLEX_STEP, check_one_step
-from drift_drake.control.memory_observer import MemoryObserver
+from drift_drake.control.effects_step import COMPLEX_STEP, MemoryObserver, check_one_step
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion, settled_states
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import check_supported
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import fixed_tuple, jitable

@@ -20,9 +20,8 @@ from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
-from drift_drake.progress import progress_bar
 from drift_drake.run_folder import write_results_table
-from drift_drake.standard_output import STANDARD_OUTPUT, command_line, said_to, write_results, write_text
+from drift_drake.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

@@ -1,14 +1,56 @@
 """Drivers other than the MPC: feedback that holds a drift, and scripts of a manual kind."""
 
+from abc import abstractmethod
+
 import numpy as np
 from pydrake.systems.controllers import LinearQuadraticRegulator
+from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.control.plan import interpolate_knots
-from drift_drake.drives.row_by_row import RowByRowDriver
+from drift_drake.control.plan import Plan, interpolate_knots, no_plan
 from drift_drake.reference.equilibrium import DriftEquilibrium
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
+
+ROW_PERIOD = 0.01  # [s]
+
+
+class RowByRowDriver(LeafSystem):
+    """Every 0.01 s a plan of one step of 0.01 s, from the command given last to the new one, begins one period later.
+
+    So the command is continuous, and linear between the rows of a log; it is kept within the car's limits.
+
+    Input port: measured_state [7]. Output port: plan [5], NaN before the first. State: the plan.
+    """
+
+    def __init__(self, parameters: VehicleParameters) -> None:
+        LeafSystem.__init__(self)
+        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
+        self._high = np.array([parameters.steering_limit, parameters.torque_max])
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._plan = self.DeclareDiscreteState(no_plan(1))
+        self.DeclareStateOutputPort("plan", self._plan)
+        self.DeclarePeriodicDiscreteUpdateEvent(ROW_PERIOD, 0.0, self._update)
+
+    @abstractmethod
+    def wanted(self, t: float, measured: Array) -> Array:
+        """(delta [rad], tau [N m]) for a time [s], from the measured state [7], before limits."""
+
+    def command(self, t: float, measured: Array) -> Array:
+        """The same within limits."""
+        return np.clip(self.wanted(t, measured), self._low, self._high)
+
+    def first(self, t: float, measured: Array) -> Array:
+        """The command that the first plan goes on from."""
+        return self.command(t, measured)
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        t, measured = context.get_time(), self._measured.Eval(context)
+        plan, start = context.get_discrete_state(self._plan).value(), t + ROW_PERIOD
+        last = self.first(t, measured) if np.isnan(plan[0]) else plan[3:]
+        new = self.command(start + ROW_PERIOD, measured)
+        discrete.set_value(self._plan, Plan(start, np.array([last, new])).vector())
+
 
 KNOT_SPACING = 0.1  # [s] of scripts, wander and dither
 HOLD_STATE_COST = (4.0, 0.3, 20.0, 0.05)  # of (r, v, beta, omega_r)

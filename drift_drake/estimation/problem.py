@@ -53,7 +53,7 @@ LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may 
 
 @dataclasses.dataclass(frozen=True)
 class Everyday:
-    """The misfit that a calibrated car has every day, as `identify` learns it (`diagnosis.everyday`)."""
+    """The misfit that a calibrated car has every day, as `identify` learns it (`freeform.applied`)."""
 
     forces: Mapping[str, Sequence[float]]  # by channel, weights of `freeform.state_functions` in `freeform.FORCE_UNIT`
     offsets: Mapping[str, float]  # of sensors, in noise levels

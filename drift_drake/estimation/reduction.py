@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import Fit, minimise, sensitivity
+from drift_drake.estimation.freeform import with_more_process_noise
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, prediction_squares, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
 from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations

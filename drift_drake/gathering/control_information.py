@@ -23,7 +23,7 @@ import numpy as np
 from drift_drake.arrays import Array
 from drift_drake.control.plan import DT
 from drift_drake.control.tracking import lqr_gains
-from drift_drake.gathering.predictive_information import NarrowingCost, feature_rows
+from drift_drake.gathering.information import NarrowingCost, feature_rows
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands

@@ -14,9 +14,8 @@ from drift_drake.gathering.config import GatheringConfig, Objective
 from drift_drake.gathering.control_information import ControlInformation, figure_8_task
 from drift_drake.gathering.course import lane_data, positions
 from drift_drake.gathering.feature_cost import InformationCost
-from drift_drake.gathering.information import StageInformation, UpdatedInformation
+from drift_drake.gathering.information import PredictiveInformation, StageInformation, UpdatedInformation
 from drift_drake.gathering.lane import FEASIBLE, bound_end, bound_slip
-from drift_drake.gathering.predictive_information import PredictiveInformation
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.feature_expansion import Expansions
 from drift_drake.model.posterior import Posterior, weighed

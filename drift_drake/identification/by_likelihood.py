@@ -24,7 +24,7 @@ from drift_drake.identification.unknowns import (
     widened,
 )
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters

@@ -13,7 +13,7 @@ from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded,
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.unknowns import KEEPS
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

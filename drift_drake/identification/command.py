@@ -12,9 +12,8 @@ from drift_drake.errors import significant, unit_suffix
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import case_paths
-from drift_drake.progress import progress_bar
 from drift_drake.safe_files import try_outputs, write_text
-from drift_drake.standard_output import STANDARD_OUTPUT, command_line, said_to, write_results
+from drift_drake.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
 

@@ -18,9 +18,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.derivatives import Derivatives
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.fit import prior_precision
+from drift_drake.estimation.fit import Derivatives, prior_precision
 from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
 from drift_drake.estimation.problem import Everyday
 from drift_drake.estimation.reduction import FOLDS, measured_fold, with_folds

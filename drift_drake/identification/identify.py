@@ -26,7 +26,7 @@ from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.identification.unknowns import check_effect_names
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -30,7 +30,7 @@ from drift_drake.model.features import (
     network_inputs,
     places_of_inputs,
 )
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.step_model import CURVATURE_STEP, CostExpansion, StepModel, block_scale
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.model.features import STATE_COUNT
-from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.bicycle import linearize_point
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable

@@ -13,8 +13,7 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.model.command_lag import lag_factors
-from drift_drake.vehicle.bicycle import static_loads
-from drift_drake.vehicle.bicycle_jacobian import slip_point
+from drift_drake.vehicle.bicycle import slip_point, static_loads
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable

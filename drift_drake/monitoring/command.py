@@ -57,11 +57,19 @@ def run_watch(command: Watch) -> None:
     try_outputs({"--json": command.json, "--page": command.page}, inputs)
     with ended_at_once():
         from drift_drake.logs.table import read_run
-        from drift_drake.monitoring.events import sentence
-        from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
-        from drift_drake.monitoring.monitor import BLOCK
+        from drift_drake.monitoring.monitor import BLOCK, sentence
         from drift_drake.monitoring.normal import calibrated_monitor, read_normal_scores
-        from drift_drake.monitoring.watch import Row, monitor_of, rows_of, watched
+        from drift_drake.monitoring.watch import (
+            Row,
+            as_rows,
+            growing_lines,
+            growing_rows,
+            head_of,
+            monitor_of,
+            on_the_clock,
+            rows_of,
+            watched,
+        )
 
     rows: Iterator[Row]
     monitor_for = functools.partial(monitor_of, vehicle=vehicle, own=own)

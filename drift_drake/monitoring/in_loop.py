@@ -10,12 +10,10 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, L
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring.bank import BankState
-from drift_drake.monitoring.correction import GapCorrection
-from drift_drake.monitoring.events import Events
+from drift_drake.monitoring.correction import GapCorrection, SlowDown
 from drift_drake.monitoring.evidence import TRUSTED
 from drift_drake.monitoring.history import Sums
-from drift_drake.monitoring.monitor import Monitor, State, after_row
-from drift_drake.monitoring.slow_down import SlowDown
+from drift_drake.monitoring.monitor import Events, Monitor, State, after_row
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
 from drift_drake.vehicle.step_model import StepModel
 

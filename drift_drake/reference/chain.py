@@ -13,7 +13,7 @@ from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.reference.path import Path
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 SPACING = 0.2  # [m] between nodes

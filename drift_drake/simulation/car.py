@@ -3,8 +3,7 @@
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drift_drake.sensing.delay import TransportDelay
-from drift_drake.sensing.sensors import NoiseLevels, Sensors
+from drift_drake.sensing.sensors import NoiseLevels, Sensors, TransportDelay
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import Effects

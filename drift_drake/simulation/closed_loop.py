@@ -18,25 +18,24 @@ from drift_drake.control.own_controller import Controller, ControllerSystem
 from drift_drake.control.plan import DT
 from drift_drake.control.qp import QpMethod
 from drift_drake.control.sqp import SqpOptions
+from drift_drake.control.stopping import SafeStop
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
+from drift_drake.monitoring.correction import SlowDown
 from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_ports, slowing, watching
 from drift_drake.monitoring.monitor import Monitor
-from drift_drake.monitoring.slow_down import SlowDown
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import Innovation, Screen
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.change import Change, check_change, make_change, with_patches
 from drift_drake.simulation.fault_systems import FaultPoints
-from drift_drake.simulation.faults import Fault, patches
+from drift_drake.simulation.faults import Change, Fault, check_change, make_change, patches, with_patches
 from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
 from drift_drake.simulation.metrics import RunMetrics, run_metrics
 from drift_drake.simulation.runner import LogFile, Logs, make_simulator, read_log
-from drift_drake.simulation.safe_stop import SafeStop
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import COUNT, Effects
@@ -101,7 +100,7 @@ class ClosedLoop:
         plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
         faults: what goes wrong in the loop.
         monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`).
-        policy: what follows from it: `monitoring.correction`, with an `EffectsStepModel`; `monitoring.slow_down`.
+        policy: what follows from it: `GapCorrection`, with an `EffectsStepModel`; `SlowDown`.
         controller: one of your own in place of the predictive one and its model.
 
     Raises:

@@ -14,10 +14,9 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
-from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
 from drift_drake.monitoring.live_page import shown_while
-from drift_drake.monitoring.monitor import make_monitor
+from drift_drake.monitoring.monitor import make_monitor, sentence
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead

@@ -3,7 +3,7 @@
 All effects live in one function, `motion_with_effects`, in which a magnitude of zero switches an effect off; with all
 at zero it is `bicycle.motion`. Effects with memory (lags, relaxation, heat, filtered load transfer) own the states of
 `Memory`. Transport delays act on the commands before they enter here (`delays`), and the sensors' effects act on what
-is measured (`measured`); delays of either are systems of their own (`drift_drake.sensing.delay`).
+is measured (`measured`); delays of either are systems of their own (`drift_drake.sensing.sensors`).
 """
 
 from collections import namedtuple

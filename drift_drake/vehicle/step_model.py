@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.vehicle.bicycle_jacobian import linearize_point
+from drift_drake.vehicle.bicycle import linearize_point
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 

@@ -35,8 +35,8 @@ from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
-from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.faults import Change
 from drift_drake.simulation.metrics import before_spin
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -138,7 +138,7 @@ def _said(value: float, digits: int) -> str:
 
 
 def refusal_sentence(summary: dict[str, Any]) -> str:
-    """What the lane's logs said beforehand (`drift_drake.gathering.trust`); empty where it was not asked."""
+    """What the lane's logs said beforehand (`drift_drake.gathering.choice`); empty where it was not asked."""
     parts = [
         f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
         f"{s['not_completed_and_not_refused']} of the others were not completed"

@@ -22,9 +22,8 @@ import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import Believed, IdentifiedCar
+from drift_drake.gathering.choice import Believed, IdentifiedCar, Usual, usual_for
 from drift_drake.gathering.config import Recipe
-from drift_drake.gathering.trust import Usual, usual_for
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model

@@ -27,7 +27,7 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.drake_cases import drake_case
 from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.benchmarks.truths import Truth, drawn_truth, true_car
-from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import figure_8

@@ -12,12 +12,11 @@ import pandas as pd
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import IdentifiedCar, forecasts, identified, runs_of
+from drift_drake.gathering.choice import IdentifiedCar, forecasts, identified, runs_of, squared_distances
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import lane
 from drift_drake.gathering.gather import drive_samples, gather, learn_drive
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.gathering.trust import squared_distances
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
@@ -41,7 +40,9 @@ class Taught:
     """Of one attempt."""
 
     beliefs: dict[str, Posterior]  # "once_ocp", "once_info", "twice_info", as far as wanted and found
-    surprise: float | None  # mean squared distance of the first informative drive (`gathering.trust`); None without one
+    surprise: (
+        float | None
+    )  # mean squared distance of the first informative drive (`gathering.choice`); None without one
     car: IdentifiedCar | None = None  # that the informative drives identify, where that was wanted and found
     forecasts: tuple[float, float] | None = None  # how far off the learnt model and that car are (`gathering.choice`)
 

@@ -20,11 +20,9 @@ import numpy as np
 from diagrams.command import run_command
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering import replan
 from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.gather import gather, learn_drive
+from drift_drake.gathering.gather import gather, learn_drive, plan_rest
 from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive
-from drift_drake.gathering.replan import plan_rest
 from drift_drake.model.checkpoint import load_model
 from drift_drake.run_folder import machine, make_run_folder
 from drift_drake.vehicle.effects import Effects
@@ -95,7 +93,7 @@ def replanned(first: Trajectory, effects: Effects, gathering: GatheringConfig, s
         found.append(numbers)
         return plan
 
-    with mock.patch.object(replan, "plan_rest", kept):
+    with mock.patch("drift_drake.gathering.gather.plan_rest", kept):
         config = dataclasses.replace(gathering, replan=REPLAN)
         gather(first, effects, model.vehicle, config, seed, learning=(model, model.prior()))
     return found[len(found) // 2]

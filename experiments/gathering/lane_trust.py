@@ -3,7 +3,7 @@
     python -m experiments.gathering.lane_trust
     python -m experiments.gathering.lane_trust --checkpoint runs/bayesian_model.npz --keep runs/lane_trust.json
 
-The mean squared distance of the first drive's innovations (`drift_drake.gathering.trust`), and how far off half a
+The mean squared distance of the first drive's innovations (`drift_drake.gathering.choice`), and how far off half a
 second ahead the model and the car that the drives identify are after two (`drift_drake.gathering.choice`), give three
 limits on validation vehicles. Held-out, `wide` and `extreme` vehicles, and held-out ones as a double-track car, are
 judged by them. Written: numbers.json, report.md, lane_trust.png. Broken off, it goes on where it was (give --out). With
@@ -23,9 +23,8 @@ from diagrams.command import run_command
 from drift_drake.arrays import Array
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.choice import Believed
+from drift_drake.gathering.choice import REFUSED, Believed, Usual, familiar_from, keep_usual
 from drift_drake.gathering.config import Recipe
-from drift_drake.gathering.trust import REFUSED, Usual, familiar_from, keep_usual
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions

@@ -25,8 +25,7 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
-from drift_drake.drives.drivers import HoldDriver, dither, manual_script, wander
-from drift_drake.drives.row_by_row import ROW_PERIOD
+from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import COLUMNS, Run, write_run

@@ -32,9 +32,8 @@ from drift_drake.monitoring.normal import with_normal
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.run_folder import is_done, write_json, write_versions
-from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop
-from drift_drake.simulation.faults import Fault
+from drift_drake.simulation.faults import Change, Fault
 from drift_drake.simulation.true_plant import plant_of
 from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.effects import Effects, make_effects

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
-from drift_drake.monitoring.events import PERSISTS, UNKNOWN_PERSISTS
 from drift_drake.monitoring.evidence import ALARM, NAMED
+from drift_drake.monitoring.monitor import PERSISTS, UNKNOWN_PERSISTS
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is
@@ -58,7 +58,7 @@ def episodes(t: np.ndarray, alarm: np.ndarray) -> int:
 
 
 def named_at(t: np.ndarray, leading: np.ndarray, sure: np.ndarray) -> tuple[float, str]:
-    """The first cause that is sure in enough verdicts in a row to be reported (`monitoring.events`), and when [s]."""
+    """The first cause that is sure in enough verdicts in a row to be reported (`monitoring.monitor`), and when [s]."""
     count, before = 0, ""
     for now, name, is_sure in zip(t, leading, sure, strict=True):
         count = (count * (name == before) + 1) if is_sure else 0

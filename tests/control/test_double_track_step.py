@@ -11,7 +11,7 @@ from pydrake.systems.primitives import Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.control.double_track_step import OWN_SCALE, SIZE, DoubleTrackStepModel
-from drift_drake.control.memory_observer import MemoryObserver
+from drift_drake.control.effects_step import MemoryObserver
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.metrics import RunMetrics

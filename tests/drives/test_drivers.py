@@ -14,7 +14,7 @@ from drift_drake.drives.drivers import (
     wander,
 )
 from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CAR = VehicleParameters()

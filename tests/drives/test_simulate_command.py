@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from drift_drake.cli import main
-from drift_drake.drives.manoeuvres import MANOEUVRES
+from drift_drake.drives.simulate import MANOEUVRES
 from drift_drake.logs.table import read_run
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

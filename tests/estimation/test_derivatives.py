@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.derivatives import Derivatives
+from drift_drake.estimation.fit import Derivatives
 
 PARAMETERS = 7
 

@@ -7,8 +7,7 @@ import pytest
 
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
-from drift_drake.estimation.everyday import applied, traced, with_more_process_noise
-from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT, applied, traced, with_more_process_noise
 from drift_drake.estimation.problem import Everyday, filter_case, flat, make_problem
 from drift_drake.vehicle.parameters import VehicleParameters
 

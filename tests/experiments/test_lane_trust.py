@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.drives.vehicles import EXTREME
-from drift_drake.gathering.trust import usual_for
+from drift_drake.gathering.choice import usual_for
 from drift_drake.model.checkpoint import load_model
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught

@@ -15,9 +15,8 @@ from small_recordings import small_recordings
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.importing.look import look
-from drift_drake.monitoring.follow import as_rows, growing_rows, head_of, on_the_clock
 from drift_drake.monitoring.monitor import Monitor, after_row, make_monitor
-from drift_drake.monitoring.watch import monitor_of
+from drift_drake.monitoring.watch import as_rows, growing_rows, head_of, monitor_of, on_the_clock
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from control_problems import check_against_referees, check_curvature, check_gradient, lane_ocp, stages
 
-from drift_drake.gathering.information import StageInformation
-from drift_drake.gathering.predictive_information import PredictiveInformation
+from drift_drake.gathering.information import PredictiveInformation, StageInformation
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import predict, update_all

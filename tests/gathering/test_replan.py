@@ -11,12 +11,11 @@ import pytest
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.errors import InvalidOptionError
-from drift_drake.gathering import replan
+from drift_drake.gathering import gather as gathering
 from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.gather import gather, learn_drive, taught
+from drift_drake.gathering.gather import gather, learn_drive, plan_rest, rest_of_drive, rest_of_plan, taught
 from drift_drake.gathering.lane import problem_data
 from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive, round_alpha
-from drift_drake.gathering.replan import plan_rest, rest_of_drive, rest_of_plan
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, step_model
@@ -82,7 +81,7 @@ def driven(model: BayesianModel, info: Trajectory) -> tuple[pd.DataFrame, list[t
         return found[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replan, "plan_rest", kept)
+        patch.setattr(gathering, "plan_rest", kept)
         table, ending = gather(info, EFFECTS, PARAMETERS, CONFIG, 3, learning=(model, model.prior()))
     assert ending == "time"
     return table, given, found
@@ -141,7 +140,7 @@ def test_where_no_rest_is_found_the_plan_before_goes_on(
     model: BayesianModel, info: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failed = SimpleNamespace(failed=True, primal_residual=0.0)
-    monkeypatch.setattr(replan, "LineSearchSqp", lambda *_: SimpleNamespace(solve=lambda _: failed))
+    monkeypatch.setattr(gathering, "LineSearchSqp", lambda *_: SimpleNamespace(solve=lambda _: failed))
     belief: Posterior = model.prior()
     left = rest_of_plan(info, 5)
     assert plan_rest(model, belief, left, rest_of_drive(CONFIG, 5), 8.0, info.x[5], info.u[5]) is left

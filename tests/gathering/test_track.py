@@ -10,9 +10,16 @@ import pytest
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.course import curvature_along, lane, lane_data, positions
-from drift_drake.gathering.gather import drive_samples, gather, learn_drive, taught
+from drift_drake.gathering.gather import (
+    continued,
+    drive_samples,
+    gather,
+    learn_drive,
+    rest_of_drive,
+    rest_of_plan,
+    taught,
+)
 from drift_drake.gathering.plan import Trajectory, information_expected, information_gained, plan_drive
-from drift_drake.gathering.replan import continued, rest_of_drive, rest_of_plan
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.reference.stadium import Stadium
 from drift_drake.vehicle.effects import make_effects

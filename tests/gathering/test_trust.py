@@ -10,10 +10,10 @@ from scipy.stats import t as student
 
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.choice import Familiar, Usual, familiar_from, keep_usual, squared_distances, usual_for
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import Trajectory, plan_drive
-from drift_drake.gathering.trust import Familiar, Usual, familiar_from, keep_usual, squared_distances, usual_for
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.features import features, network_inputs

@@ -8,8 +8,7 @@ import pytest
 
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
-from drift_drake.estimation.everyday import traced
-from drift_drake.estimation.freeform import FORCE_CHANNELS, responses
+from drift_drake.estimation.freeform import FORCE_CHANNELS, responses, traced
 from drift_drake.estimation.problem import filter_case, flat, make_problem
 from drift_drake.estimation.reduction import FOLDS, measured_fold
 from drift_drake.estimation.regression import Responses, equations, summed_equations

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from drift_drake.estimation.derivatives import Derivatives
+from drift_drake.estimation.fit import Derivatives
 from drift_drake.estimation.run_data import prepare_run
 from drift_drake.identification.everyday_misfit import widening
 from drift_drake.logs.table import Run

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.drives.drivers import HoldDriver, dither, wander
-from drift_drake.drives.row_by_row import ROW_PERIOD
+from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs

@@ -3,9 +3,9 @@
 import numpy as np
 
 from drift_drake.monitoring.bank import Node
-from drift_drake.monitoring.events import sentence
 from drift_drake.monitoring.evidence import evidence_problem
 from drift_drake.monitoring.history import Sums, no_history, with_block
+from drift_drake.monitoring.monitor import sentence
 from drift_drake.monitoring.watch import mistakable
 
 NODES = [

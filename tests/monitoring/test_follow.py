@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.monitoring.follow import as_rows, growing_lines, growing_rows, head_of, on_the_clock
+from drift_drake.monitoring.watch import as_rows, growing_lines, growing_rows, head_of, on_the_clock
 
 HEADER = "t,r,v,beta,omega_r,delta_cmd,tau_cmd\n"
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from drift_drake.control.plan import plan_size
+from drift_drake.monitoring.correction import SlowDown, safe_pace, slowed
 from drift_drake.monitoring.monitor import make_monitor
-from drift_drake.monitoring.slow_down import SlowDown, safe_pace, slowed
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.sensing.screening import ReadingKind
-from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.faults import Change
 from drift_drake.vehicle.effects import COUNT, Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel

@@ -13,10 +13,9 @@ pytest.importorskip("hypothesis", reason="properties need the extra `test`")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drift_drake.logs.importing.frames import FRAMES, MIRRORED
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import mapping_from_dict
-from drift_drake.logs.importing.units import DIMENSIONS, QUANTITIES, factor
+from drift_drake.logs.importing.units import DIMENSIONS, FRAMES, MIRRORED, QUANTITIES, factor
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, read_run
 
 few = settings(max_examples=12, deadline=None, derandomize=True, database=None)

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.sensing.delay import TransportDelay
+from drift_drake.sensing.sensors import TransportDelay
 
 KNOTS = np.arange(0.0, 1.01, 0.01)
 SIGNAL = np.stack([np.sin(7.0 * KNOTS) + 1.0, np.sign(np.sin(40.0 * KNOTS))])  # linear between the rows only

@@ -16,9 +16,9 @@ from drift_drake.model.features import MEAN_COUNT
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.change import Change
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build
+from drift_drake.simulation.faults import Change
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from drift_drake.drives.dataset import DECIMATION, samples_from_log
-from drift_drake.drives.drivers import HoldDriver, dither
-from drift_drake.drives.row_by_row import ROW_PERIOD
+from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.logs.table import COLUMNS, read_case
 from drift_drake.model.samples import load_samples

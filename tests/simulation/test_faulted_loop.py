@@ -15,8 +15,8 @@ from drift_drake.errors import DriftDrakeError, InvalidOptionError
 from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.actuation import LinearInterpolationActuator, PlanStatus
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.change import Change
 from drift_drake.simulation.drive_command import ClosedLoopConfig, main
+from drift_drake.simulation.faults import Change
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError

@@ -9,9 +9,8 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from drift_drake.errors import InvalidOptionError
 from drift_drake.sensing.screening import FROZEN, ReadingKind, Screen, reading_kind
 from drift_drake.sensing.sensors import MEASURED_STATE
-from drift_drake.simulation.change import Change, with_patches
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
-from drift_drake.simulation.faults import Fault, parse_fault, patch_friction
+from drift_drake.simulation.faults import Change, Fault, parse_fault, patch_friction, with_patches
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

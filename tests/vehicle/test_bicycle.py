@@ -13,12 +13,12 @@ from drift_drake.vehicle.bicycle import (
     derivatives,
     front_contact_velocity,
     front_slip,
+    linearize,
     motion,
     path_rates,
     static_loads,
     world_rates,
 )
-from drift_drake.vehicle.bicycle_jacobian import linearize
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.tyre import tyre_force

@@ -6,7 +6,7 @@ from plant_bench import ACTUATION, MANY_EFFECTS, PARAMETERS, STATE, prepared, s_
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.symbolic import Expression, MakeVectorVariable
 
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.plant import (

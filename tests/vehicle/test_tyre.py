@@ -33,7 +33,7 @@ import numpy as np
 from pydrake.symbolic import Expression
 from drift_drake import ClosedLoop, Mpc, NominalStepModel, VehicleParameters, VehiclePlant, figure_8, make_effects
 from drift_drake.vehicle.bicycle import motion, static_loads
-from drift_drake.vehicle.bicycle_jacobian import linearize
+from drift_drake.vehicle.bicycle import linearize
 
 car = VehicleParameters(tyre="smooth")
 brush = car.replace(tyre="brush")

@@ -11,15 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.another_day.beliefs import day_beliefs
-from drift_drake.diagnosis.another_day.changed_car import judged, stated
+from drift_drake.diagnosis.another_day.changed_car import judged, reduction, stated, where
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
-from drift_drake.diagnosis.another_day.gap import reduction, where
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import (
     PRIORS,
     at_bound,
+    day_beliefs,
     interval,
     not_excluded,
     ranked,
@@ -37,7 +36,7 @@ from drift_drake.estimation.usable import seen_effects, usable
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

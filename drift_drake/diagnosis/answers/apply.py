@@ -7,12 +7,12 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.answers.answer import Answer, read_answer
 from drift_drake.diagnosis.answers.provenance import check_diagnosed
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
-from drift_drake.vehicle.effects import magnitudes_of
+from drift_drake.vehicle.effects import Effects, combined, magnitudes_of, make_effects
+from drift_drake.vehicle.parameters import RELATIVE, VehicleParameters
 from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
@@ -52,3 +52,32 @@ def run_apply(command: Apply) -> None:
     print(f"{command.out}: {answer.sentence()}", file=said_to(command.json))
     applied = {"out": command.out, "verdict": answer.verdict, "effects": magnitudes_of(effects), "vehicle": vehicle}
     write_results(command.json, applied)
+
+
+def corrected_vehicle(
+    vehicle: VehicleParameters,
+    answer: Answer,
+    tolerances: bool = True,
+    own: Effects = Effects(),  # noqa: B008 (immutable)
+) -> tuple[VehicleParameters, Effects]:
+    """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
+
+    Args:
+        tolerances: whether the deviations within tolerance that were found beside them are applied too;
+        own: effects that the vehicle had before.
+    """
+    magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
+    for name, value in answer.details.get("with", {}).items() if answer.causes else ():
+        magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
+    if tolerances:
+        n, t = answer.tolerances, vehicle.tolerance
+        changes = {name: getattr(vehicle, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
+        shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
+        changes["front_axle_distance"] = vehicle.front_axle_distance + shift
+        changes["rear_axle_distance"] = vehicle.rear_axle_distance - shift
+        changes["gear_ratio"] = vehicle.gear_ratio * (1.0 + n.get("torque", 0.0) * t.torque)
+        offset = n.get("steering_offset", 0.0) * t.steering_offset
+        if offset != 0.0:
+            magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset
+        vehicle = vehicle.replace(**changes)
+    return vehicle, combined(own, make_effects(magnitudes))

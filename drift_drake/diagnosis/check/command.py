@@ -20,7 +20,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.logs.screening.quality import RunQuality
+    from drift_drake.logs.screening.screened import RunQuality
     from drift_drake.logs.table import Run
     from drift_drake.vehicle.effects import Effects
     from drift_drake.vehicle.parameters import VehicleParameters
@@ -77,7 +77,7 @@ def run_check(command: Check) -> None:
     try_outputs({"--json": command.json}, inputs)
     runs = read_case(command.logs)
     with ended_at_once():
-        from drift_drake.logs.screening.quality import quality
+        from drift_drake.logs.screening.screened import quality
 
     found, remarks = quality(runs)
     checked = Checked(case_name(command.logs), found, remarks)

@@ -7,8 +7,8 @@ from typing import Any
 from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.diagnose_day import search_of
 from drift_drake.diagnosis.likelihood.isolability import isolability
-from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import no_effects
+from drift_drake.estimation.freeform import applied
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import make_problem
 from drift_drake.estimation.usable import part_of, seen_effects

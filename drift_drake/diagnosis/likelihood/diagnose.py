@@ -10,16 +10,15 @@ from drift_drake.diagnosis.likelihood.learned import learned
 from drift_drake.diagnosis.likelihood.search import search
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, read_constants
 from drift_drake.diagnosis.shared.where import find_gap
-from drift_drake.estimation.everyday import applied
 from drift_drake.estimation.fit import Fit
-from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.freeform import applied, misfit
 from drift_drake.estimation.problem import Everyday, Problem, make_problem
 from drift_drake.estimation.reduction import Reduction, errors_of, without_effects
 from drift_drake.estimation.regression import Regression
 from drift_drake.estimation.usable import MOST_SECONDS, part_of, seen_effects, usable
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -64,7 +63,7 @@ def diagnose(
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
         catalogue: names of the effects to consider; process_scale, noise_scale, stated, row_weight: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them;
-        everyday: misfit that is no gap, with a row weight of its own (`everyday.applied`);
+        everyday: misfit that is no gap, with a row weight of its own (`freeform.applied`);
         most_seconds: of logs that are looked at; of longer ones pieces spread evenly over them (`part_of`).
 
     Raises:

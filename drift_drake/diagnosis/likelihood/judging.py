@@ -17,9 +17,8 @@ from drift_drake.diagnosis.shared.posterior import (
     implausibility,
     make_posterior,
 )
-from drift_drake.estimation.everyday import traced
 from drift_drake.estimation.fit import Fit, no_effects, prior_precision
-from drift_drake.estimation.freeform import misfit, responses
+from drift_drake.estimation.freeform import misfit, responses, traced
 from drift_drake.estimation.interval import TWO_SIDED, Interval
 from drift_drake.estimation.prior import bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat

@@ -14,9 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.estimation.derivatives import Derivatives
-from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.fit import (
+    Derivatives,
     Fit,
     conclude,
     cost_of,
@@ -26,9 +25,10 @@ from drift_drake.estimation.fit import (
     prior_precision,
     sensitivity,
 )
+from drift_drake.estimation.freeform import with_more_process_noise
 from drift_drake.estimation.prior import TOLERANCE_OF, bounds, starts
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
-from drift_drake.progress import Progress
+from drift_drake.standard_output import Progress
 
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from drift_drake.diagnosis.another_day.changed_car import squares
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-from drift_drake.diagnosis.another_day.gap import squares
 from drift_drake.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN

@@ -15,10 +15,9 @@ from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, hypothesis_name
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, REACH
 from drift_drake.errors import significant
-from drift_drake.estimation.everyday import with_more_process_noise
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import Fit, no_effects
-from drift_drake.estimation.freeform import misfit
+from drift_drake.estimation.freeform import misfit, with_more_process_noise
 from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predicted_ahead, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
 from drift_drake.estimation.reduction import at_judged, errors_of, share_removed

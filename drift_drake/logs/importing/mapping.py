@@ -8,8 +8,7 @@ from typing import Any
 
 from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
-from drift_drake.logs.importing.frames import FRAMES
-from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
+from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimension, units_of
 from drift_drake.logs.table import COLUMNS
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
-from drift_drake.logs.importing.frames import to_iso8855
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
-from drift_drake.logs.importing.units import factor
+from drift_drake.logs.importing.units import factor, to_iso8855
 from drift_drake.logs.plausible import ABSURD, LARGEST
 
 Rows = NDArray[np.int64]

@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.relations import KINDS, Relation, relations
+from drift_drake.logs.screening.relations import KINDS, Relation, Windows, relations, windows_of
 from drift_drake.logs.screening.screened import screen
-from drift_drake.logs.screening.windows import Windows, windows_of
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -8,9 +8,8 @@ from pydrake.common.containers import namedview
 
 from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion, settled_states
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.vehicle.double_track.tires import TireConstants
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError

@@ -8,8 +8,8 @@ from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import world_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
-from drift_drake.vehicle.double_track.constants import DoubleTrackConstants
 from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion, settled_states
+from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable
 

@@ -12,7 +12,7 @@ from drift_drake.diagnosis.another_day.diagnose_day import brought_along, ranked
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
 from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
 from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.estimation.reduction import Reduction
 from drift_drake.logs.table import InvalidLogError
 

@@ -8,7 +8,7 @@ import pytest
 from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.windows import HORIZONS, PREDICTED
-from drift_drake.logs.importing.frames import MIRRORED
+from drift_drake.logs.importing.units import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
 from drift_drake.vehicle.effects import Effects
 

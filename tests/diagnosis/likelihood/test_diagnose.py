@@ -9,7 +9,7 @@ import pytest
 from browser import check_charts, needs_browser
 
 from drift_drake.diagnosis.answers.answer import InvalidAnswerError, read_answer
-from drift_drake.diagnosis.answers.correction import corrected_vehicle
+from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.diagnosis.likelihood.isolability import Isolability
 from drift_drake.diagnosis.reports.report import report_html

@@ -7,8 +7,6 @@ import pytest
 
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.constants import changed_constants
-from drift_drake.vehicle.double_track.loads import roll_arm_moment, sprung_mass, wheel_loads
 from drift_drake.vehicle.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -16,10 +14,13 @@ from drift_drake.vehicle.double_track.motion import (
     double_track_motion,
     ground_wrench,
     road_wheel_angles,
+    roll_arm_moment,
     settled_states,
+    sprung_mass,
     wheel_forces,
+    wheel_loads,
 )
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters, changed_constants
 from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.plant import OFF_THE_MOTION

@@ -1,5 +1,7 @@
 """The names of the library: each is imported from its module when it is first used."""
 
+from .control.controller import Controller as Controller
+from .control.controller import ControllerSystem as ControllerSystem
 from .control.controller import MpcController as MpcController
 from .control.effects_step import EffectsStepModel as EffectsStepModel
 from .control.mpc import Mpc as Mpc
@@ -9,8 +11,6 @@ from .control.ocp import OcpData as OcpData
 from .control.ocp import OcpWeights as OcpWeights
 from .control.ocp import OptimalControlProblem as OptimalControlProblem
 from .control.ocp import ocp as ocp
-from .control.own_controller import Controller as Controller
-from .control.own_controller import ControllerSystem as ControllerSystem
 from .control.plan import Plan as Plan
 from .diagnosis.answers.answer import Answer as Answer
 from .diagnosis.answers.answer import read_answer as read_answer

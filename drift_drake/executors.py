@@ -32,6 +32,10 @@ from drift_drake.errors import DriftDrakeError, InvalidOptionError
 from drift_drake.interruption import ctrl_c_waits, signals_wait
 
 ENDED_WITH_PARENT = 1  # exit code of a worker
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+Submit = Callable[..., "concurrent.futures.Future[Any]"]
+ATTEMPTS = 3  # at a job whose worker process ends before it does
 
 
 class _Worker(SpawnProcess):
@@ -80,13 +84,6 @@ def end_with_parent() -> None:
         os._exit(ENDED_WITH_PARENT)
 
     threading.Thread(target=end, daemon=True).start()
-
-
-Job = TypeVar("Job")
-Result = TypeVar("Result")
-Submit = Callable[..., "concurrent.futures.Future[Any]"]
-
-ATTEMPTS = 3  # at a job whose worker process ends before it does
 
 
 @dataclasses.dataclass(frozen=True)

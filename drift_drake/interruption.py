@@ -14,6 +14,8 @@ ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)
 """What a command says when it is ended by a signal, and its exit code."""
 IMPORTER = "<frozen importlib._bootstrap>"  # the file of Python's own frames while it imports
 AGAIN = 0.05  # [s] after which a signal that came within an import comes again
+BAD_INPUT = 2  # exit code for input that cannot be used
+NOT_READ = 141  # where standard output is closed by its reader, as of other programs in a shell
 
 
 class TerminatedError(BaseException):
@@ -108,10 +110,6 @@ def _answered(end: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-BAD_INPUT = 2  # exit code for input that cannot be used
-NOT_READ = 141  # where standard output is closed by its reader, as of other programs in a shell
 
 
 def ended_well(run: Callable[[], int], prefix: str, kept: str) -> int:

@@ -19,6 +19,8 @@ from drift_drake.errors import OutputError
 
 PARTIAL = ".part-"  # how the folders' names begin; eight hexadecimal digits follow
 _NAME = re.compile(re.escape(PARTIAL) + "[0-9a-f]{8}")
+STANDARD_OUTPUT = Path("-")
+PROBE = 4096  # bytes that must fit where a result is to be written
 
 
 @contextlib.contextmanager
@@ -79,10 +81,6 @@ def _opened(folder: Path) -> Iterator[int]:
         yield number
     finally:
         os.close(number)
-
-
-STANDARD_OUTPUT = Path("-")
-PROBE = 4096  # bytes that must fit where a result is to be written
 
 
 @contextlib.contextmanager

@@ -18,6 +18,8 @@ from drift_drake.run_folder import to_json
 from drift_drake.safe_files import STANDARD_OUTPUT
 
 __all__ = ["STANDARD_OUTPUT", "said_to", "write_results", "write_text"]
+Progress = Callable[[str, float], None]
+"""Is told a stage's name and the share done."""
 
 
 def said_to(json: Path | None) -> TextIO:
@@ -65,10 +67,6 @@ def command_line(name: str, command: Any, positional: str) -> str:
 
 def _words(value: Any) -> list[str]:
     return list(map(str, value)) if isinstance(value, tuple) else [str(value)]
-
-
-Progress = Callable[[str, float], None]
-"""Is told a stage's name and the share done."""
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.course import lane_for_pictures
+from drift_drake.gathering.config import lane_for_pictures
 from drift_drake.logs.table import read_case
 from drift_drake.pages import page as pages
 from drift_drake.pictures.overhead import overhead

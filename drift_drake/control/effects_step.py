@@ -31,6 +31,16 @@ from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 from drift_drake.vehicle.step_model import STEP, SUBSTEPS, NominalStepModel, StepModel
 
+MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
+STATE_SIZE = 6 + MEMORIES
+COMPLEX_STEP = 1e-30
+STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
+FASTEST = 30.0  # [m/s] at which slips still settle so
+PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
+              "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
+"""Effects that only change the car's constants: nothing of the motion then depends on a memory."""
+BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
+
 
 class RememberingModel(Protocol):
     """What `MemoryObserver` asks of a step model of n = 6 + m states."""
@@ -97,17 +107,6 @@ class MemoryObserver(LeafSystem):
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         discrete.set_value(self._now(context))
-
-
-MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
-STATE_SIZE = 6 + MEMORIES
-COMPLEX_STEP = 1e-30
-STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
-FASTEST = 30.0  # [m/s] at which slips still settle so
-PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
-              "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
-"""Effects that only change the car's constants: nothing of the motion then depends on a memory."""
-BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 
 def check_one_step(effects: Effects) -> None:

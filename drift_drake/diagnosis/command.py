@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
     from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 
+GAP_FOUND = 3  # exit code, where it is asked for
+
 
 @dataclasses.dataclass(frozen=True)
 class Diagnose:
@@ -81,9 +83,6 @@ class Diagnose:
     """End with exit code 3 where there is a gap (a named effect, or unknown), with 0 where there is none."""
     quiet: bool = False
     """No progress bar."""
-
-
-GAP_FOUND = 3  # exit code, where it is asked for
 
 
 def run_diagnose(command: Diagnose) -> int:

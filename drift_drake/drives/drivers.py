@@ -13,6 +13,11 @@ from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
 
 ROW_PERIOD = 0.01  # [s]
+KNOT_SPACING = 0.1  # [s] of scripts, wander and dither
+HOLD_STATE_COST = (4.0, 0.3, 20.0, 0.05)  # of (r, v, beta, omega_r)
+HOLD_INPUT_COST = (10.0, 5e-5)  # of (delta, tau)
+DITHER_STEERING = 0.02  # [rad] standard deviation
+DITHER_TORQUE = 6.0  # [N m]
 
 
 class RowByRowDriver(LeafSystem):
@@ -50,13 +55,6 @@ class RowByRowDriver(LeafSystem):
         last = self.first(t, measured) if np.isnan(plan[0]) else plan[3:]
         new = self.command(start + ROW_PERIOD, measured)
         discrete.set_value(self._plan, Plan(start, np.array([last, new])).vector())
-
-
-KNOT_SPACING = 0.1  # [s] of scripts, wander and dither
-HOLD_STATE_COST = (4.0, 0.3, 20.0, 0.05)  # of (r, v, beta, omega_r)
-HOLD_INPUT_COST = (10.0, 5e-5)  # of (delta, tau)
-DITHER_STEERING = 0.02  # [rad] standard deviation
-DITHER_TORQUE = 6.0  # [N m]
 
 
 def hold_gain(parameters: VehicleParameters, drift: DriftEquilibrium) -> Array:

@@ -24,6 +24,14 @@ from drift_drake.estimation.problem import (
 from drift_drake.vehicle.catalogue import REFERENCE
 from drift_drake.vehicle.parameters import VehicleParameters
 
+MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
+LEAST_SHARE = 0.1  # of a constant of the vehicle file
+CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
+LIMITER = NUISANCES.index("limiter_settling")
+FLAT = 1e-6  # precision of a magnitude's prior, which keeps what the data do not show from being singular
+MOST_AT_BOUNDS = 6  # parameters that a step may fix at their bounds, one after the other
+STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
+
 
 @dataclasses.dataclass(frozen=True)
 class Derivatives:
@@ -73,15 +81,6 @@ class Derivatives:
         for part, block, columns in zip(self.by_run(out), self.blocks, self.columns, strict=True):
             part[:, columns] = block
         return out
-
-
-MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
-LEAST_SHARE = 0.1  # of a constant of the vehicle file
-CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
-LIMITER = NUISANCES.index("limiter_settling")
-FLAT = 1e-6  # precision of a magnitude's prior, which keeps what the data do not show from being singular
-MOST_AT_BOUNDS = 6  # parameters that a step may fix at their bounds, one after the other
-STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
 
 
 @dataclasses.dataclass(frozen=True)

@@ -37,6 +37,8 @@ FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment",
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in, of the reference car; by weight and size of others
 PULSE = 0.5  # [s] width of a pulse
 MOST_PULSES = 40  # in one run
+COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
+STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
 
 
 class Fitted(Protocol):
@@ -172,10 +174,6 @@ def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
     return regress(
         equations(responses(problem, fit, kind), len(fit.theta), shared=kind == "functions"), fit.theta, prior
     )
-
-
-COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
-STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
 
 
 def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:

@@ -49,6 +49,13 @@ FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] t
 TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
 WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
+# Process noise of a car that is modelled well: standard deviation per root second of each filter state.
+PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
+FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
+FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
+NO_ROWS = np.empty((0, SIZE))
+NO_STATE = np.empty(0)
+NO_PUSH = np.empty((0, 3))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,12 +127,6 @@ class Problem:
     def count(self) -> int:
         """Measurements that count."""
         return int(sum(np.sum(run.counted) * np.sum(run.used) for run in self.runs))
-
-
-# Process noise of a car that is modelled well: standard deviation per root second of each filter state.
-PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
-FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
-FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
 
 
 def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
@@ -244,11 +245,6 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
         whitenings.append(w)
         innovations.append(e)
     return Gains(gains, whitenings, Filtered(innovations, problem.row_weight * logdet))
-
-
-NO_ROWS = np.empty((0, SIZE))
-NO_STATE = np.empty(0)
-NO_PUSH = np.empty((0, 3))
 
 
 def observe(

@@ -16,6 +16,10 @@ LEAST_PART = 1.5  # [s]
 LEAST_TOTAL = 5.0  # [s] of all parts
 LONGEST_FILLED = 0.1  # [s] of bad samples in a row that are filled; a longer stretch is cut out
 LISTED = 3  # stretches of one kind that are reported one by one
+MOST_SECONDS = 300.0
+PIECE = 12.0  # [s], about, that longer runs are cut into
+ROUNDING = 1e-6  # [s]
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
@@ -91,12 +95,6 @@ def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehiclePara
     total = sum(len(run) * run.period for run in kept)
     if total < LEAST_TOTAL - 1e-6:
         raise InvalidLogError(f"no run has enough to be used, {total:.3g} s in all are too little: {enough}")
-
-
-MOST_SECONDS = 300.0
-PIECE = 12.0  # [s], about, that longer runs are cut into
-ROUNDING = 1e-6  # [s]
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def part_of(runs: Sequence[Run], most: float = MOST_SECONDS) -> tuple[list[Run], list[str]]:

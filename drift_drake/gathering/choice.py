@@ -38,6 +38,8 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 # Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
+SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
+REFUSED = 0.005  # share of the training distribution's vehicles that are refused
 
 
 class IdentifiedCar(NamedTuple):
@@ -128,10 +130,6 @@ def forecasts(model: BayesianStepModel, car: IdentifiedCar | None, runs: Sequenc
     judged = [windowed(run) for run in runs]
     other = float("inf") if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
     return forecast_error(learnt_errors(model, judged)), other
-
-
-SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
-REFUSED = 0.005  # share of the training distribution's vehicles that are refused
 
 
 class Familiar(NamedTuple):

@@ -27,8 +27,7 @@ from drift_drake.gathering.information import NarrowingCost, feature_rows
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
-from drift_drake.model.feature_expansion import Expansions
-from drift_drake.model.features import MEAN_COUNT, features, network_inputs
+from drift_drake.model.features import MEAN_COUNT, Expansions, features, network_inputs
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 

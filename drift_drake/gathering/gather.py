@@ -12,8 +12,7 @@ from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.tracking import Tracked, TrackingController, tracking_gains
 from drift_drake.drives.dataset import samples_from_log
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.course import curvature_along, lane, lane_data, positions
+from drift_drake.gathering.config import GatheringConfig, curvature_along, lane, lane_data, positions
 from drift_drake.gathering.lane import FEASIBLE, problem_data
 from drift_drake.gathering.plan import (
     Trajectory,

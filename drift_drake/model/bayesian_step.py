@@ -20,12 +20,15 @@ from drift_drake.arrays import Array
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import CommandLag, lag_factors
 from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
-from drift_drake.model.feature_expansion import ExpandedMean, Expansions, FeatureExpansion, OfFeatures
 from drift_drake.model.features import (
     MEAN_COUNT,
     STATE_COUNT,
+    ExpandedMean,
+    Expansions,
+    FeatureExpansion,
     MeanFunction,
     Network,
+    OfFeatures,
     features,
     network_inputs,
     places_of_inputs,

@@ -49,6 +49,10 @@ SPREAD_AT = (0.3, 0.8)  # of the practical range, in logarithms
 LIMITS_AT = (0.0, 0.5, 1.0)
 PUSH = 0.05  # of the car's weight: the forces that no effect stands for
 FORCES = ("force_x", "force_y", "moment")
+CONSTANTS = len(Constants._fields)
+FAR = 16.0  # root of a row's squared innovations, in standard deviations; beyond twice the clipping of `monitor`
+LEFT_OUT = 0.05  # [s] of rows that are left out, then they are believed
+REGAINED = 0.1  # of the time that passes with rows that are not left out
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,12 +101,6 @@ def make_nodes(names: Sequence[str], vehicle: VehicleParameters) -> list[Node]:
     pushes = [Node(name, 1.0, 0.0, 1.0, True, tuple(push)) for name, push in
               zip(FORCES, np.diag([weight, weight, weight * wheelbase(vehicle)]).tolist(), strict=True)]  # fmt: skip
     return [node for name in names for node in effect_nodes(name, vehicle)] + pushes
-
-
-CONSTANTS = len(Constants._fields)
-FAR = 16.0  # root of a row's squared innovations, in standard deviations; beyond twice the clipping of `monitor`
-LEFT_OUT = 0.05  # [s] of rows that are left out, then they are believed
-REGAINED = 0.1  # of the time that passes with rows that are not left out
 
 
 class Bank(NamedTuple):

@@ -25,6 +25,11 @@ from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error")  # errors that a reading can lose
+GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
+PROBABLE = 0.5
+REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
+DOUBTED = 1.0  # [s] after readings were refused; a sensor's error is reported within it
+UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
 
 def cause_to_take(labels: tuple[str, ...], posterior: np.ndarray) -> str | None:
@@ -101,13 +106,6 @@ class GapCorrection(LeafSystem):
     def _calc_reading(self, context: Context, output: Any) -> None:
         held = context.get_discrete_state(self._held).value()
         output.SetFromVector(corrected_reading(self._measured.Eval(context), held))
-
-
-GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
-PROBABLE = 0.5
-REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
-DOUBTED = 1.0  # [s] after readings were refused; a sensor's error is reported within it
-UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
 
 def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:

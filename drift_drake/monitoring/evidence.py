@@ -25,6 +25,11 @@ NONE_OF_THE_CATALOGUE = 0.1  # probability that a change is
 SHAPE_ERROR = 0.15  # relative error of what an effect does (see `diagnosis.another_day.posterior`)
 AMPLITUDE_OF_UNKNOWN = 1.0  # of each node in an unknown gap, one standard deviation
 RIDGE = 1e-3  # of a score's variance: no signature is exact to more than that
+RECENT = 1.5  # [s]
+TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
+ALARM = 0.05  # probability of none, below which a change is reported
+NAMED = 0.8  # probability, from which on a cause is
+REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 
 
 class EvidenceProblem(NamedTuple):
@@ -158,13 +163,6 @@ def _verdict(
 def labels(problem: EvidenceProblem) -> tuple[str, ...]:
     """Names of the posterior's entries."""
     return (NONE, *problem.names, UNKNOWN)
-
-
-RECENT = 1.5  # [s]
-TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
-ALARM = 0.05  # probability of none, below which a change is reported
-NAMED = 0.8  # probability, from which on a cause is
-REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 
 
 def renewed(problem: EvidenceProblem, history: History, verdict: Verdict, block: float) -> tuple[History, Verdict]:

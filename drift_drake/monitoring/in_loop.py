@@ -19,6 +19,13 @@ from drift_drake.vehicle.step_model import StepModel
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
 _FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}
+PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
+FURTHER = ("magnitude", "low", "high")
+Policy = Literal["watch", "correct", "slow", "correct_or_slow", "forget"]
+"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected; an
+adapter forgets."""
+CORRECTING: tuple[Policy, ...] = ("correct", "correct_or_slow")
+SLOWING: tuple[Policy, ...] = ("slow", "correct_or_slow")
 
 
 class GapMonitor(LeafSystem):
@@ -95,17 +102,6 @@ def _state(arrays: list[np.ndarray]) -> State:
     clock, *rest = arrays
     bank, block = BankState(*rest[:5]), Sums(*(a[0] for a in rest[5:8]), *rest[8:10])
     return State(clock, bank, block, rest[10], rest[11])
-
-
-PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
-FURTHER = ("magnitude", "low", "high")
-
-
-Policy = Literal["watch", "correct", "slow", "correct_or_slow", "forget"]
-"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected; an
-adapter forgets."""
-CORRECTING: tuple[Policy, ...] = ("correct", "correct_or_slow")
-SLOWING: tuple[Policy, ...] = ("slow", "correct_or_slow")
 
 
 class Watched(NamedTuple):

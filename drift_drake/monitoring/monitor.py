@@ -39,6 +39,7 @@ FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
 TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
 SPIN = 1.2  # [rad]
+PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
 
 
 class State(NamedTuple):
@@ -167,9 +168,6 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
     return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), packed(history), values)
-
-
-PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
 
 
 @dataclasses.dataclass(frozen=True)

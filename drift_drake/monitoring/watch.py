@@ -22,6 +22,8 @@ HEAD = 3.0  # [s] of a log that the sensors' noise is taken from
 LEAST_NOISE = 0.25  # of a good inertial system's: a smoothed column hides its noise
 APART = 0.3  # relative difference of two signatures below which they are one group
 WATCHED = ("r", "v", "beta", "omega_r", "psi", "ax", "ay")
+PSI = CHANNELS.index("psi")
+POLL = 0.05  # [s] between looks at the file
 
 
 class Row(NamedTuple):
@@ -105,10 +107,6 @@ def mistakable(problem: EvidenceProblem, history: History, edge: float, name: st
     cosine = sign * (unit.T @ unit[:, leading])
     like = np.where(problem.signed, np.abs(cosine), cosine) >= np.sqrt(1.0 - APART**2)
     return tuple(n for j, n in enumerate(problem.names) if n != name and np.any(like & (problem.member[:, j] > 0.0)))
-
-
-PSI = CHANNELS.index("psi")
-POLL = 0.05  # [s] between looks at the file
 
 
 def growing_lines(path: Path, idle: float) -> Iterator[str]:

@@ -35,6 +35,7 @@ COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
 MOST_ABREAST = 5  # entries of the legend in a row: a longer one would be wider than the picture
 CLEARANCE = 1.6  # lengths of the car between the centres of two of a run
 LINE_SPACING = 0.5  # [m] between points of the reference's lines
+ENDS = {"spin": "x", "left the lane": "s", "time is up": "o"}  # outcome and its marker
 
 
 @styled
@@ -163,9 +164,6 @@ def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference |
     if handles:
         columns = min(len(handles), MOST_ABREAST)
         axes.legend(handles=handles, loc="lower right", ncols=columns, bbox_to_anchor=(1.0, 1.0))
-
-
-ENDS = {"spin": "x", "left the lane": "s", "time is up": "o"}  # outcome and its marker
 
 
 class OverheadPanel(NamedTuple):

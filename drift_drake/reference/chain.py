@@ -24,6 +24,8 @@ STEP_TOLERANCE = 1e-6  # largest step of a scaled unknown at the end
 DEFECT_TOLERANCE = 1e-9  # of the scaled dynamics, over one interval
 MIN_SPEED = 2.0  # [m/s] kept by every iterate
 MIN_LINE_STEP = 1e-4
+GRID_SPACING = 0.2  # [m]
+COLUMNS = ("r", "v", "beta", "omega_r", "delta", "tau")
 
 
 class Transition(NamedTuple):
@@ -169,10 +171,6 @@ def _solve(z: Array, h: float, constants: Constants) -> tuple[Array, float]:
         if np.abs(step).max() < STEP_TOLERANCE:
             break
     return z, float(np.abs(defects).max())
-
-
-GRID_SPACING = 0.2  # [m]
-COLUMNS = ("r", "v", "beta", "omega_r", "delta", "tau")
 
 
 class Leg(NamedTuple):

@@ -20,6 +20,14 @@ ANGLE = 0.05  # [rad] of the course: what offsets of the sensors make of the mot
 INSIDE = 0.9  # of the radius of a bend: beyond, the path's coordinates say little
 FALSE_ALARMS = 1e-9  # a reading, were all normal: the chi-square's bound
 STABLE = 2.5  # product of rate and step up to which Runge-Kutta 4 is stable
+# How fast a reading can change, by channel of the measured state, [unit/s]: some times what tyres can do, a collision
+# aside. The path position is left out: on a closed path it may start anew.
+FASTEST = np.array([80.0, 80.0, 30.0, 400.0, 80.0, 30.0, np.inf])
+NOISE = np.array([0.1, 0.5, 0.1, 1.0, 0.3, 0.1, np.inf])  # a change of this size is none, whatever the time
+LARGEST = np.array([20.0, 150.0, np.pi, 300.0, 1e3, np.inf, np.inf])  # no car's reading
+FROZEN = 3  # equal readings in a row that pass; a car that moves repeats none
+PATIENCE = 0.5  # [s] after which a reading is believed however far it is from the last one believed
+PERSISTENT = 0.2  # [s] of readings that agree with each other, after which they are believed rather than the model
 
 
 class Innovation:
@@ -70,16 +78,6 @@ class Innovation:
         rim = force * p.wheel_radius**2 / p.rear_axle_inertia
         course, along = acceleration / v, ANGLE * v
         return np.array([turning, acceleration, course, rim, along, course, along])
-
-
-# How fast a reading can change, by channel of the measured state, [unit/s]: some times what tyres can do, a collision
-# aside. The path position is left out: on a closed path it may start anew.
-FASTEST = np.array([80.0, 80.0, 30.0, 400.0, 80.0, 30.0, np.inf])
-NOISE = np.array([0.1, 0.5, 0.1, 1.0, 0.3, 0.1, np.inf])  # a change of this size is none, whatever the time
-LARGEST = np.array([20.0, 150.0, np.pi, 300.0, 1e3, np.inf, np.inf])  # no car's reading
-FROZEN = 3  # equal readings in a row that pass; a car that moves repeats none
-PATIENCE = 0.5  # [s] after which a reading is believed however far it is from the last one believed
-PERSISTENT = 0.2  # [s] of readings that agree with each other, after which they are believed rather than the model
 
 
 class ReadingKind(enum.IntEnum):

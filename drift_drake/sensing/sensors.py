@@ -18,6 +18,13 @@ from drift_drake.vehicle.effects import COUNT, Effects, measured
 from drift_drake.vehicle.scalar import fixed_tuple
 
 TIME_TOLERANCE = 1e-9  # [s] below which two times are the same
+SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
+"""The measured signals: `state`, `path_position`, `pose` and `acceleration` of the plant, in this order."""
+MEASURED_STATE = (*STATES, "s")
+LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
+"""Columns of the log format, the commands aside (which are known exactly)."""
+_SAMPLE = ("t", *SIGNALS)
+_R, _BETA, _OMEGA_R, _DPHI = (_SAMPLE.index(name) for name in ("r", "beta", "omega_r", "dphi"))
 
 
 class TransportDelay(LeafSystem):
@@ -99,17 +106,6 @@ class TransportDelay(LeafSystem):
             return
         part = (at - t0) / (t1 - t0) if math.isfinite(t0) else 1.0
         output.SetFromVector(u0 + part * (u1 - u0) if part < 1.0 else u1)
-
-
-SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
-"""The measured signals: `state`, `path_position`, `pose` and `acceleration` of the plant, in this order."""
-
-MEASURED_STATE = (*STATES, "s")
-LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
-"""Columns of the log format, the commands aside (which are known exactly)."""
-
-_SAMPLE = ("t", *SIGNALS)
-_R, _BETA, _OMEGA_R, _DPHI = (_SAMPLE.index(name) for name in ("r", "beta", "omega_r", "dphi"))
 
 
 @dataclasses.dataclass(frozen=True)

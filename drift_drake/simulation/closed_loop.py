@@ -11,10 +11,9 @@ import pandas as pd
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 
 from drift_drake.arrays import Array
-from drift_drake.control.controller import MpcController
+from drift_drake.control.controller import Controller, ControllerSystem, MpcController
 from drift_drake.control.mpc import Mpc, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
-from drift_drake.control.own_controller import Controller, ControllerSystem
 from drift_drake.control.plan import DT
 from drift_drake.control.qp import QpMethod
 from drift_drake.control.sqp import SqpOptions

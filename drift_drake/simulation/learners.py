@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 
-from drift_drake.control.controller import MpcController
-from drift_drake.control.own_controller import Controller
+from drift_drake.control.controller import Controller, MpcController
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT, STATE_COUNT

@@ -15,6 +15,7 @@ from drift_drake.errors import OutputError
 # seven with 1e-15 s to go, which takes another three derivatives.
 MAX_STEP = 0.01 * (1.0 + 1e-6)
 ACCURACY = 1e-4
+ROWS = 1000  # in memory at most
 
 
 def make_simulator(
@@ -80,9 +81,6 @@ class Logs:
             columns.setdefault("t", log.sample_times())
             columns |= {name: values for name, values in zip(names, log.data(), strict=True) if name}
         return pd.DataFrame(columns).drop_duplicates("t", keep="last", ignore_index=True)
-
-
-ROWS = 1000  # in memory at most
 
 
 class LogFile:

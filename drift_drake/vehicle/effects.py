@@ -31,6 +31,8 @@ COOLING_TIME = 12.0  # [s]
 LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
 MIN_AXLE_LOAD, MIN_LOAD_SHARE = 200.0, 0.1  # [N], but of a car too light for that a share of the static load
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
+INSTALLED_STATES = tuple(name for name, effect in installed_effects().items() if effect.rate)
+HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)
 
 
 class Effects(NamedTuple):
@@ -85,9 +87,6 @@ class Memory(NamedTuple):
     a_y: Any = 0.0  # [m/s^2] filtered
 
 
-INSTALLED_STATES = tuple(name for name, effect in installed_effects().items() if effect.rate)
-
-
 def _longer(record: Any, more: tuple[str, ...]) -> Any:
     """A named tuple with further fields behind its own, all zero by default."""
     fields = (*record._fields, *more)
@@ -105,7 +104,6 @@ NO_MEMORY = Memory()
 installed_actuation, installed_force, installed_reading, installed_rates, installed_starts = joined_physics(
     Effects._fields, Memory._fields
 )
-HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)
 
 
 @jitable

@@ -19,6 +19,11 @@ from drift_drake.errors import one_line
 from drift_drake.vehicle.installed import InvalidExtensionError, loaded
 from drift_drake.vehicle.scalar import jitable, norm2, select
 
+GROUP = "drift_drake.tyres"
+TRIAL_SLIPS = (1e-9, 0.01, 0.04, 0.15, 0.5, 3.0)
+TRIAL_STIFFNESS, TRIAL_PEAK = 1.4e5, 8000.0  # [N per unit slip], [N]
+STEP, LOOSE = 1e-6, 1e-3  # relative, of a difference, and of what it is held to
+
 
 @jitable
 def brush_secant(sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:
@@ -45,12 +50,6 @@ def brush_secant(sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:
     slide = peak / slide_sigma
     slide_slope = -peak / (slide_sigma * slide_sigma)
     return select(q, full_slide, grip, slide), select(q, full_slide, grip_slope, slide_slope)
-
-
-GROUP = "drift_drake.tyres"
-TRIAL_SLIPS = (1e-9, 0.01, 0.04, 0.15, 0.5, 3.0)
-TRIAL_STIFFNESS, TRIAL_PEAK = 1.4e5, 8000.0  # [N per unit slip], [N]
-STEP, LOOSE = 1e-6, 1e-3  # relative, of a difference, and of what it is held to
 
 
 class Tyre(Protocol):

@@ -13,8 +13,7 @@ import pandas as pd
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import IdentifiedCar, forecasts, identified, runs_of, squared_distances
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.course import lane
+from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import drive_samples, gather, learn_drive
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel

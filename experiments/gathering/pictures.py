@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.course import lane, lane_for_pictures
+from drift_drake.gathering.config import GatheringConfig, lane, lane_for_pictures
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.pictures.overhead import overhead

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drift_drake.control.controller import Controller, InvalidPlanError, commands_at
 from drift_drake.control.mpc import NoPlanError
-from drift_drake.control.own_controller import Controller, InvalidPlanError, commands_at
 from drift_drake.control.plan import Plan
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model

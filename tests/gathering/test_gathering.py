@@ -14,8 +14,7 @@ from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering import plan as planning
-from drift_drake.gathering.config import GatheringConfig, Objective
-from drift_drake.gathering.course import lane_for_pictures
+from drift_drake.gathering.config import GatheringConfig, Objective, lane_for_pictures
 from drift_drake.gathering.gather import gather, learn_drive
 from drift_drake.gathering.lane import ENDS, problem_data
 from drift_drake.gathering.plan import (

@@ -7,8 +7,7 @@ import pytest
 from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
 from drift_drake.gathering.choice import Choice, IdentifiedCar, forecasts, identified, learnt_errors, runs_of, usual_for
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.course import lane
+from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel

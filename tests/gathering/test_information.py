@@ -8,8 +8,7 @@ from scipy.linalg import block_diag
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.feature_cost import InformationCost
-from drift_drake.gathering.information import StageInformation, UpdatedInformation
+from drift_drake.gathering.information import InformationCost, StageInformation, UpdatedInformation
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update, weighed

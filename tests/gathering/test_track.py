@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from drift_drake.errors import InvalidOptionError
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.course import curvature_along, lane, lane_data, positions
+from drift_drake.gathering.config import GatheringConfig, curvature_along, lane, lane_data, positions
 from drift_drake.gathering.gather import (
     continued,
     drive_samples,

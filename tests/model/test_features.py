@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from drift_drake.model.feature_expansion import FeatureExpansion
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -11,6 +10,7 @@ from drift_drake.model.features import (
     INPUT_OFFSET,
     INPUT_SCALE,
     PAPER_COUNT,
+    FeatureExpansion,
     MeanFunction,
     Network,
     all_inputs,

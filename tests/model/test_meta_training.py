@@ -9,8 +9,8 @@ import pytest
 
 from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.model.checkpoint import load_model
-from drift_drake.model.feature_expansion import FeatureExpansion
 from drift_drake.model.features import (
+    FeatureExpansion,
     all_inputs,
     features,
     network_inputs,

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from drift_drake.diagnosis.another_day.changed_car import judged, reduction, stated, where
-from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import (
     PRIORS,
     at_bound,
     day_beliefs,
+    detection_limits,
     interval,
     not_excluded,
     ranked,

@@ -120,7 +120,7 @@ class Answer:
         return f"{self._unfamiliar()}{would}{ends}" if would or blind else self._unfamiliar()
 
     def _nearest(self) -> str:
-        """What `unknown` leaves an engineer with (`judging.nearest`); nothing in answers of before."""
+        """What `unknown` leaves an engineer with (`diagnose.nearest`); nothing in answers of before."""
         found = self.details.get("nearest")
         if not found:
             return ""

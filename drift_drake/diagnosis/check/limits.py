@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drift_drake.diagnosis.another_day.detection_limits import detection_limits
 from drift_drake.diagnosis.another_day.diagnose_day import search_of
+from drift_drake.diagnosis.another_day.posterior import detection_limits
 from drift_drake.diagnosis.likelihood.isolability import isolability
 from drift_drake.estimation.fit import no_effects
 from drift_drake.estimation.freeform import applied

@@ -27,6 +27,15 @@ from drift_drake.pages.page import GLOSSARY, Source, page_html
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
+LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
+LEAST_DEVIATION = 0.05  # tolerances: less reads as 0.0
+MOST_SHOWN = 8  # hypotheses
+LOOK_ALIKE = 0.9  # cosine of two signatures
+TEMPLATE = Path(__file__).parent / "report.html"
+LONGEST_CORRELATION = 40  # rows
+CELLS = 8  # of a map, along either axis
+Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
+
 
 @dataclasses.dataclass(frozen=True)
 class LimitRow:
@@ -66,17 +75,6 @@ def in_doubt(answer: Answer, limits: Sequence[LimitRow], nearest: Sequence[str] 
         return [row.name for row in limits if not row.named or row.share > 1.0]
     rivals = [name for names in answer.ambiguity for name in names.split("+") if name in CATALOGUE]
     return list(dict.fromkeys([*rivals, *nearest])) if len(answer.ambiguity) > 1 or nearest else []
-
-
-LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
-LEAST_DEVIATION = 0.05  # tolerances: less reads as 0.0
-MOST_SHOWN = 8  # hypotheses
-LOOK_ALIKE = 0.9  # cosine of two signatures
-TEMPLATE = Path(__file__).parent / "report.html"
-LONGEST_CORRELATION = 40  # rows
-CELLS = 8  # of a map, along either axis
-
-Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
 
 
 def half_second_ahead(problem: Problem, fit: Fit, index: int) -> tuple[np.ndarray, np.ndarray]:

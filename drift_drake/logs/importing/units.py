@@ -38,6 +38,8 @@ QUANTITIES = {  # that the importer knows by name; other names are inputs of the
     "delta_cmd": "angle",
     "tau_cmd": "torque",
 }
+FRAMES = ("iso8855", "ned", "sae")
+MIRRORED = ("y", "vy", "ay", "az", "psi", "r", "beta", "delta_cmd")  # what turns its sign where y is right and z down
 
 
 def dimension(unit: str) -> str | None:
@@ -55,10 +57,6 @@ def units_of(name: str) -> list[str]:
 def factor(unit: str) -> float:
     """What to multiply with to come to SI."""
     return DIMENSIONS[dimension(unit) or "number"][1][unit]
-
-
-FRAMES = ("iso8855", "ned", "sae")
-MIRRORED = ("y", "vy", "ay", "az", "psi", "r", "beta", "delta_cmd")  # what turns its sign where y is right and z down
 
 
 def to_iso8855(name: str, values: Array, frame: str) -> Array:

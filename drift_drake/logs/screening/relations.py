@@ -24,6 +24,13 @@ FIELDS = {
     "omega_r": ("omega_r", "rim_gain"), "ay": ("ay",), "delta_cmd": ("delta_cmd",), "tau_cmd": ("tau_cmd",),
 }  # fmt: skip
 RATES = ("turning", "course", "moved", "gain", "swing", "rim_gain")
+FEWEST = 12  # windows
+MOST = 400  # windows that slopes are taken over: their cost grows with the square
+GRIP = 0.15  # [rad] of sideslip up to which a car goes where it steers and its wheels roll
+CALM = 0.4  # of the windows, those with least lateral acceleration
+GENTLE = 3.0  # [m/s^2] of v r below which a car whose sideslip is not logged hardly slides
+SMALLEST = 1e-9  # spread of a column that says something
+WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,14 +142,6 @@ def _continuous(angle: np.ndarray) -> np.ndarray:
     return np.unwrap(angle, period=turn)
 
 
-FEWEST = 12  # windows
-MOST = 400  # windows that slopes are taken over: their cost grows with the square
-GRIP = 0.15  # [rad] of sideslip up to which a car goes where it steers and its wheels roll
-CALM = 0.4  # of the windows, those with least lateral acceleration
-GENTLE = 3.0  # [m/s^2] of v r below which a car whose sideslip is not logged hardly slides
-SMALLEST = 1e-9  # spread of a column that says something
-
-
 @dataclasses.dataclass(frozen=True)
 class Kind:
     """A ratio of columns that should be one, measured over expected in the windows that count.
@@ -230,7 +229,6 @@ KINDS = {
     "slide by course": Kind({"beta": 1}, ("beta", "psi"), 0.35, 0.7, "the rate of beta over that of course less psi",
                             lambda w, _: (w.swing, w.course - w.turning), "course"),
 }  # fmt: skip
-WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
 def relations(windows: Windows, vehicle: VehicleParameters, kinds: Mapping[str, Kind] = KINDS) -> list[Relation]:

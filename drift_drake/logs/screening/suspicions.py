@@ -33,6 +33,22 @@ UNITS = (  # columns, alone or together, the factor, what they look like, and th
     (CLOCK, 0.5, "half of the time that passed (a clock at half speed)", "multiply it by 2"),
     (CLOCK, 2.0, "twice the time that passed (a clock at double speed)", "divide it by 2"),
 )
+SUSPECT = 4.0  # tolerances from one at which no effect of the catalogue explains a relation
+EXPLAINED = 3.0  # within which it is explained
+WORST = 12.0  # tolerances beyond which a relation counts no more
+LEAST_GAIN = 12.0  # in squared tolerances: what a mistake has to explain
+ALIKE = 4.0  # in squared tolerances: mistakes that explain as much are reported as alternatives
+EXTRA_COLUMN = 1.0  # in squared tolerances: what a mistake of one column more has to explain besides
+MOST = 6  # mistakes of one case
+MIRRORED = 0.75  # likeness from which a sign is believed
+MIRRORED_FORWARD = 0.9  # and of a torque's or ax's alone, which nothing but the speed is a witness to
+SIGNS = ("r", "psi", "y", "ay", "delta_cmd", "beta", "ax", "tau_cmd")
+# Factor between two runs that no difference of drives makes, and the likeness from which a run's own ratio is believed.
+APART = {
+    "turn": (1.3, 0.9), "path": (1.3, 0.0), "across": (4.0, 0.9), "along": (2.5, 0.9), "rim": (1.25, 0.0),
+    "steer": (3.0, 0.95), "drive": (2.5, 0.85),
+}  # fmt: skip
+Corrections = list[tuple[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,26 +79,6 @@ def mistakes(vehicle: VehicleParameters | None) -> list[Mistake]:
         found.append(Mistake(("tau_cmd",), rim, rim, "the force at the rim [N], not the engine's torque",
                              "multiply it by wheel_radius / gear_ratio in the mapping"))  # fmt: skip
     return [m for m in found if m.low >= DISTINCT or m.high <= 1.0 / DISTINCT]
-
-
-SUSPECT = 4.0  # tolerances from one at which no effect of the catalogue explains a relation
-EXPLAINED = 3.0  # within which it is explained
-WORST = 12.0  # tolerances beyond which a relation counts no more
-LEAST_GAIN = 12.0  # in squared tolerances: what a mistake has to explain
-ALIKE = 4.0  # in squared tolerances: mistakes that explain as much are reported as alternatives
-EXTRA_COLUMN = 1.0  # in squared tolerances: what a mistake of one column more has to explain besides
-MOST = 6  # mistakes of one case
-MIRRORED = 0.75  # likeness from which a sign is believed
-MIRRORED_FORWARD = 0.9  # and of a torque's or ax's alone, which nothing but the speed is a witness to
-SIGNS = ("r", "psi", "y", "ay", "delta_cmd", "beta", "ax", "tau_cmd")
-
-# Factor between two runs that no difference of drives makes, and the likeness from which a run's own ratio is believed.
-APART = {
-    "turn": (1.3, 0.9), "path": (1.3, 0.0), "across": (4.0, 0.9), "along": (2.5, 0.9), "rim": (1.25, 0.0),
-    "steer": (3.0, 0.95), "drive": (2.5, 0.85),
-}  # fmt: skip
-
-Corrections = list[tuple[str, float]]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,6 +24,12 @@ from drift_drake.vehicle.effects import (
 from drift_drake.vehicle.scalar import clip, cos, jitable, maximum, select, sin, tanh
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
+NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
+                   "differential_yaw_moment", *INSTALLED_STATES)  # fmt: skip
+"""Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
+differential of its own; and those of other packages that have a state, which is none of this car's."""
+MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
+ITERATIONS = 12  # of loads, roll and compliance; each takes off about nine tenths of the error
 
 
 @jitable
@@ -88,14 +94,6 @@ def wheel_loads(p: DoubleTrackConstants, roll: Any, roll_rate: Any, a_x: Any, a_
     rear_transfer = clip(rear_transfer, -largest * rear, largest * rear)
     return (0.5 * front - front_transfer, 0.5 * front + front_transfer,
             0.5 * rear - rear_transfer, 0.5 * rear + rear_transfer)  # fmt: skip
-
-
-NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
-                   "differential_yaw_moment", *INSTALLED_STATES)  # fmt: skip
-"""Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
-differential of its own; and those of other packages that have a state, which is none of this car's."""
-
-MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
 
 
 class OwnStates(NamedTuple):
@@ -276,9 +274,6 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
         relaxed(w.rear_right_drive_slip, own.rear_right_drive_slip, w.rear_right_speed, drive),
     )
     return Motion((m_z + moment + own_moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
-
-
-ITERATIONS = 12  # of loads, roll and compliance; each takes off about nine tenths of the error
 
 
 @jitable

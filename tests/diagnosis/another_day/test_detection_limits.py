@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.another_day.detection_limits import detection_limits, distances
 from drift_drake.diagnosis.another_day.hypotheses import Curve
+from drift_drake.diagnosis.another_day.posterior import detection_limits, distances
 from drift_drake.diagnosis.shared.ranges import AGAINST_NONE, RATE_LIMIT, REACH, SURE, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters

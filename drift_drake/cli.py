@@ -48,7 +48,7 @@ COMMANDS = {
         "drift_drake.diagnosis.effects_command", "the effects that can be named, and what shows them", "ListEffects"
     ),
     "export": Command("drift_drake.exporting.command", "logs for Foxglove, vehicle files for CommonRoad and MuJoCo"),
-    "train": Command("drift_drake.model.command", "the Bayesian vehicle model, meta-trained"),
+    "train": Command("drift_drake.model.training_config", "the Bayesian vehicle model, meta-trained"),
 }
 
 

@@ -13,6 +13,9 @@ from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import absolute, cos, exp, jitable, maximum, norm2, select, sin, tanh
 from drift_drake.vehicle.tyre import tyre_force
 
+RING_FREQUENCY = 19.0  # [rad/s]
+RING_DAMPING = 0.12
+
 
 @dataclasses.dataclass(frozen=True)
 class Family:
@@ -35,9 +38,6 @@ FAMILIES: dict[str, Family] = {
     "driveline_oscillation": Family("-", 0.15, 0.5, False, "torque at the axle rings at 3 Hz after each change"),
     "slippery_patch": Family("-", 0.15, 0.45, False, "friction is lower on stripes of the ground"),
 }
-
-RING_FREQUENCY = 19.0  # [rad/s]
-RING_DAMPING = 0.12
 
 
 class Strange(NamedTuple):

@@ -24,11 +24,11 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
+from drift_drake.model.adapter import squared_distance
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT
-from drift_drake.model.out_of_distribution import squared_distance
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, predicted_windows
 from drift_drake.model.samples import Samples

@@ -15,6 +15,10 @@ WIDEST = 50.0  # [m] of a lane to either side
 FEASIBLE = 1e-2  # largest gap in a plan's dynamics, in scaled variables (0.1 m/s, 0.005 rad), that the feedback absorbs
 SIDESLIP_SOFTENING = 0.3  # [rad] over the limit that cost as much as 1 m over the lane's edge
 SLIP_SOFTENING = 5.0  # [m/s], likewise
+# How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and
+# course [rad], and the rear rim's slip over the ground [m/s].
+ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
+END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,12 +42,6 @@ class LaneDrive:
             raise InvalidOptionError(
                 f"half_width is {self.half_width:g} m; give above {self.margin:g}, up to {WIDEST:g}"
             )
-
-
-# How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and
-# course [rad], and the rear rim's slip over the ground [m/s].
-ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
-END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
 
 
 def problem_data(config: LaneDrive, lateral: Array | None = None, curvature: float = 0.0) -> OcpData:

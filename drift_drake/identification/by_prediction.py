@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.reduction import STATES
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import between_recordings, block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown

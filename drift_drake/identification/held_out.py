@@ -5,9 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
 from drift_drake.estimation.problem import Problem
-from drift_drake.estimation.reduction import BLOCK, errors_of, fold_of, resampled
+from drift_drake.estimation.reduction import BLOCK, HORIZONS, JUDGED, STATES, errors_of, fold_of, resampled, start_rows
 
 LONGEST_JUDGED = HORIZONS[JUDGED]  # [s]
 FOLD = 0  # that is held out: every fourth block

@@ -17,8 +17,7 @@ import numpy as np
 from drift_drake.estimation.interval import TWO_SIDED
 from drift_drake.executors import ExecutorConfig, results_of
 from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
-from drift_drake.monitoring.evidence import EvidenceProblem, whitened
-from drift_drake.monitoring.history import Sums, no_sums
+from drift_drake.monitoring.evidence import EvidenceProblem, Sums, no_sums, whitened
 from drift_drake.monitoring.monitor import make_monitor
 from drift_drake.monitoring.normal import block_sums
 from drift_drake.monitoring.watch import WATCHED, monitor_of

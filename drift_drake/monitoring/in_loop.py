@@ -11,8 +11,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring.bank import BankState
 from drift_drake.monitoring.correction import GapCorrection, SlowDown
-from drift_drake.monitoring.evidence import TRUSTED
-from drift_drake.monitoring.history import Sums
+from drift_drake.monitoring.evidence import TRUSTED, Sums
 from drift_drake.monitoring.monitor import Events, Monitor, State, after_row
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
 from drift_drake.vehicle.step_model import StepModel

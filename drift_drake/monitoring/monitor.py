@@ -9,8 +9,8 @@ import numpy as np
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.errors import unit_suffix
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.problem import PROCESS_NOISE
+from drift_drake.estimation.reduction import STATES
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
@@ -20,12 +20,17 @@ from drift_drake.monitoring.evidence import (
     NAMED,
     TRUSTED,
     EvidenceProblem,
+    Sums,
     evidence_problem,
     labels,
+    no_history,
+    no_sums,
+    packed,
     renewed,
+    unpacked,
     verdict_of,
+    with_block,
 )
-from drift_drake.monitoring.history import Sums, no_history, no_sums, packed, unpacked, with_block
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -49,7 +54,7 @@ class State(NamedTuple):
     # and rows that may be left out
     bank: BankState
     block: Sums
-    history: np.ndarray  # `history.packed`
+    history: np.ndarray  # `evidence.packed`
     verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
 
 

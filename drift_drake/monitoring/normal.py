@@ -15,7 +15,7 @@ import numpy as np
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.monitoring.history import Sums, no_sums
+from drift_drake.monitoring.evidence import Sums, no_sums
 from drift_drake.monitoring.monitor import Monitor, make_monitor, row_taken
 from drift_drake.monitoring.watch import WATCHED, monitor_of, rows_of
 from drift_drake.plain_files import number, read_json

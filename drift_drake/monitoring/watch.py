@@ -11,8 +11,7 @@ import numpy as np
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.table import COLUMNS, REQUIRED, InvalidLogError, Run, check_names, make_run
-from drift_drake.monitoring.evidence import EvidenceProblem, whitened
-from drift_drake.monitoring.history import History, Sums, since, unpacked, until
+from drift_drake.monitoring.evidence import EvidenceProblem, History, Sums, since, unpacked, until, whitened
 from drift_drake.monitoring.monitor import Events, Monitor, State, after_row, make_monitor
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.vehicle.effects import Effects

@@ -34,19 +34,8 @@ CARS = {
     "online": RUNS[4], "oracle": RUNS[2],
 }  # fmt: skip
 """The car of that name has this colour in every picture, page and replay."""
-
-
-def colours_of(names: Iterable[str]) -> list[str]:
-    """A colour for each run: its car's, and for others the next one that none of these cars has."""
-    names = list(names)
-    taken = {CARS[name] for name in names if name in CARS}
-    free = itertools.cycle([colour for colour in RUNS if colour not in taken])
-    return [CARS[name] if name in CARS else next(free) for name in names]
-
-
 SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])
 """From right to left (sideslip): dark in the middle, so that it shows on a light lane."""
-
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same picture on every machine
@@ -78,6 +67,14 @@ RC: dict[str, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "drift_drake",  # the same picture gives the same file
 }
+
+
+def colours_of(names: Iterable[str]) -> list[str]:
+    """A colour for each run: its car's, and for others the next one that none of these cars has."""
+    names = list(names)
+    taken = {CARS[name] for name in names if name in CARS}
+    free = itertools.cycle([colour for colour in RUNS if colour not in taken])
+    return [CARS[name] if name in CARS else next(free) for name in names]
 
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:

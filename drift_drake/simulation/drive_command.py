@@ -32,7 +32,7 @@ from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.compilation import say_if_it_compiles
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel

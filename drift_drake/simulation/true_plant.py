@@ -4,8 +4,8 @@ from typing import Literal
 
 from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -2,7 +2,7 @@
 
     python -m experiments.drifting.out_of_distribution
 
-The figure-8 under the adapting controller, watched by the detector (`drift_drake.model.out_of_distribution`). Its
+The figure-8 under the adapting controller, watched by the detector (`drift_drake.model.adapter`). Its
 threshold comes from drives of validation vehicles, for a chosen share of false alarms a drive; then it is judged on
 held-out vehicles (in distribution), on `wide` ones (spreads half as wide again, and effects that training never saw),
 and on held-out ones whose friction drops at once on the way. Broken off, it goes on where it was (give --out).
@@ -21,16 +21,16 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.intervals import binomial
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
-from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.compiled_step import TIME_STEP
-from drift_drake.model.out_of_distribution import (
+from drift_drake.model.adapter import (
     WINDOW,
+    BayesianAdapter,
     NullDistribution,
     OutOfDistributionDetector,
     calibrate,
     statistics,
 )
+from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions

@@ -22,10 +22,9 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.executors import ExecutorConfig
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
-from drift_drake.model.command import Train, run_train
 from drift_drake.model.quality import judge_stepper, quality_by_points, split_vehicle
 from drift_drake.model.samples import load_samples
-from drift_drake.model.training_config import Recipe, TrainingConfig, with_recipe
+from drift_drake.model.training_config import Recipe, Train, TrainingConfig, run_train, with_recipe
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.step_model import NominalStepModel
 from experiments.gathering import lane_drives

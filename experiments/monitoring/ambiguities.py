@@ -13,7 +13,7 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.monitoring.history import unpacked
+from drift_drake.monitoring.evidence import unpacked
 from drift_drake.monitoring.monitor import after_row
 from drift_drake.monitoring.watch import mistakable, rows_of
 from drift_drake.vehicle.effects import Effects, make_effects

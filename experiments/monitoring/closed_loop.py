@@ -35,7 +35,7 @@ from drift_drake.run_folder import is_done, write_json, write_versions
 from drift_drake.simulation.closed_loop import ClosedLoop
 from drift_drake.simulation.faults import Change, Fault
 from drift_drake.simulation.true_plant import plant_of
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel

@@ -10,8 +10,8 @@ from drift_drake.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
 from drift_drake.benchmarks.strange_effects import make_strange
 from drift_drake.benchmarks.truths import true_constants
 from drift_drake.logs.table import Run
-from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.rollout import LOG_STATES, advance, start
+from drift_drake.vehicle.double_track.parameters import CARS
+from drift_drake.vehicle.double_track.plant import LOG_STATES, advance, start
 from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.other_worlds.drivers import DayDriver

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import SURE
-from drift_drake.monitoring.evidence import HAZARD, EvidenceProblem, residual_scores
-from drift_drake.monitoring.history import Sums
+from drift_drake.monitoring.evidence import HAZARD, EvidenceProblem, Sums, residual_scores
 
 
 class Limit(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.double_track.rollout import runge_kutta_row
+from drift_drake.vehicle.double_track.plant import runge_kutta_row
 from drift_drake.vehicle.effects import Effects, steering_rate
 from drift_drake.vehicle.scalar import jitable
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from drift_drake.benchmarks.compiled_cases import NOISE, sensed
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
-from drift_drake.vehicle.double_track.rollout import PERIOD
+from drift_drake.vehicle.double_track.plant import PERIOD
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.other_worlds.brush_car import STATES, BrushCar, advance

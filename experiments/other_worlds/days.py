@@ -21,9 +21,8 @@ from diagrams.command import run_command
 from drift_drake.benchmarks.compiled_cases import NOISE
 from drift_drake.logs.table import Run, write_run
 from drift_drake.run_folder import write_json, write_versions
-from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from drift_drake.vehicle.double_track.rollout import PERIOD
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.vehicle.double_track.plant import PERIOD
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import Tolerance, VehicleParameters
 from experiments.other_worlds import brush_cars, double_track

@@ -5,7 +5,7 @@ import numpy as np
 from drift_drake.benchmarks.compiled_cases import sensed
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
+from drift_drake.vehicle.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.vehicle.effects import Effects
 from experiments.other_worlds.drivers import SLOWEST, SPIN, DayDriver
 

@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 
 from drift_drake.benchmarks.drivers import STEERING_RATE, TORQUE_RATE, slewed
-from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.vehicle.parameters import VehicleParameters
 
 DAY_ONE = ("slalom", "power", "transient", "circle")

@@ -19,9 +19,8 @@ import numpy as np
 from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.diagnosis.reports import report as diagnosis_report
-from drift_drake.estimation.horizons import HORIZONS, STATES
 from drift_drake.estimation.problem import make_problem
-from drift_drake.estimation.reduction import errors_of
+from drift_drake.estimation.reduction import HORIZONS, STATES, errors_of
 from drift_drake.estimation.usable import usable
 from drift_drake.identification import report as identification_report
 from drift_drake.identification.calibration_file import trust_of

@@ -16,7 +16,7 @@ from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.simulation.true_plant import oracle_of, plant_of
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

@@ -6,8 +6,8 @@ import pytest
 from drift_drake.diagnosis.shared.where import _correlation, find_gap, region_names, region_of
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import HORIZONS, STATES, start_rows
 from drift_drake.estimation.problem import make_problem
+from drift_drake.estimation.reduction import HORIZONS, STATES, start_rows
 from drift_drake.estimation.regression import Regression
 from drift_drake.vehicle.parameters import VehicleParameters
 

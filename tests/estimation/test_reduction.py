@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.shared.where import find_gap
-from drift_drake.estimation import horizons
+from drift_drake.estimation import reduction as reductions
 from drift_drake.estimation.fit import fit
 from drift_drake.estimation.freeform import misfit
-from drift_drake.estimation.horizons import prediction_squares, start_rows
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.reduction import (
     FOLDS,
@@ -16,8 +15,10 @@ from drift_drake.estimation.reduction import (
     errors_of,
     fold_of,
     mean_squares,
+    prediction_squares,
     reduction,
     share_removed,
+    start_rows,
     without_effects,
 )
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -78,8 +79,8 @@ def test_a_prediction_without_a_number_is_the_worst_not_a_missing_one(problem, m
         roll_out(*arguments)
         arguments[-1][0] = np.nan
 
-    roll_out = horizons.roll_out
-    monkeypatch.setattr(horizons, "roll_out", lost)
+    roll_out = reductions.roll_out
+    monkeypatch.setattr(reductions, "roll_out", lost)
     squares = errors_of(problem, np.zeros(problem.nuisances), ())[0]
     assert (squares[0, :3] == WORST).all()
     assert mean_squares(squares[:1])[:3] == [WORST] * 3

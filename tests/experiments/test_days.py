@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.logs.table import read_case
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.vehicle_file import read_vehicle
 from experiments.other_worlds.days import RANGE, Days, drawn_effects, first_guess, main, make_day, smoothed

@@ -14,7 +14,7 @@ from drift_drake.identification.identify import WHITE, identify
 from drift_drake.identification.report import report_html
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

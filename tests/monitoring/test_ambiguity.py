@@ -3,8 +3,7 @@
 import numpy as np
 
 from drift_drake.monitoring.bank import Node
-from drift_drake.monitoring.evidence import evidence_problem
-from drift_drake.monitoring.history import Sums, no_history, with_block
+from drift_drake.monitoring.evidence import Sums, evidence_problem, no_history, with_block
 from drift_drake.monitoring.monitor import sentence
 from drift_drake.monitoring.watch import mistakable
 

@@ -9,11 +9,10 @@ from drift_drake.cli import main
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.table import write_run
 from drift_drake.monitoring.bank import make_nodes
-from drift_drake.monitoring.evidence import evidence_problem
+from drift_drake.monitoring.evidence import Sums, evidence_problem
 from drift_drake.monitoring.fleet import FleetDay, days_of, evidence_problem_of, fleet_findings, shared_columns
 from drift_drake.monitoring.fleet_command import day_folders, lines
 from drift_drake.monitoring.fleet_picture import draw_fleet
-from drift_drake.monitoring.history import Sums
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from experiments.monitoring.drives import changed_drive

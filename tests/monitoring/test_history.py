@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.monitoring.history import SLOTS, Sums, no_history, packed, since, unpacked, until, with_block
+from drift_drake.monitoring.evidence import SLOTS, Sums, no_history, packed, since, unpacked, until, with_block
 
 N = 3
 

@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.history import Sums, no_sums, since, unpacked
+from drift_drake.monitoring.evidence import Sums, no_sums, since, unpacked
 from drift_drake.monitoring.monitor import SETTLING, after_row, sentence, with_row
 from drift_drake.monitoring.watch import monitor_of, rows_of, watched
 from drift_drake.vehicle.effects import Effects, make_effects

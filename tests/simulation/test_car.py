@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from drift_drake.reference.path import Path
 from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.simulation.car import Car
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

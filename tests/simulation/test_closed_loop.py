@@ -15,7 +15,7 @@ from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation import drive_command, runner
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, run_closed_loop
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

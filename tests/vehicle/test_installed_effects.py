@@ -18,7 +18,7 @@ from drift_drake import CATALOGUE, Effects, NoiseLevels, Run, VehicleParameters,
 from drift_drake.control.discrimination import RivalsStepModel
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.problem import filter_case, make_problem
-from drift_drake.vehicle.double_track.cars import CARS
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import measured, unbiased
 

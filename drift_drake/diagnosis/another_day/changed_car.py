@@ -15,9 +15,8 @@ from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, add
 from drift_drake.diagnosis.another_day.posterior import tells_from_zero
 from drift_drake.diagnosis.shared.ranges import clipped
 from drift_drake.diagnosis.shared.where import onsets, region_of, regions, shares
-from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import LOST, WORST, Normal
-from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
+from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.estimation.scores import make_day
 from drift_drake.estimation.unknowns import added
 

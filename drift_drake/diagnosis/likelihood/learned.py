@@ -11,9 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, start_rows
 from drift_drake.estimation.problem import Problem
-from drift_drake.estimation.reduction import FOLDS, WORST, at_judged, fold_of, share_removed
+from drift_drake.estimation.reduction import (
+    FOLDS,
+    HORIZONS,
+    JUDGED,
+    WORST,
+    at_judged,
+    fold_of,
+    share_removed,
+    start_rows,
+)
 from drift_drake.estimation.run_data import RunData
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import lagged_commands

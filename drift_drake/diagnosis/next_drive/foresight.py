@@ -10,7 +10,6 @@ from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.estimation.commands import without_actuators
 from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.estimation.fit import parameter_limits, sensitivity
-from drift_drake.estimation.horizons import roll_out
 from drift_drake.estimation.problem import (
     NUISANCES,
     Problem,
@@ -20,6 +19,7 @@ from drift_drake.estimation.problem import (
     run_commands,
     tolerance_deviations,
 )
+from drift_drake.estimation.reduction import roll_out
 from drift_drake.estimation.run_data import SETTLING_TIME, RunData
 from drift_drake.vehicle.effects import measured, settled_memory
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -13,8 +13,8 @@ from drift_drake.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.diagnosis.shared.ranges import REACH
-from drift_drake.estimation.horizons import STATES
 from drift_drake.estimation.normal import LOST, Normal
+from drift_drake.estimation.reduction import STATES
 from drift_drake.estimation.robust_fit import MAD
 from drift_drake.estimation.scores import Day
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, regimes

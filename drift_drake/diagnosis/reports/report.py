@@ -18,9 +18,17 @@ from drift_drake.errors import significant
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import Fit, no_effects
 from drift_drake.estimation.freeform import misfit, with_more_process_noise
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, predicted_ahead, start_rows
 from drift_drake.estimation.problem import Problem, filter_case
-from drift_drake.estimation.reduction import at_judged, errors_of, share_removed
+from drift_drake.estimation.reduction import (
+    HORIZONS,
+    JUDGED,
+    STATES,
+    at_judged,
+    errors_of,
+    predicted_ahead,
+    share_removed,
+    start_rows,
+)
 from drift_drake.logs.table import UNITS
 from drift_drake.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map, reach_of, stacked
 from drift_drake.pages.page import GLOSSARY, Source, page_html

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.estimation.freeform import FORCE_CHANNELS
-from drift_drake.estimation.horizons import HORIZONS, JUDGED, STATES, start_rows
 from drift_drake.estimation.problem import Problem, filter_case, filtered_states
-from drift_drake.estimation.reduction import mean_squares
+from drift_drake.estimation.reduction import HORIZONS, JUDGED, STATES, mean_squares, start_rows
 from drift_drake.estimation.regression import Regression
 
 SPEEDS = (0.0, 8.0, 12.0, 16.0, np.inf)  # [m/s]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from drift_drake.vehicle.bicycle import motion
-from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -20,8 +19,8 @@ from drift_drake.vehicle.double_track.motion import (
     wheel_forces,
     wheel_loads,
 )
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters, changed_constants
-from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters, changed_constants
+from drift_drake.vehicle.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.plant import OFF_THE_MOTION
 

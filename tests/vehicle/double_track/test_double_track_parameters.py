@@ -2,8 +2,7 @@
 
 import pytest
 
-from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters, TireParameters
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters, TireParameters
 from drift_drake.vehicle.parameters import InvalidVehicleError
 
 CAR = DoubleTrackParameters()

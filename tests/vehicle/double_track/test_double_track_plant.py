@@ -9,9 +9,8 @@ from pydrake.symbolic import MakeVectorVariable
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
 from drift_drake.reference.path import Path
-from drift_drake.vehicle.double_track.cars import CARS
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import (
     DOUBLE_TRACK_STATES,
     DoubleTrackPlant,

@@ -6,9 +6,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.vehicle.double_track.cars import CARS
-from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
-from drift_drake.vehicle.double_track.rollout import LOG_STATES, PERIOD, advance, start
+from drift_drake.vehicle.double_track.parameters import CARS
+from drift_drake.vehicle.double_track.plant import LOG_STATES, PERIOD, DoubleTrackPlant, advance, start
 from drift_drake.vehicle.effects import Effects
 
 CAR = CARS["roadster"]

@@ -30,7 +30,6 @@ class LinearQuadraticPart:
     """Costs and linear constraints of a program, low <= A z <= high.
 
     Rows: linear constraints (each scaled to a largest entry of one), then one row per bounded variable.
-
     """
 
     def __init__(self, program: MathematicalProgram) -> None:
@@ -44,9 +43,7 @@ class LinearQuadraticPart:
         gradient = np.zeros(self.size)
         for binding in program.quadratic_costs():
             cost, index = binding.evaluator(), self._indices(binding)
-            selection = sparse.csc_matrix(
-                (np.ones(index.size), (np.arange(index.size), index)), (index.size, self.size)
-            )
+            selection = self._selection(index)
             hessian = hessian + selection.T @ sparse.csc_matrix(cost.Q()) @ selection
             gradient[index] += cost.b()
             self.constant += cost.c()
@@ -57,16 +54,17 @@ class LinearQuadraticPart:
     def _indices(self, binding: Any) -> NDArray[np.intp]:
         return np.asarray(self._program.FindDecisionVariableIndices(binding.variables()), dtype=np.intp)
 
+    def _selection(self, index: NDArray[np.intp]) -> sparse.csr_matrix:
+        """The matrix that picks these variables."""
+        return sparse.csr_matrix((np.ones(index.size), (np.arange(index.size), index)), (index.size, self.size))
+
     def _constraint_matrix(self) -> sparse.csr_matrix:
         blocks = []
         for binding in self._program.linear_constraints():
             index = self._indices(binding)
             block = sparse.coo_matrix(binding.evaluator().get_sparse_A())
             blocks.append(sparse.csr_matrix((block.data, (block.row, index[block.col])), (block.shape[0], self.size)))
-        for _, index in self._boxes:
-            blocks.append(
-                sparse.csr_matrix((np.ones(index.size), (np.arange(index.size), index)), (index.size, self.size))
-            )
+        blocks += [self._selection(index) for _, index in self._boxes]
         matrix = sparse.vstack(blocks, format="csr")
         self.row_scale = 1.0 / abs(matrix).max(axis=1).toarray().ravel()
         return sparse.csr_matrix(sparse.diags(self.row_scale) @ matrix)

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Iterable
-from functools import cache
 from pathlib import Path
 from typing import Literal, Self
 
@@ -130,13 +129,8 @@ class Recipe:
 def lane(config: GatheringConfig) -> Reference:
     """The lane, and the speed along it."""
     if config.lane == "track":
-        return _track(config.track, config.v_end, config.half_width)
+        return stadium(config.track, config.v_end, config.half_width)
     return circle(config.v_start, config.v_end, config.steps * DT, config.curvature, config.half_width)
-
-
-@cache
-def _track(track: Stadium, fastest: float, half_width: float) -> Reference:
-    return stadium(track, fastest, half_width)
 
 
 def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:

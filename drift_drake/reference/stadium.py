@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import cache
 
 import numpy as np
 
@@ -68,6 +69,7 @@ def speed_profile(track: Stadium, curvature: Array, spacing: float, fastest: flo
     return np.sqrt(np.append(squared, squared[0]))
 
 
+@cache
 def stadium(track: Stadium, fastest: float, half_width: float) -> Reference:
     """A track with its speed, gripping, one lap of it.
 

@@ -170,7 +170,7 @@ def runge_kutta_row(rates: Any, z: Any, row: Any, delta: Any, tau: Any, p: Any, 
 
 @compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    return runge_kutta_row(_rates, z, row, delta, tau, p, q)
+    return runge_kutta_row(_world_frame_rates, z, row, delta, tau, p, q)
 
 
 @compiled

@@ -14,7 +14,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
-from drift_drake.pictures.side_by_side import side_by_side
+from drift_drake.pictures.time_series import side_by_side
 from drift_drake.playback.play import compare, describe, drawn, prepare, write_replay
 from drift_drake.playback.side_by_side import Played
 from drift_drake.run_folder import make_run_folder, write_json, write_versions

@@ -17,7 +17,6 @@ from .diagnosis.answers.answer import read_answer as read_answer
 from .diagnosis.answers.apply import corrected_vehicle as corrected_vehicle
 from .diagnosis.likelihood.diagnose import diagnose as diagnose
 from .diagnosis.next_drive.plan import plan_from_answer as plan_from_answer
-from .drives.dataset import samples_from_log as samples_from_log
 from .errors import DriftDrakeError as DriftDrakeError
 from .gathering.config import GatheringConfig as GatheringConfig
 from .gathering.gather import gather as gather
@@ -35,6 +34,7 @@ from .model.checkpoint import load_model as load_model
 from .model.posterior import Posterior as Posterior
 from .model.quality import learn as learn
 from .model.quality import step_model as step_model
+from .model.samples import samples_from_log as samples_from_log
 from .reference.trajectory import Reference as Reference
 from .reference.trajectory import figure_8 as figure_8
 from .reference.trajectory import loops as loops

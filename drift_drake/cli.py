@@ -26,7 +26,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "demo": Command("drift_drake.demo.command", "a tour on a sample log: diagnosis, corrected car, drift"),
-    "init": Command("drift_drake.demo.start", "a commented vehicle file to begin with"),
+    "init": Command("drift_drake.demo.command", "a commented vehicle file to begin with"),
     "import": Command("drift_drake.logs.importing.command", "recordings of any format to logs, with what looks wrong"),
     "check": Command(
         "drift_drake.diagnosis.check.command", "quality and coverage of logs, and which effects they could show"

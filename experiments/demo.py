@@ -20,7 +20,6 @@ from tqdm import tqdm
 
 from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.executors import worker_processes
 from drift_drake.gathering.config import GatheringConfig
@@ -30,6 +29,7 @@ from drift_drake.logs.table import read_case
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.model.quality import standardized_errors
+from drift_drake.model.samples import samples_from_log
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -21,9 +21,8 @@ from drift_drake.logs.table import read_case
 from drift_drake.pages import page as pages
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
-from drift_drake.pictures.side_by_side import side_by_side
 from drift_drake.pictures.style import colours_of
-from drift_drake.pictures.time_series import time_series
+from drift_drake.pictures.time_series import side_by_side, time_series
 from drift_drake.playback.play import UNITS, Comparison, compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide
 from drift_drake.reference.trajectory import figure_8

@@ -10,8 +10,7 @@ from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.control.stacked import StageCost
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.lane import problem_data
+from drift_drake.gathering.config import GatheringConfig, problem_data
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import LAGGED

@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake import run_folder
 from drift_drake.diagnosis.answers.answer import Answer, answer_row
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import Interval
 from drift_drake.run_folder import write_results_table
 
 ROWS = [{"case": "a", "refused": True, "mass_error": 0.1}, {"case": "b", "outcome": "spin"}]

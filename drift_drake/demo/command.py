@@ -10,11 +10,44 @@ from pathlib import Path
 import tyro
 
 from drift_drake.errors import DriftDrakeError, OutputError
-from drift_drake.safe_files import try_folder, try_outputs
+from drift_drake.safe_files import try_folder, try_outputs, write_text
 from drift_drake.standard_output import said_to, write_results
+from drift_drake.vehicle.parameters import WORDS, Tolerance, VehicleParameters
 
 SAMPLE_LOG = files("drift_drake") / "data" / "sample_log"
 PAGES = {"report": "report.html", "replay": "replay.html", "drive": "drive/replay.html"}
+HEAD = """\
+# What a simulator believes of a car: a single track with brush tyres, SI units, ISO 8855.
+# The numbers are those of a plausible coupe: put in your car's. `drift-drake identify` estimates from logs of a day
+# of driving what cannot be measured with scales or a tape measure.
+"""
+COMMENTS = {
+    "mass": "with driver and fuel, as on the scales",
+    "yaw_inertia": "mass * front_axle_distance * rear_axle_distance is a first guess",
+    "front_axle_distance": "centre of gravity to front axle: rear share of the weight times the wheelbase",
+    "rear_axle_distance": "centre of gravity to rear axle",
+    "wheel_radius": "loaded, rolling: distance rolled in one turn over 2 pi",
+    "rear_axle_inertia": "both rear wheels, shafts and what the engine adds through the gears",
+    "gear_ratio": "axle torque over engine torque, in the gear that is driven",
+    "friction": "of tyre and road",
+    "front_stiffness": "slope of an axle's force over slip at small slip; 8 to 15 times its load",
+    "rear_stiffness": "likewise",
+    "gravity": "where it drives",
+    "front_coupling": "0: rear-wheel drive; 1: one shaft for both axles",
+    "steering_limit": "of the road wheels",
+    "torque_min": "of the engine: its braking",
+    "torque_max": "of the engine",
+}
+TOLERANCES = """\
+# One standard deviation of what is known of each number above: relative, but for the axle's distance [m] and the
+# steering offset [rad]. A deviation of this size is no gap; `drift-drake diagnose` takes it for granted.
+tolerance:
+"""
+TAIL = """\
+# Effects that the car has beside this, as `drift-drake apply` adds them; `drift-drake effects` lists them.
+# effects:
+#   steering_lag: 0.08
+"""
 
 
 class DemoError(DriftDrakeError, RuntimeError):
@@ -77,3 +110,42 @@ def commands(folder: Path) -> list[list[str]]:
         ["replay", log, "--vehicle", car, "--corrected", corrected, "--html", replay],
         ["drive", "figure_8", "--vehicle", corrected, "--model", "online", "--out", str(folder / "drive")],
     ]
+
+
+@dataclasses.dataclass(frozen=True)
+class Init:
+    """Write a vehicle file to begin with: every parameter with its unit and how to come by it.
+
+    drift-drake init car.yaml
+    """
+
+    out: tyro.conf.Positional[Path]
+    """The vehicle file to write (YAML); there may be none yet."""
+    json: Path | None = None
+    """Where to write its name and parameters as JSON (-: standard output)."""
+
+
+def run_init(command: Init) -> None:
+    """`drift-drake init`.
+
+    Raises:
+        OutputError: the file is there already, or cannot be written.
+    """
+    if command.out.exists():
+        raise OutputError(f"{command.out}: is there already; give another name")
+    try_outputs({"OUT": command.out, "--json": command.json})
+    write_text(command.out, starter_vehicle())
+    print(f"{command.out}: a coupe, one parameter a line; put in your car's, then drift-drake drive figure_8 "
+          f"--vehicle {command.out}", file=said_to(command.json))  # fmt: skip
+    write_results(command.json, {"out": command.out, "vehicle": VehicleParameters()})
+
+
+def starter_vehicle() -> str:
+    """The text of the file."""
+    vehicle, lines = VehicleParameters(), []
+    for field in dataclasses.fields(vehicle):
+        if field.name not in WORDS:
+            note = f"[{field.metadata['unit']}] {COMMENTS.get(field.name, '')}".rstrip()
+            lines.append(f"{f'{field.name}: {getattr(vehicle, field.name):g}':<28}# {note}")
+    tolerances = [f"  {field.name}: {getattr(Tolerance(), field.name):g}" for field in dataclasses.fields(Tolerance)]
+    return HEAD + "\n".join(lines) + "\n" + TOLERANCES + "\n".join(tolerances) + "\n" + TAIL

@@ -138,7 +138,7 @@ def trust_options(command: Diagnose) -> dict[str, Any]:
         InvalidCalibrationError: the calibration cannot be used.
     """
     with ended_at_once():
-        from drift_drake.identification.calibration_file import CarTrust, read_trust
+        from drift_drake.identification.calibration import CarTrust, read_trust
 
     if command.calibration is not None:
         trust = read_trust(command.calibration)

@@ -3,12 +3,11 @@
 import dataclasses
 import logging
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 import tyro
 
-from drift_drake.drives.names import NAMES
 from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.driving import slowest
@@ -18,6 +17,10 @@ from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.effects import magnitudes_of
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
+
+Name = Literal["straight", "step_steer", "slalom", "figure_8", "loops"]
+NAMES: tuple[Name, ...] = get_args(Name)
+
 
 COMMANDS = ("t", "delta_cmd", "tau_cmd")
 FASTEST = 100.0  # [m/s]

@@ -13,9 +13,8 @@ from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
-from drift_drake.drives.command import COMMANDS, FASTEST, Simulate, check_options
+from drift_drake.drives.command import COMMANDS, FASTEST, NAMES, Name, Simulate, check_options
 from drift_drake.drives.drivers import ROW_PERIOD, RowByRowDriver
-from drift_drake.drives.names import NAMES, Name
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, make_run, read_columns
 from drift_drake.playback.measured_motion import measured_motion
@@ -24,8 +23,8 @@ from drift_drake.sensing.sensors import NoiseLevels
 from drift_drake.simulation.drive import LOG_PERIOD, Drive, DriveLimits
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.vehicle.plausible import check_effects, check_plausible
 from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.vehicle.vehicle_file import check_effects, check_plausible
 
 SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
 ACCELERATION = 2.5  # [m/s^2] of the straight

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.commands import STAGES, SUBSTEPS
 from drift_drake.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     MIN_FILTER_SPEED,
     SIZE,
+    STAGES,
+    SUBSTEPS,
     UNRELAXED,
     advance_row,
     first_state,
@@ -156,7 +157,7 @@ def filter_run(
     Args:
         y: measurements [rows, 9] in the order of CHANNELS; first: row to start from, whose innovations and those
             before are left zero; used: which channels count [9].
-        delta, torque: on the stages' grid (`commands.actuated`); period: [s]; constants, effects: the car.
+        delta, torque: on the stages' grid (`filter_state.actuated`); period: [s]; constants, effects: the car.
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
     """

@@ -1,5 +1,7 @@
 """What is believed of magnitudes before the data: ranges, scales, starting points."""
 
+import dataclasses
+
 import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
@@ -9,6 +11,7 @@ REACH = 1.5  # magnitudes are believed up to this many times the ends of the pra
 LEAST = 0.5  # and unsigned ones down to this part of its low end
 TOLERANCE_OF = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 NO_GAP = 1.5  # tolerances up to which such an effect is none: a deviation of a tolerance's size is no gap to report
+TWO_SIDED = 1.96  # standard deviations
 
 
 def bounds(name: str, vehicle: VehicleParameters = REFERENCE) -> tuple[float, float]:
@@ -45,3 +48,12 @@ def log_density(name: str, vehicle: VehicleParameters = REFERENCE) -> float:
     """Log of the uniform prior density of a magnitude over its bounds."""
     low, high = bounds(name, vehicle)
     return -float(np.log(high - low))
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """An estimate with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float

@@ -11,9 +11,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.commands import STAGES, actuated, without_actuators
 from drift_drake.estimation.filter import filter_run, observe_run
-from drift_drake.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
+from drift_drake.estimation.filter_state import (
+    CHANNELS,
+    CORRECTED,
+    FILTER_STATES,
+    MEASURED,
+    SIZE,
+    STAGES,
+    actuated,
+    without_actuators,
+)
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 from drift_drake.logs.table import Run
@@ -213,7 +221,7 @@ def first_row(run: RunData, names: Sequence[str]) -> int:
 
 
 def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
-    """What a run's commands become before they reach the car (`commands.actuated`)."""
+    """What a run's commands become before they reach the car (`filter_state.actuated`)."""
     run, vehicle = problem.runs[index], problem.vehicle
     at = len(NUISANCES) + 2 * index
     before = (

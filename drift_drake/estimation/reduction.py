@@ -6,8 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.commands import STAGES, SUBSTEPS, without_actuators
-from drift_drake.estimation.filter_state import MEASURED, SIZE, advance_row, predict_measurement, rates_of
+from drift_drake.estimation.filter_state import (
+    MEASURED,
+    SIZE,
+    STAGES,
+    SUBSTEPS,
+    advance_row,
+    predict_measurement,
+    rates_of,
+    without_actuators,
+)
 from drift_drake.estimation.fit import Fit, minimise, sensitivity
 from drift_drake.estimation.freeform import with_more_process_noise
 from drift_drake.estimation.problem import Gains, Problem, car, filter_case, filtered_states, run_commands

@@ -14,15 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.commands import STAGES, actuated, without_actuators
 from drift_drake.estimation.filter_state import (
     CHANNELS,
     MIN_FILTER_SPEED,
     SIZE,
+    STAGES,
+    actuated,
     between,
     rates_of,
     runge_kutta,
     wheel_rate,
+    without_actuators,
 )
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
@@ -161,7 +163,7 @@ def predict_windows(
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
-            horizons; delta, torque: on the stages' grid (`commands.actuated`); effects: without those of actuators.
+            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); effects: without those of actuators.
     """
     z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     _measured_state(start_y[0], effects, memory)

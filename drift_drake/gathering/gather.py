@@ -11,9 +11,15 @@ from drift_drake.arrays import Array
 from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.tracking import Tracked, TrackingController, tracking_gains
-from drift_drake.drives.dataset import samples_from_log
-from drift_drake.gathering.config import GatheringConfig, curvature_along, lane, lane_data, positions
-from drift_drake.gathering.lane import FEASIBLE, problem_data
+from drift_drake.gathering.config import (
+    FEASIBLE,
+    GatheringConfig,
+    curvature_along,
+    lane,
+    lane_data,
+    positions,
+    problem_data,
+)
 from drift_drake.gathering.plan import (
     Trajectory,
     info_ocp,
@@ -26,7 +32,7 @@ from drift_drake.gathering.plan import (
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples
+from drift_drake.model.samples import Samples, samples_from_log
 from drift_drake.simulation.drive import Drive
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.effects import Effects

@@ -10,7 +10,15 @@ from drift_drake.control.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.control.qp import QpOptions
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.errors import DriftDrakeError
-from drift_drake.gathering.config import GatheringConfig, Objective, lane_data, positions
+from drift_drake.gathering.config import (
+    FEASIBLE,
+    GatheringConfig,
+    Objective,
+    bound_end,
+    bound_slip,
+    lane_data,
+    positions,
+)
 from drift_drake.gathering.control_information import ControlInformation, figure_8_task
 from drift_drake.gathering.information import (
     InformationCost,
@@ -18,7 +26,6 @@ from drift_drake.gathering.information import (
     StageInformation,
     UpdatedInformation,
 )
-from drift_drake.gathering.lane import FEASIBLE, bound_end, bound_slip
 from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.features import Expansions
 from drift_drake.model.posterior import Posterior, weighed

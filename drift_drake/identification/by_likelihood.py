@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.estimation.fit import cost_of, parameter_limits
-from drift_drake.estimation.interval import TWO_SIDED
-from drift_drake.estimation.prior import scale
+from drift_drake.estimation.prior import TWO_SIDED, scale
 from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied

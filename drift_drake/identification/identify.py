@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.estimation.interval import TWO_SIDED
+from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
 from drift_drake.estimation.usable import part_of, seen_effects, usable

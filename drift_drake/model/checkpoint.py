@@ -24,7 +24,7 @@ from drift_drake.model.posterior import Posterior, block_diagonal, from_precisio
 from drift_drake.plain_files import check_file, parse_json
 from drift_drake.safe_files import replacing
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
-from drift_drake.vehicle.plausible import check_plausible
+from drift_drake.vehicle.vehicle_file import check_plausible
 
 FORMAT = 1
 PRECISION_FLOOR = 1e-6  # added to the diagonal of Lambda_0 = L L^T, which may be singular while it trains

@@ -26,7 +26,7 @@ from drift_drake.model.transfer_objective import TransferObjective
 from drift_drake.model.window_objective import WindowObjective
 from drift_drake.safe_files import write_bytes
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plausible import check_plausible
+from drift_drake.vehicle.vehicle_file import check_plausible
 
 SAVE_EVERY = 25  # [epochs] between saves of an unfinished run
 DRIFT_COUNT = 200  # samples that stand for what is to be predicted

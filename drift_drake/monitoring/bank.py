@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
-from drift_drake.estimation.commands import STAGES, SUBSTEPS, first_order_lag, limited_steering, without_actuators
 from drift_drake.estimation.filter import (
     UNMEASURED,
     correct,
@@ -26,12 +25,17 @@ from drift_drake.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     SIZE,
+    STAGES,
+    SUBSTEPS,
     advance_row,
+    first_order_lag,
     first_state,
+    limited_steering,
     linearise,
     predict_measurement,
     rates_of,
     transition,
+    without_actuators,
 )
 from drift_drake.estimation.unknowns import added
 from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase

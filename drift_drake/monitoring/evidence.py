@@ -14,7 +14,7 @@ from scipy.special import log_ndtr
 
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
-from drift_drake.estimation.interval import TWO_SIDED
+from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.monitoring.bank import FORCES, Node
 from drift_drake.vehicle.catalogue import CATALOGUE
 

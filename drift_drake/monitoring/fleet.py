@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drift_drake.estimation.interval import TWO_SIDED
+from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.executors import ExecutorConfig, results_of
 from drift_drake.logs.table import InvalidLogError, case_paths, read_case, read_run
 from drift_drake.monitoring.evidence import EvidenceProblem, Sums, no_sums, whitened

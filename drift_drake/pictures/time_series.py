@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
@@ -16,7 +17,9 @@ from drift_drake.pictures.style import (
     INK,
     KMH,
     REFERENCE,
+    RUNS,
     TRANSITION,
+    check_columns,
     check_runs,
     colours_of,
     legend_above,
@@ -43,6 +46,9 @@ PANELS = (  # row and column, label, quantity and the factor to the label's unit
     ((3, 1), "sideslip error [deg]", "sideslip_error", DEGREES),
 )
 COLUMNS = ("t", "s", "r", "v", "beta", "omega_r", "e", "delta", "tau")
+SOLVER_COLUMNS = ("t", "seconds", "iterations", "qp_iterations", "qp_fallbacks", "qp_unsolved", "failed")
+COMPARED_COLUMNS = ("t", "x", "y", "r", "v", "beta", "omega_r", "delta")
+SMALLEST_REACH = 1.0  # of the axes: that a simulated car may leave the real one's range by, at least
 
 
 @styled
@@ -175,3 +181,119 @@ def _draw_faults(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], ag
         grid[1].plot([], [], "|", color=BOUND, label="reading screened out")
         drawn.append("reading screened out")
     return drawn
+
+
+@styled
+def solver_work(statistics: pd.DataFrame, period: float) -> Figure:
+    """Draws the solver's time and iterations over a run, and how solve times are spread; counts are in the legends.
+
+    Args:
+        statistics: a table with t [s], seconds, iterations (of the SQP), qp_iterations, qp_fallbacks and
+            qp_unsolved (QPs that took a second attempt, that none solved) and failed (0 or 1), a row
+            each solve; rows of no seconds (before the first solve) are left out.
+        period: [s] between solves: the time that a solve must stay below; longer ones are late.
+
+    Raises:
+        ValueError: the table lacks a column or has no row.
+    """
+    check_columns(statistics, SOLVER_COLUMNS, "solver statistics")
+    statistics = statistics[statistics["seconds"] > 0.0]
+    check_columns(statistics, (), "solver statistics")
+    t, milliseconds = statistics["t"].to_numpy(dtype=float), 1e3 * statistics["seconds"].to_numpy(dtype=float)
+    figure = new_figure(7.5, 3.6)
+    grid = figure.add_gridspec(2, 2, width_ratios=(2.4, 1.0))
+    time = figure.add_subplot(grid[0, 0])
+    iterations = figure.add_subplot(grid[1, 0], sharex=time)
+    _draw_iterations(iterations, statistics)
+    spread = figure.add_subplot(grid[:, 1])
+    time.plot(t, milliseconds, ".", markersize=1.8, color=RUNS[0], label="solve", rasterized=True)
+    time.axhline(1e3 * period, color=BOUND, linewidth=0.8, label="period")
+    late, failed = milliseconds > 1e3 * period, statistics["failed"].to_numpy(dtype=float) > 0.0
+    if late.any():
+        time.plot(t[late], milliseconds[late], "o", color=BOUND, markersize=2.5, label=f"late ({late.sum()})")
+    if failed.any():
+        time.plot(t[failed], milliseconds[failed], "x", color=BOUND, markersize=4.0, label=f"failed ({failed.sum()})")
+    time.set(ylabel="solve time [ms]", yscale="log")
+    time.xaxis.set_tick_params(labelbottom=False)
+    legend_above(time, 4)
+    ordered = np.sort(milliseconds)
+    spread.plot(100.0 * np.arange(1, len(ordered) + 1) / len(ordered), ordered, color=RUNS[0])
+    spread.axhline(1e3 * period, color=BOUND, linewidth=0.8)
+    for share, below in ((50.0, 5.0), (99.0, -9.0)):
+        value = float(np.percentile(milliseconds, share))
+        spread.plot(share, value, "o", markersize=3.0, color=INK)
+        spread.annotate(
+            f"{share:.0f} %: {value:.2g} ms", (share, value), (-5.0, below), textcoords="offset points", ha="right"
+        )
+    spread.set(xlabel="share of solves [%]", ylabel="solve time below [ms]", yscale="log", xlim=(0.0, 104.0))
+    for axes in (time, spread):
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    return figure
+
+
+def _draw_iterations(axes: Axes, statistics: pd.DataFrame) -> None:
+    """Iterations of the SQP over the run; colours tell how their QPs were solved."""
+    t, count, fallbacks, unsolved = (
+        statistics[name].to_numpy(dtype=float) for name in ("t", "iterations", "qp_fallbacks", "qp_unsolved")
+    )
+    for label, chosen, color in (
+        ("QPs solved", (fallbacks == 0.0) & (unsolved == 0.0), RUNS[2]),
+        ("second attempt", (fallbacks > 0.0) & (unsolved == 0.0), RUNS[1]),
+        ("unsolved", unsolved > 0.0, BOUND),
+    ):
+        if chosen.any():
+            marker = "x" if label == "unsolved" else "|"
+            axes.plot(t[chosen], count[chosen], marker, markersize=4.0, color=color, rasterized=True,
+                      label=f"{label} ({chosen.sum()})")  # fmt: skip
+    axes.set(xlabel="time [s]", ylabel="SQP iterations", ylim=(0.0, 1.1 * max(1.0, count.max())))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    legend_above(axes, 3)
+
+
+@styled
+def side_by_side(runs: Mapping[str, pd.DataFrame]) -> Figure:
+    """Draws states, steering command and distance from the first run, which is the real car, row for row.
+
+    Args:
+        runs: tables with t, x, y, r, v, beta, omega_r, delta (SI) by name, all with the same rows; NaN breaks a line.
+
+    Raises:
+        ValueError: there is no run; a run lacks a column or has no row.
+    """
+    check_runs(runs, COMPARED_COLUMNS)
+    real, colours = next(iter(runs.values())), colours_of(runs)
+    figure = new_figure(7.5, 5.4)
+    grid = figure.subplots(3, 2, sharex=True)
+    lines = (
+        ("sideslip [deg]", "beta", DEGREES),
+        ("yaw rate [deg/s]", "r", DEGREES),
+        ("speed [km/h]", "v", KMH),
+        ("rear rim speed [km/h]", "omega_r", KMH),
+    )
+    for axes, (label, column, unit) in zip(grid.ravel(), lines, strict=False):
+        for index, (name, run) in enumerate(runs.items()):
+            # The real car is beneath, wide and pale: a car that does the same is seen on it.
+            look = {"linewidth": 2.4, "alpha": 0.45} if index == 0 else {"linewidth": 1.0}
+            axes.plot(run["t"], run[column] * unit, color=colours[index], label=name, **look)
+        axes.set_ylabel(label)
+        if real[column].notna().any():
+            low, high = float(real[column].min()) * unit, float(real[column].max()) * unit
+            reach = max(0.5 * (high - low), SMALLEST_REACH)
+            bottom, top = axes.get_ylim()
+            axes.set_ylim(max(bottom, low - reach), min(top, high + reach))
+    steering, distance = grid[-1]
+    steering.plot(real["t"], real["delta"] * DEGREES, color=colours[0])
+    steering.set_ylabel("steering command [deg]")
+    for index, run in enumerate(runs.values()):
+        if index > 0:
+            away = np.hypot(run["x"] - real["x"], run["y"] - real["y"])
+            distance.plot(run["t"], away, color=colours[index], linewidth=1.0)
+    distance.set_ylabel("distance from the real car [m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    for axes in grid.ravel():
+        axes.margins(x=0.0)
+    legend_above(grid[0, 0], len(runs))
+    return figure

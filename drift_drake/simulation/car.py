@@ -10,7 +10,7 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, CurvedPath, PathPlant
 from drift_drake.vehicle.plant import VehiclePlant
-from drift_drake.vehicle.plausible import check_effects, check_plausible
+from drift_drake.vehicle.vehicle_file import check_effects, check_plausible
 
 
 class Car(Diagram):

@@ -21,8 +21,7 @@ from drift_drake.monitoring.watch import WATCHED
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
-from drift_drake.pictures.solver_work import solver_work
-from drift_drake.pictures.time_series import time_series
+from drift_drake.pictures.time_series import solver_work, time_series
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text

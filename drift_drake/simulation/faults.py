@@ -16,7 +16,7 @@ from drift_drake.vehicle.catalogue import OFF_THE_MOTION
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import PathPlant
-from drift_drake.vehicle.plausible import check_effects
+from drift_drake.vehicle.vehicle_file import check_effects
 
 SENSOR_KINDS = {  # and the default size of each
     "dropout": 0.0,  # no reading at all (NaN)

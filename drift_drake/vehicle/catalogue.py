@@ -4,8 +4,7 @@ The physics of the package's own is in `effects.motion_with_effects`, but for de
 says all (`delays`); that of another package's is beside its record.
 """
 
-from drift_drake.vehicle.effect import REFERENCE, Command, Effect, wheelbase
-from drift_drake.vehicle.installed import InvalidExtensionError, installed_effects
+from drift_drake.vehicle.effect import REFERENCE, Command, Effect, InvalidExtensionError, installed_effects, wheelbase
 
 __all__ = ["CATALOGUE", "OFF_THE_MOTION", "REFERENCE", "Effect", "wheelbase"]
 

@@ -13,7 +13,7 @@ import numba
 from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
 
-from drift_drake.vehicle.installed import fingerprint
+from drift_drake.vehicle.effect import fingerprint
 from drift_drake.vehicle.tyre import installed_tyres
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -28,7 +28,6 @@ import pandas as pd
 
 from diagrams.command import run_command
 from drift_drake.control.ocp import OcpWeights
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import Population
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import run_jobs
@@ -36,7 +35,7 @@ from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples
+from drift_drake.model.samples import Samples, samples_from_log
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.closed_loop import ControlConfig

@@ -18,7 +18,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.scores import binomial
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
 from drift_drake.model.adapter import (

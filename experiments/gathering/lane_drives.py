@@ -21,7 +21,6 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.control.plan import DT
-from drift_drake.drives.dataset import DECIMATION, all_phases, samples_from_log
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, results_of
@@ -31,7 +30,7 @@ from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_aga
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples, concatenate, save_samples
+from drift_drake.model.samples import DECIMATION, Samples, all_phases, concatenate, samples_from_log, save_samples
 from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text

@@ -24,12 +24,22 @@ from drift_drake.arrays import Array
 from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
-from drift_drake.drives.dataset import DECIMATION, MIN_SAMPLES, all_phases, samples_from_log
 from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import COLUMNS, Run, write_run
-from drift_drake.model.samples import PHASE_STRIDE, Samples, concatenate, content_hash, load_samples, save_samples
+from drift_drake.model.samples import (
+    DECIMATION,
+    MIN_SAMPLES,
+    PHASE_STRIDE,
+    Samples,
+    all_phases,
+    concatenate,
+    content_hash,
+    load_samples,
+    samples_from_log,
+    save_samples,
+)
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done

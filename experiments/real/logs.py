@@ -23,7 +23,7 @@ from drift_drake.estimation.problem import make_problem
 from drift_drake.estimation.reduction import HORIZONS, STATES, errors_of
 from drift_drake.estimation.usable import usable
 from drift_drake.identification import report as identification_report
-from drift_drake.identification.calibration_file import trust_of
+from drift_drake.identification.calibration import trust_of
 from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify
 from drift_drake.logs.importing.command import write_case

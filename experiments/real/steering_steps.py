@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.estimation.commands import STAGES, delayed, first_order_lag
+from drift_drake.estimation.filter_state import STAGES, delayed, first_order_lag
 from drift_drake.logs.table import Run
 
 LAGS = np.linspace(0.01, 0.4, 40)  # [s]

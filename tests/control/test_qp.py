@@ -11,7 +11,7 @@ from control_problems import ocp_data
 
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
-from drift_drake.gathering.lane import LaneDrive, bound_end, bound_slip, problem_data
+from drift_drake.gathering.config import LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from drift_drake.drives.dataset import all_phases, samples_from_log
 from drift_drake.model.command_lag import LAGGED, lagged_commands
+from drift_drake.model.samples import all_phases, samples_from_log
 
 
 class Ramp:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.estimation.commands import STAGES, actuated, delayed, first_order_lag, without_actuators
+from drift_drake.estimation.filter_state import STAGES, actuated, delayed, first_order_lag, without_actuators
 from drift_drake.vehicle.effects import Effects
 
 PERIOD = 0.01

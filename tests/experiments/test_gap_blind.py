@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import Interval
 from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import read_case
 from drift_drake.vehicle.catalogue import CATALOGUE

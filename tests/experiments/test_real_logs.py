@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.estimation.commands import STAGES, first_order_lag
+from drift_drake.estimation.filter_state import STAGES, first_order_lag
 from drift_drake.identification.identify import identify
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping

@@ -26,7 +26,7 @@ from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.problem import NUISANCES
 from drift_drake.estimation.windows import HORIZONS, PREDICTED
-from drift_drake.identification.calibration_file import read_trust
+from drift_drake.identification.calibration import read_trust
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.importing.smoothing import smooth

@@ -5,9 +5,8 @@ import pytest
 
 from drift_drake.control.ocp import OptimalControlProblem
 from drift_drake.errors import InvalidOptionError
-from drift_drake.gathering.config import GatheringConfig, lane
+from drift_drake.gathering.config import GatheringConfig, bound_end, lane, problem_data
 from drift_drake.gathering.gather import drive_samples, gather, learn_drive, rest_of_drive
-from drift_drake.gathering.lane import bound_end, problem_data
 from drift_drake.gathering.plan import Trajectory, information_gained, plan_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.vehicle.effects import make_effects

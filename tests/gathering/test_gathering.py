@@ -11,12 +11,10 @@ import pytest
 
 from diagrams.information_gathering import Options, main
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering import plan as planning
-from drift_drake.gathering.config import GatheringConfig, Objective, lane_for_pictures
+from drift_drake.gathering.config import ENDS, GatheringConfig, Objective, lane_for_pictures, problem_data
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.lane import ENDS, problem_data
 from drift_drake.gathering.plan import (
     InfeasiblePlanError,
     Trajectory,
@@ -32,6 +30,7 @@ from drift_drake.model.checkpoint import BayesianModel, InvalidCheckpointError
 from drift_drake.model.command_lag import LAGGED, lagged_commands
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import learn, step_model
+from drift_drake.model.samples import samples_from_log
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.parameters import VehicleParameters
 

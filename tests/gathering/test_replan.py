@@ -8,18 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.errors import InvalidOptionError
 from drift_drake.gathering import gather as gathering
-from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.config import GatheringConfig, problem_data
 from drift_drake.gathering.gather import gather, learn_drive, plan_rest, rest_of_drive, rest_of_plan, taught
-from drift_drake.gathering.lane import problem_data
 from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive, round_alpha
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, step_model
-from drift_drake.model.samples import Samples
+from drift_drake.model.samples import Samples, samples_from_log
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.choice import Familiar, Usual, familiar_from, keep_usual, squared_distances, usual_for
 from drift_drake.gathering.config import GatheringConfig
@@ -19,7 +18,7 @@ from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkp
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import mahalanobis, predict
 from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples
+from drift_drake.model.samples import Samples, samples_from_log
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -6,7 +6,7 @@ import pytest
 
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.estimation.freeform import FORCE_CHANNELS
-from drift_drake.identification.calibration_file import CarTrust, InvalidCalibrationError, read_trust
+from drift_drake.identification.calibration import CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.run_folder import to_json
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from drift_drake.drives.dataset import samples_from_log
 from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import covariance_norms
 from drift_drake.model.quality import adapted, deviation_coverage, rollout_errors, standardized_errors, step_model
-from drift_drake.model.samples import MIRROR_STATE, Samples, concatenate, mirrored
+from drift_drake.model.samples import MIRROR_STATE, Samples, concatenate, mirrored, samples_from_log
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.pictures.solver_work import solver_work
 from drift_drake.pictures.style import save
+from drift_drake.pictures.time_series import solver_work
 
 STATISTICS = pd.DataFrame({
     "t": [0.0, 0.01, 0.02, 0.03], "seconds": [0.002, 0.004, 0.012, 0.003], "iterations": [1.0, 2.0, 3.0, 1.0],

@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.replay import wide_table
 from drift_drake.logs.table import InvalidLogError
-from drift_drake.pictures.side_by_side import side_by_side
+from drift_drake.pictures.time_series import side_by_side
 from drift_drake.playback.play import compare, drawn
 from drift_drake.playback.side_by_side import CarModel, SideBySide, windows
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -7,11 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.drives.dataset import DECIMATION, samples_from_log
 from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.logs.table import COLUMNS, read_case
-from drift_drake.model.samples import load_samples
+from drift_drake.model.samples import DECIMATION, load_samples, samples_from_log
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.vehicle.parameters import VehicleParameters

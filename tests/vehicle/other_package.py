@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.vehicle.installed import InvalidExtensionError
+from drift_drake.vehicle.effect import InvalidExtensionError
 
 ROOT = Path(__file__).parents[2]
 WIND = """

@@ -32,7 +32,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.diagnosis.next_drive.plan import stand_ins
-from drift_drake.estimation.commands import actuated, without_actuators
+from drift_drake.estimation.filter_state import actuated, without_actuators
 from drift_drake.estimation.problem import START_MATTERS
 from drift_drake.monitoring.bank import make_bank
 from drift_drake.simulation.car import Car

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from other_package import DELAYS, EFFECTS, install, refusal, run
 
-from drift_drake.vehicle.installed import installed_effects
+from drift_drake.vehicle.effect import installed_effects
 
 PHYSICS = """
 import numpy as np

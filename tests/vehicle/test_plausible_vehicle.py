@@ -7,8 +7,7 @@ import pytest
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.vehicle.plausible import check_effects, check_plausible, effect_range
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.vehicle.vehicle_file import check_effects, check_plausible, effect_range, read_vehicle
 
 P = VehicleParameters()
 LORRY = VehicleParameters(

@@ -26,8 +26,8 @@ from drift_drake.diagnosis.another_day.posterior import (
 )
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
-from drift_drake.estimation.interval import Interval
 from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.prior import Interval
 from drift_drake.estimation.reduction import STATES, Reduction
 from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.unknowns import magnitudes

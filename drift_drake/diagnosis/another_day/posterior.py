@@ -26,7 +26,7 @@ from drift_drake.diagnosis.shared.posterior import (
 )
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range, at_end
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.interval import TWO_SIDED, Interval
+from drift_drake.estimation.prior import TWO_SIDED, Interval
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE
 from drift_drake.estimation.scores import BETWEEN_DAYS
 from drift_drake.estimation.windows import PREDICTED

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.errors import DriftDrakeError, shown, significant
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import Interval
 from drift_drake.plain_files import named_number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE

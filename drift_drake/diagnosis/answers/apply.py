@@ -13,8 +13,7 @@ from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.effects import Effects, combined, magnitudes_of, make_effects
 from drift_drake.vehicle.parameters import RELATIVE, VehicleParameters
-from drift_drake.vehicle.plausible import check_effects, check_plausible
-from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.vehicle.vehicle_file import check_effects, check_plausible, read_vehicle, write_vehicle
 
 
 @dataclasses.dataclass(frozen=True)

@@ -99,7 +99,7 @@ def with_vehicle(
         from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
         from drift_drake.diagnosis.shared.where import region_names, region_of
         from drift_drake.estimation.usable import usable
-        from drift_drake.identification.calibration_file import CarTrust, read_trust
+        from drift_drake.identification.calibration import CarTrust, read_trust
         from drift_drake.logs.screening.suspicions import suspicions
 
     doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]

@@ -24,8 +24,7 @@ from drift_drake.diagnosis.shared.posterior import (
 from drift_drake.diagnosis.shared.where import find_gap
 from drift_drake.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.estimation.freeform import applied, misfit, responses, traced
-from drift_drake.estimation.interval import TWO_SIDED, Interval
-from drift_drake.estimation.prior import bounds
+from drift_drake.estimation.prior import TWO_SIDED, Interval, bounds
 from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, flat, make_problem
 from drift_drake.estimation.reduction import (
     Reduction,

@@ -7,8 +7,7 @@ import numpy as np
 from scipy.stats import norm
 
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
-from drift_drake.estimation.commands import without_actuators
-from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE
+from drift_drake.estimation.filter_state import CHANNELS, MEASURED, SIZE, without_actuators
 from drift_drake.estimation.fit import parameter_limits, sensitivity
 from drift_drake.estimation.problem import (
     NUISANCES,

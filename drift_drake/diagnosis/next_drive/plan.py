@@ -34,7 +34,7 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale
 from drift_drake.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
-from drift_drake.gathering.lane import FEASIBLE, LaneDrive, bound_slip, problem_data
+from drift_drake.gathering.config import FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.safe_files import write_table
 from drift_drake.vehicle.delays import command_delays
 from drift_drake.vehicle.effects import Effects, magnitudes_of, settled_memory

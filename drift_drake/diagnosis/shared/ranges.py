@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plausible import effect_range
+from drift_drake.vehicle.vehicle_file import effect_range
 
 REACH = 1.5  # times the ends of the practical range that a magnitude may reach
 SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach

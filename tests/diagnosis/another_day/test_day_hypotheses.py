@@ -31,7 +31,7 @@ from drift_drake.diagnosis.another_day.posterior import (
 from drift_drake.diagnosis.shared.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.plausible import effect_range
+from drift_drake.vehicle.vehicle_file import effect_range
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0)

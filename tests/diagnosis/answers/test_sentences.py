@@ -3,7 +3,7 @@
 import dataclasses
 
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import Interval
 
 NOTHING = Interval(0.0, 0.0, 0.0)
 CLOSE = {"none": 0.4, "torque_gain_error": 0.3, "aero_drag+mass_error": 0.2, "unknown": 0.1}

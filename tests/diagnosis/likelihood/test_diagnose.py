@@ -13,7 +13,7 @@ from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.diagnosis.likelihood.isolability import Isolability
 from drift_drake.diagnosis.reports.report import report_html
-from drift_drake.estimation.interval import Interval
+from drift_drake.estimation.prior import Interval
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.logs.cases import case_folders

@@ -22,8 +22,7 @@ from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, as_rival, pla
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import Fit
-from drift_drake.estimation.interval import Interval
-from drift_drake.estimation.prior import scale
+from drift_drake.estimation.prior import Interval, scale
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects

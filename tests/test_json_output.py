@@ -12,7 +12,7 @@ from drift_drake.cli import COMMANDS, load, main
 from drift_drake.demo import command as demo
 from drift_drake.diagnosis import folders
 from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.next_drive import answer_beliefs
+from drift_drake.diagnosis.next_drive import foresight
 from drift_drake.diagnosis.next_drive import plan as next_drive
 from drift_drake.diagnosis.next_drive.plan import NextDrive
 from drift_drake.simulation import drive_command
@@ -63,7 +63,7 @@ def short(monkeypatch):
     plan = NextDrive(
         np.ones((3, 6)), np.zeros((3, 2)), 0.0, "straight", ("none", "aero_drag"), np.ones((2, 2)), 0.5, 0.9
     )
-    monkeypatch.setattr(answer_beliefs, "beliefs_of", lambda _: None)
+    monkeypatch.setattr(foresight, "beliefs_of", lambda _: None)
     monkeypatch.setattr(next_drive, "plan_from_answer", lambda *_: plan)
 
 

@@ -31,7 +31,6 @@ class ListEffects:
 
 
 def run_effects(command: ListEffects) -> None:
-    """`drift-drake effects`."""
     try_outputs({"--json": command.json}, [] if command.vehicle is None else [command.vehicle])
     vehicle = VehicleParameters() if command.vehicle is None else read_vehicle(command.vehicle)[0]
     print(listing(vehicle), file=said_to(command.json))

@@ -42,7 +42,6 @@ class Export:
 
 
 def run_export(command: Export) -> None:
-    """`drift-drake export`."""
     if command.format in NEEDS:
         _export_logs(command)
     else:

@@ -10,18 +10,19 @@ from drift_drake.estimation.prior import TWO_SIDED, scale
 from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
-from drift_drake.identification.estimate import Estimate, estimate
-from drift_drake.identification.everyday_misfit import everyday_misfit, widening
-from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
-from drift_drake.identification.unknowns import (
+from drift_drake.identification.estimate import (
     FIRST_SHARE,
     KEEPS,
     PARAMETERS,
+    Estimate,
     effect_ranges,
+    estimate,
     first_magnitude,
     shown_effects,
     widened,
 )
+from drift_drake.identification.everyday_misfit import everyday_misfit, widening
+from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE

@@ -11,8 +11,8 @@ from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import between_recordings, block_of, learn_normal, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
+from drift_drake.identification.estimate import KEEPS
 from drift_drake.identification.held_out import HeldOut
-from drift_drake.identification.unknowns import KEEPS
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects

@@ -57,7 +57,6 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    """`drift-drake identify`."""
     vehicle, effects = read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]

@@ -6,12 +6,77 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.estimation.fit import Linearised, minimise, prior_precision
-from drift_drake.estimation.problem import Problem, filter_case, flat
+from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat
+from drift_drake.estimation.unknowns import BROAD
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
+from drift_drake.vehicle.delays import DELAYS
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
+PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
+WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, beside the effects that need it
+LONGEST_LAG = 0.5  # [s]
+RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
+LARGEST_SPLIT = 0.5
+KEEPS = 0.025  # of the practical range, below which an effect is left out
+FIRST_SHARE = 0.1  # of its range that an effect starts from where the vehicle file has none
 ROUNDS = 5  # of fits, each with the noise that the last one's innovations ask for
 SETTLED = 0.02  # of the noise's scale
 ITERATIONS = 8  # of a fit
 ENOUGH = 0.5  # [nats] of a step that is not worth another
+
+
+def check_effect_names(known: Sequence[str], effects: Sequence[str]) -> None:
+    """Raises InvalidVehicleError, with the names to choose from, where one is none of a parameter or an effect."""
+    for name in known:
+        if name not in PARAMETERS:
+            raise InvalidVehicleError(f"{name} is no parameter to be held; there are {', '.join(PARAMETERS)}")
+    for name in effects:
+        if name not in Effects._fields:
+            raise InvalidVehicleError(f"{name} is no effect; the catalogue has {', '.join(Effects._fields)}")
+
+
+def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParameters:
+    """The vehicle with broad priors for tolerances, but for the `known` parameters and where its own are broader."""
+    changes = {}
+    for name in PARAMETERS:
+        if name not in known:
+            broad = getattr(BROAD, name) * (wheelbase(vehicle) if name == "front_axle_distance" else 1.0)
+            changes[name] = max(broad, getattr(vehicle.tolerance, name))
+    return vehicle.replace(tolerance=dataclasses.replace(vehicle.tolerance, **changes))
+
+
+def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
+    """Effects that the logs' columns can show."""
+    torque = all(run.tau_cmd is not None for run in runs)
+    return [name for name in effects if torque or not (name in WITH_TORQUE or "tau_cmd" in CATALOGUE[name].needs)]
+
+
+def effect_ranges(
+    names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]
+) -> dict[str, tuple[float, float]]:
+    """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
+    top = max(float(np.max(run.v)) for run in runs)
+    weight = vehicle.mass * vehicle.gravity
+    own = {
+        "aero_drag": (0.0, RETARDATION * weight / top**2),
+        "rolling_resistance": (0.0, RETARDATION),
+        "drivetrain_friction": (0.0, RETARDATION * weight * vehicle.wheel_radius),
+        "front_rear_friction_split": (-LARGEST_SPLIT, LARGEST_SPLIT),
+        "steering_lag": (0.0, LONGEST_LAG),
+        "torque_lag": (0.0, LONGEST_LAG),
+        **dict.fromkeys(DELAYS, (0.0, LONGEST_LAG)),
+    }
+    return {name: own[name] for name in names if name in own}
+
+
+def first_magnitude(name: str, effects: Effects, low: float, high: float, share: float = FIRST_SHARE) -> float:
+    """Where an effect starts: at the vehicle file's magnitude, else a share of its range from its least."""
+    given = float(getattr(effects, name))
+    if given != 0.0:
+        return float(np.clip(given, low, high))
+    return max(low, 0.0) + (share * (high - low) if low >= 0.0 else 0.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,10 +20,9 @@ from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
-from drift_drake.identification.estimate import Trust
+from drift_drake.identification.estimate import Trust, check_effect_names
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
-from drift_drake.identification.unknowns import check_effect_names
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.standard_output import Progress

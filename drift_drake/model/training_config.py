@@ -156,7 +156,6 @@ class Train:
 
 
 def run_train(command: Train) -> None:
-    """`drift-drake train`."""
     try:
         with ended_at_once():
             from drift_drake.model.meta_training import train

@@ -48,7 +48,6 @@ class Watch:
 
 
 def run_watch(command: Watch) -> None:
-    """`drift-drake watch`."""
     vehicle, own = read_vehicle(command.vehicle)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")

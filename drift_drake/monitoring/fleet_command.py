@@ -45,7 +45,6 @@ class Fleet:
 
 
 def run_fleet(command: Fleet) -> None:
-    """`drift-drake fleet`."""
     vehicle, own = read_vehicle(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")

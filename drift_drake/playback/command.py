@@ -36,7 +36,6 @@ class Replay:
 
 
 def run_replay(command: Replay) -> None:
-    """`drift-drake replay`."""
     files = {"nominal": command.vehicle} | ({} if command.corrected is None else {"corrected": command.corrected})
     vehicles = {name: read_vehicle(path) for name, path in files.items()}
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")

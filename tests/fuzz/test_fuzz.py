@@ -20,7 +20,7 @@ from mutations import JUNK, TEXTS, mutated, spoilt
 from drift_drake.cli import main
 from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.answers.apply import Apply, run_apply
-from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
+from drift_drake.diagnosis.next_drive.foresight import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.normal import Normal

@@ -5,8 +5,8 @@ import numpy as np
 from drift_drake.estimation.fit import sensitivity
 from drift_drake.estimation.problem import NUISANCES, filter_case, make_problem
 from drift_drake.identification.by_likelihood import STEP
+from drift_drake.identification.estimate import widened
 from drift_drake.identification.options import KNOWN
-from drift_drake.identification.unknowns import widened
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SCALED = ("mass", "yaw_inertia", "rear_axle_inertia", "torque", "front_stiffness", "rear_stiffness")

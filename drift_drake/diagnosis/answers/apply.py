@@ -38,7 +38,6 @@ class Apply:
 
 
 def run_apply(command: Apply) -> None:
-    """`drift-drake apply`."""
     answer = read_answer(command.answer)
     nominal, own = read_vehicle(command.vehicle)
     if not command.force and (warning := check_diagnosed(answer, nominal, own, command.vehicle)):

@@ -67,7 +67,6 @@ class Checked:
 
 
 def run_check(command: Check) -> None:
-    """`drift-drake check`."""
     if command.calibration is not None:
         check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
         if command.vehicle is None:

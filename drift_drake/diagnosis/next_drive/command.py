@@ -40,7 +40,6 @@ class PlanNext:
 
 
 def run_plan_next(command: PlanNext) -> None:
-    """`drift-drake plan-next`."""
     answer = read_answer(command.answer)
     vehicle, own = read_vehicle(command.vehicle)
     if warning := check_diagnosed(answer, vehicle, own, command.vehicle):
@@ -48,7 +47,7 @@ def run_plan_next(command: PlanNext) -> None:
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
         from drift_drake.control.interior_point import attempt
-        from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
+        from drift_drake.diagnosis.next_drive.foresight import beliefs_of
         from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer
 
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)

@@ -28,8 +28,14 @@ from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.diagnosis.answers.answer import Answer, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
-from drift_drake.diagnosis.next_drive.answer_beliefs import beliefs_of
-from drift_drake.diagnosis.next_drive.foresight import PERIOD, REFITS, Commands, foresee, probability_of_truth
+from drift_drake.diagnosis.next_drive.foresight import (
+    PERIOD,
+    REFITS,
+    Commands,
+    beliefs_of,
+    foresee,
+    probability_of_truth,
+)
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import MAGNITUDE_STEP
 from drift_drake.estimation.prior import bounds, scale

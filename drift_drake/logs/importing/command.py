@@ -59,7 +59,6 @@ class Import:
 
 
 def run_import(command: Import) -> None:
-    """`drift-drake import`."""
     for path in command.recordings:
         if not path.exists():
             raise InvalidOptionError(f"{path}: no such file; 'drift-drake import --help' says which formats are read")

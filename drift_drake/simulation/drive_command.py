@@ -10,7 +10,7 @@ import numpy as np
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
 from drift_drake.errors import InvalidOptionError
-from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.events import sentence
@@ -45,9 +45,10 @@ class ClosedLoopConfig:
     """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
     model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
-    model: Literal["nominal", "prior", "online"] = "nominal"
+    model: Literal["nominal", "prior", "online", "offset_free"] = "nominal"
     """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
-    coupe) as it is, or adapting as it drives."""
+    coupe) as it is, adapting as it drives, or adapting with what its belief leaves over as an offset, for a car that it
+    does not know."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -88,13 +89,16 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     if config.model != "nominal":
         learnt = load_model()
         model = step_model(learnt, learnt.prior())
-        adapter = BayesianAdapter(learnt) if config.model == "online" else None
+        offset_time = OFFSET_TIME if config.model == "offset_free" else None
+        adapter = BayesianAdapter(learnt, offset_time=offset_time) if config.model != "prior" else None
     effects = config.effects()
     plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:
-        raise InvalidOptionError("--monitor forget is for --model online, which learns; choose watch or slow")
+        raise InvalidOptionError(
+            "--monitor forget is for a model that learns, online or offset_free; choose watch or slow"
+        )
     if config.monitor in CORRECTING:
         if config.model != "nominal":
             raise InvalidOptionError(

@@ -44,7 +44,7 @@ class Choice(NamedTuple):
         follows = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": "no model knows this car: let the learnt one adapt, with an offset, as it drives, or gather more",
+            "neither": "no model knows this car: let the learnt one adapt with an offset as it drives, or gather more",
         }
         limits = f"as a rule at most {self.learnt_limit:.3f}", f"as a rule at most {self.identified_limit:.3f}"
         return (

@@ -5,7 +5,7 @@ each fifth of a second. The identified car is believed where it predicts better 
 on nearly all cars that follow its equations (little more than the sensors' noise is left). The learnt model is believed
 where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
 model knows the car: the learnt model's prior then adapts while it drives, since what a lane has taught it of such a car
-leads it astray in a drift.
+leads it astray in a drift, and what its belief leaves over is taken for an offset.
 """
 
 import json
@@ -97,7 +97,7 @@ class Choice(NamedTuple):
         follows = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": "no model knows this car: let the learnt one adapt while it drives, or gather more",
+            "neither": "no model knows this car: let the learnt one adapt with an offset as it drives, or gather more",
         }
         limits = f"as a rule at most {self.learnt_limit:.3f}", f"as a rule at most {self.identified_limit:.3f}"
         return (

@@ -11,7 +11,7 @@ import pandas as pd
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
 from drift_drake.errors import InvalidOptionError
-from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
@@ -45,7 +45,7 @@ class ClosedLoopConfig:
     vehicle: Path | None = None
     plant: TruePlant = "single_track"
     reference: Literal["figure_8", "loops"] = "figure_8"
-    model: Literal["nominal", "prior", "online"] = "nominal"
+    model: Literal["nominal", "prior", "online", "offset_free"] = "nominal"
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -77,13 +77,16 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     if config.model != "nominal":
         learnt = load_model()
         model = step_model(learnt, learnt.prior())
-        adapter = BayesianAdapter(learnt) if config.model == "online" else None
+        offset_time = OFFSET_TIME if config.model == "offset_free" else None
+        adapter = BayesianAdapter(learnt, offset_time=offset_time) if config.model != "prior" else None
     effects = config.effects()
     plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:
-        raise InvalidOptionError("--monitor forget is for --model online, which learns; choose watch or slow")
+        raise InvalidOptionError(
+            "--monitor forget is for a model that learns, online or offset_free; choose watch or slow"
+        )
     if config.monitor in CORRECTING:
         if config.model != "nominal":
             raise InvalidOptionError(

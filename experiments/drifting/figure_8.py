@@ -15,6 +15,7 @@ from drift_drake.run_folder import make_run_folder, write_json, write_results_ta
 from experiments.drifting.report import (
     completion_table,
     draw,
+    ordering_table,
     over_oracle_table,
     paper_table,
     refusal_sentence,
@@ -35,7 +36,7 @@ def main(config: ModelsConfig) -> None:
     summary = summarise(runs)
     write_json(folder / "numbers.json", summary)
     report = (
-        f"{completion_table(summary)}\n\n{over_oracle_table(runs)}{refusal_sentence(summary)}"
+        f"{completion_table(summary)}\n\n{ordering_table(runs)}{over_oracle_table(runs)}{refusal_sentence(summary)}"
         f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"

@@ -44,7 +44,7 @@ PICTURED = (
     "oracle",
 )  # of those run: the paper's, and the oracle
 
-
+RANKED = ("prior", "once_ocp", "once_info", "twice_info")  # by the paper's Tables I to III, the best last
 FAR_OFF = 1.5  # times the oracle's error
 STRAYED = 0.5  # [m] from the reference
 DRIFTED = 0.9  # share of the steady drifts from which on a completed run held the drift throughout
@@ -58,7 +58,7 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
     worst of a vehicle's attempts as far as they came, each in the median over the vehicles, which is what compares with
     the paper's three attempts of one car.
     """
-    runs = runs.assign(drifted=runs["completed"] & (runs["drifting"] >= DRIFTED))
+    runs = runs.assign(drifted=held(runs))
     summary = {}
     for model, group in runs.groupby("model", sort=False):
         entry: dict[str, Any] = {
@@ -85,6 +85,11 @@ def summarise(runs: pd.DataFrame, errors: tuple[str, ...] = ("rms_e", "rms_sides
             entry |= _errors(group, name)
         summary[str(model)] = entry
     return summary
+
+
+def held(runs: pd.DataFrame) -> pd.Series:
+    """Whether each run held the drift throughout."""
+    return runs["completed"] & (runs["drifting"] >= DRIFTED)
 
 
 def _errors(group: pd.DataFrame, name: str) -> dict[str, Any]:
@@ -175,6 +180,35 @@ def over_oracle_table(runs: pd.DataFrame) -> str:
     return "\n".join(lines) + "\n\n"
 
 
+def ordering_table(runs: pd.DataFrame) -> str:
+    """Each of the paper's models less each that the paper ranks below it, as Markdown; empty with fewer than two.
+
+    Shares of runs with 95 % intervals by vehicle, and on how many of the vehicles where one is ahead it is the better
+    one by the median of its attempts' RMS e (a run that was not completed is infinitely far off).
+    """
+    scores = runs.assign(drifted=held(runs), ranked=runs["rms_e"].where(runs["completed"], np.inf))
+    present = [model for model in RANKED if (runs["model"] == model).any()]
+    lines = ["| | runs completed | drifts held throughout | less RMS e on |", "| --- | --- | --- | --- |"]
+    for better, model in enumerate(present):
+        for below in present[:better]:
+            of_two = scores[scores["model"].isin((model, below))]
+            cells = [_more(of_two, model, flag) for flag in ("completed", "drifted")]
+            errors = of_two.groupby(["vehicle", "model"])["ranked"].median().unstack()
+            ahead, behind = ((errors[a] < errors[b]).sum() for a, b in ((model, below), (below, model)))
+            label = f"{LABELS[model]} less {LABELS[below]}"
+            lines.append(f"| {label} | {' | '.join(cells)} | {ahead} of {ahead + behind} vehicles |")
+    return "\n".join(lines) + "\n\n" if len(present) > 1 else ""
+
+
+def _more(of_two: pd.DataFrame, model: str, flag: str) -> str:
+    """By how much a model's share of runs with a flag is above the other's."""
+    sign = np.where(of_two["model"] == model, 1.0, -1.0)
+    # Both models have the same attempts, so that the mean of the signed flags is half the difference of the shares.
+    signed = of_two.assign(signed=2.0 * sign * of_two[flag])
+    low, high = by_vehicle(signed, "signed", lambda values: float(np.mean(values)))
+    return f"{signed['signed'].mean():+.0%} ({low:+.0%} to {high:+.0%})"
+
+
 def paper_table(summary: dict[str, Any], error: str) -> str:
     """Table II (`rms_e`) or III (`rms_sideslip_error`), the paper's figure and ours side by side, as Markdown."""
     models = sorted(summary, key=lambda model: model not in PAPER[error])  # the paper's first
@@ -219,8 +253,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
     for model in present:
         group = runs[runs["model"] == model]
         median = next(iter(median_runs(folder, runs, [model]).values()))
-        drifted = int((group["completed"] & (group["drifting"] >= DRIFTED)).sum())
-        title = f"{LABELS.get(model, model)}: {drifted} of {len(group)} held the drift"
+        title = f"{LABELS.get(model, model)}: {held(group).sum()} of {len(group)} held the drift"
         tables = [_read(folder, run) for _, run in group.iterrows()]
         panels.append(OverheadPanel(title, tables, list(group["outcome"]), median))
     write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")

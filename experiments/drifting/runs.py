@@ -5,7 +5,7 @@ Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `o
 while it drives), `offset_free` (the same, and what is left over taken for an offset), `twice_online` (Twice-Info,
 adapting while it drives), `identified` (the nominal equations with what
 Twice-Info's two drives identify), `chosen` (of Twice-Info and the identified car the one that predicts these drives
-better; the prior, adapting, where neither knows the car) and `oracle` (the true car with its true effects). All else,
+better; `offset_free` where neither knows the car) and `oracle` (the true car with its true effects). All else,
 the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once for each noise seed,
 and shared by the models that need it.
 """
@@ -24,7 +24,7 @@ from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Believed, IdentifiedCar, Usual, usual_for
 from drift_drake.gathering.config import Recipe
-from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.posterior import Posterior
@@ -49,7 +49,6 @@ BELIEFS: dict[str, str] = {
     "identified": "identified", "chosen": "identified",
 }  # fmt: skip
 ADAPTING = ("online", "offset_free", "twice_online")
-OFFSET_TIME = 2.0  # [s] of `offset_free`; chosen of 0.4, 1 and 2 on eight double-track cars of draw 240713
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -235,7 +234,7 @@ class Believing(NamedTuple):
         return labels, Learnt(self.learnt, belief, model in ADAPTING, self.path_step, offset_time)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
-        """The same for `identified` and `chosen`; the prior, adapting, where no car was identified or none is known."""
+        """The same for `identified` and `chosen`; `offset_free` where no car was identified or none is known."""
         believed: Believed = "neither"
         if taught.forecasts is not None and self.usual is not None:
             choice = self.usual.choice(taught.forecasts)
@@ -246,7 +245,7 @@ class Believing(NamedTuple):
             return labels, taught.car
         known = believed == "learnt"
         belief = taught.best if known else self.learnt.prior()
-        return labels, Learnt(self.learnt, belief, not known, self.path_step)
+        return labels, Learnt(self.learnt, belief, not known, self.path_step, None if known else OFFSET_TIME)
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:

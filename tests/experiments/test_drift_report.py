@@ -3,7 +3,14 @@
 import pandas as pd
 import pytest
 
-from experiments.drifting.report import completion_table, over_oracle_table, paper_table, refusal_sentence, summarise
+from experiments.drifting.report import (
+    completion_table,
+    ordering_table,
+    over_oracle_table,
+    paper_table,
+    refusal_sentence,
+    summarise,
+)
 
 
 @pytest.fixture
@@ -88,3 +95,18 @@ def test_errors_are_compared_with_the_oracles_on_the_same_attempts() -> None:
         "| prior, adapting | - | - | 1 of 2 | 0 of 2 |",
     ]
     assert over_oracle_table(runs[runs["model"] != "oracle"]) == ""
+
+
+def test_the_papers_models_are_ordered_pair_by_pair() -> None:
+    """One of two vehicles is completed more often and further in, of the other both are at the same error."""
+    rows = [
+        ("prior", 0, False, 0.2, 1.0), ("prior", 0, True, 0.5, 2.0), ("prior", 1, True, 1.0, 0.3),
+        ("prior", 1, True, 1.0, 0.3), ("twice_info", 0, True, 1.0, 0.4), ("twice_info", 0, True, 0.5, 0.6),
+        ("twice_info", 1, True, 1.0, 0.3), ("twice_info", 1, True, 1.0, 0.3), ("oracle", 0, True, 1.0, 0.1),
+    ]  # fmt: skip
+    runs = pd.DataFrame(rows, columns=["model", "vehicle", "completed", "drifting", "rms_e"])
+    assert ordering_table(runs).splitlines()[2:] == [
+        "| Twice-Info less prior | +25% (+0% to +50%) | +25% (+0% to +50%) | 1 of 1 vehicles |",
+        "",
+    ]
+    assert ordering_table(runs[runs["model"] != "prior"]) == ""

@@ -121,7 +121,7 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
         labels, believes = believing("chosen", dataclasses.replace(taught, car=car, forecasts=errors))
         assert (labels["believed"], labels["refused"]) == (found, found == "neither")
         assert believes == car if found == "identified" else isinstance(believes, Learnt)
-        assert found != "neither" or (isinstance(believes, Learnt) and believes.adapting)
+        assert found != "neither" or (isinstance(believes, Learnt) and believes.adapting and believes.offset_time)
         assert believing("identified", dataclasses.replace(taught, car=car, forecasts=errors))[1] == car
 
 

@@ -114,8 +114,7 @@ class OptimalControlProblem(MathematicalProgram):
         )
         self._x_init = described("initial state", self.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), self.x[0]))
         self._u_init = described("command in force", self.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), self.u[0]))
-        low = np.array([-parameters.steering_limit, parameters.torque_min]) / INPUT_SCALE
-        high = np.array([parameters.steering_limit, parameters.torque_max]) / INPUT_SCALE
+        low, high = (limit / INPUT_SCALE for limit in parameters.command_limits())
         inputs = self.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), self.u[1:].ravel())
         described("limits of steering and torque", inputs)
         positive = self.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), self.slack)

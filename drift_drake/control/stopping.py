@@ -57,9 +57,7 @@ def stopping_command(
     delta = np.arctan2(v * np.sin(beta) + p.front_axle_distance * r, v * np.cos(beta)) + np.arctan(
         _slip(MOST_FORCE * share, p.front_stiffness, peak)
     )
-    return np.array([
-        np.clip(delta, -p.steering_limit, p.steering_limit), np.clip(torque, p.torque_min, p.torque_max),
-    ])  # fmt: skip
+    return np.clip([delta, torque], *p.command_limits())
 
 
 def stopping_plan(t: float, last: Array, wanted: Array, steps: int, period: float) -> Plan:

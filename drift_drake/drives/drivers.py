@@ -30,8 +30,7 @@ class RowByRowDriver(LeafSystem):
 
     def __init__(self, parameters: VehicleParameters) -> None:
         LeafSystem.__init__(self)
-        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
-        self._high = np.array([parameters.steering_limit, parameters.torque_max])
+        self._low, self._high = parameters.command_limits()
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._plan = self.DeclareDiscreteState(no_plan(1))
         self.DeclareStateOutputPort("plan", self._plan)
@@ -119,5 +118,4 @@ def manual_script(parameters: VehicleParameters, duration: float, generator: np.
         start = generator.integers(10, max(11, len(script) - 20))
         kick = slice(start, start + generator.integers(5, 12))
         script[kick] += [generator.choice([-1.0, 1.0]) * generator.uniform(0.1, 0.3), generator.uniform(100.0, 300.0)]
-    low = [-parameters.steering_limit, parameters.torque_min]
-    return np.clip(script, low, [parameters.steering_limit, parameters.torque_max])
+    return np.clip(script, *parameters.command_limits())

@@ -98,8 +98,7 @@ def logged(run: Run, p: VehicleParameters, effects: Effects) -> Manoeuvre:
     commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
     state, _ = measured_motion(run, p).state(0, run.period, effects)
     source = ConstantVectorSource(Plan(0.0, commands).vector())
-    low, high = np.array([-p.steering_limit, p.torque_min]), np.array([p.steering_limit, p.torque_max])
-    delta_0, tau_0 = np.clip(commands[0], low, high)
+    delta_0, tau_0 = np.clip(commands[0], *p.command_limits())
     return Manoeuvre(source, len(run) - 1, run.period, np.array([*state, 0.0, 0.0]), (float(delta_0), float(tau_0)),
                      float(run.t[-1] - run.t[0]))  # fmt: skip
 

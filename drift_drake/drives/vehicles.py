@@ -79,11 +79,6 @@ def _widened(name: str, d: Distribution) -> Distribution:
 WIDE: dict[str, Distribution] = {name: _widened(name, d) for name, d in TRAINING.items()} | _UNSEEN
 
 
-def distributions(population: Population) -> dict[str, Distribution]:
-    """The distributions that a population of vehicles is drawn from."""
-    return WIDE if population == "wide" else TRAINING
-
-
 def draw_effects(population: Population, index: int, seed: int) -> Effects:
     """The effects of vehicle `index` of a population: the same for the same arguments, whatever else is drawn.
 
@@ -92,7 +87,8 @@ def draw_effects(population: Population, index: int, seed: int) -> Effects:
     if population == "extreme":
         return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
-    return make_effects({name: _draw(d, generator) for name, d in distributions(population).items()})
+    distributions = WIDE if population == "wide" else TRAINING
+    return make_effects({name: _draw(d, generator) for name, d in distributions.items()})
 
 
 def _draw(d: Distribution, generator: np.random.Generator) -> float:

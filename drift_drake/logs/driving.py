@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from drift_drake.logs.table import Run
+from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which slips have no meaning
@@ -16,8 +17,7 @@ SUSTAINED = 0.3  # [s] of reversing; a spin is faster through
 
 def slowest(vehicle: VehicleParameters) -> float:
     """Speed [m/s] below which a car of this size counts as standing."""
-    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-    return float(SLOWEST * np.sqrt(vehicle.gravity * wheelbase))
+    return float(SLOWEST * np.sqrt(vehicle.gravity * wheelbase(vehicle)))
 
 
 def driven(run: Run, vehicle: VehicleParameters) -> np.ndarray:
@@ -36,8 +36,7 @@ def reversing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
     """
     if run.beta is None:
         return np.zeros(len(run), dtype=np.bool_)
-    wheelbase = vehicle.front_axle_distance + vehicle.rear_axle_distance
-    turn = TIGHTEST * run.v * np.tan(vehicle.steering_limit) / wheelbase
+    turn = TIGHTEST * run.v * np.tan(vehicle.steering_limit) / wheelbase(vehicle)
     backwards = (np.abs(run.beta) > np.pi - BACKWARDS) & (np.abs(run.r) <= turn)
     turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest(vehicle)))
     least = SUSTAINED / run.period

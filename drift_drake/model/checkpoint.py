@@ -58,12 +58,6 @@ class BayesianModel:
         precision = factor @ np.swapaxes(factor, -1, -2) + PRECISION_FLOOR * np.eye(factor.shape[-1])
         return from_precision(self.prior_mean, precision, self.sigma)
 
-    def trainable_count(self) -> int:
-        """Number of trainable parameters: network, prior mean and precision, noise scales (27,012 in the paper; its
-        network's inputs are z alone, and its prior does not couple the states)."""
-        weights = sum(np.size(getattr(self.network, name)) for name in WEIGHTS)
-        return weights + self.prior_mean.size + int(np.count_nonzero(self.precision_factor)) + self.sigma.size
-
     def content_hash(self) -> str:
         """SHA-256 of the model's numbers."""
         digest, network = hashlib.sha256(), self.network

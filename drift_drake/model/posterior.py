@@ -126,13 +126,6 @@ def _spread(covariance: Array, phi: Array, projected: Array, spread: Array) -> N
                 spread[m, i, j] = total
 
 
-def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.random.Generator) -> Array:
-    """`count` models theta [count, 4, 16] drawn from one posterior (no leading axes)."""
-    factor = np.linalg.cholesky(posterior.covariance)
-    normal = generator.standard_normal((count, len(factor)))
-    return posterior.mean + sigma[:, None] * (normal @ factor.T).reshape(count, *posterior.mean.shape)
-
-
 def covariance_norms(posterior: Posterior) -> tuple[Array, float]:
     """||Lambda_i^{-1}||_2 of each state's own block [4], and their sum (Table I of the paper)."""
     norms = state_norms(posterior.covariance)

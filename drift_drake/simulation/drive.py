@@ -40,8 +40,7 @@ class Dither(LeafSystem):
     def __init__(self, parameters: VehicleParameters, knots: Array) -> None:
         super().__init__()
         self._knots = knots
-        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
-        self._high = np.array([parameters.steering_limit, parameters.torque_max])
+        self._low, self._high = parameters.command_limits()
         self._command = self.DeclareVectorInputPort("command", 2)
         self.DeclareVectorOutputPort(
             "dithered_command", 2, self._calc, {self.time_ticket(), self._command.ticket()}

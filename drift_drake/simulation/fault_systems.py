@@ -131,8 +131,7 @@ class ActuatorFaults(LeafSystem):
     def __init__(self, faults: Sequence[Fault], parameters: VehicleParameters) -> None:
         LeafSystem.__init__(self)
         self._faults = [fault for fault in faults if fault.kind in ACTUATOR_KINDS]
-        self._low = np.array([-parameters.steering_limit, parameters.torque_min])
-        self._high = np.array([parameters.steering_limit, parameters.torque_max])
+        self._low, self._high = parameters.command_limits()
         self._port = self.DeclareVectorInputPort("command", 2)
         self.DeclareVectorOutputPort("faulted_command", 2, self._calc)
 

@@ -5,8 +5,10 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import yaml
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 from drift_drake.safe_files import write_text
@@ -96,14 +98,8 @@ class VehicleParameters:
     tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if field.name in WORDS:
-                continue
-            check_number(field.name, getattr(self, field.name), field.metadata)
-        if self.torque_min >= self.torque_max:
-            raise InvalidVehicleError(
-                f"torque_min ({self.torque_min:g} N m) must lie below torque_max ({self.torque_max:g} N m)"
-            )
+        check_numbers(self)
+        check_torques(self.torque_min, self.torque_max)
         if not 0.0 <= self.front_coupling <= 1.0:
             raise InvalidVehicleError(
                 f"front_coupling is {self.front_coupling:g}; give 0 (rear-wheel drive) to 1 (one shaft for both axles)"
@@ -117,6 +113,10 @@ class VehicleParameters:
                 raise InvalidVehicleError(
                     f"tolerance.{field.name} is {shown(value)}; give a standard deviation, zero or more"
                 )
+
+    def command_limits(self) -> tuple[Array, Array]:
+        """Least and greatest command (delta [rad], tau [N m])."""
+        return np.array([-self.steering_limit, self.torque_min]), np.array([self.steering_limit, self.torque_max])
 
     def constants(self) -> Constants:
         """The part of the parameters that the equations of motion read."""
@@ -219,17 +219,26 @@ def _key(prefix: str, key: Any) -> str:
     return f"'{prefix}{text.strip(chr(39))}'"
 
 
-def check_number(name: str, value: Any, metadata: Any) -> None:
-    """Holds a value against what `entry` says of its field.
+def check_numbers(parameters: Any) -> None:
+    """Holds the values of a dataclass against what `entry` says of their fields.
 
     Raises:
         InvalidVehicleError: not a finite number, or not positive where it must be.
     """
-    unit, symbol = metadata["unit"], metadata["symbol"]
-    if not is_number(value):
-        raise InvalidVehicleError(f"{name} ({symbol}) is {shown(value)}; give a finite number in {unit}")
-    if metadata["positive"] and value <= 0.0:
-        raise InvalidVehicleError(f"{name} ({symbol}) is {value:g}; it must be positive, in {unit}")
+    for field in dataclasses.fields(parameters):
+        if not field.metadata:
+            continue
+        value, unit, symbol = getattr(parameters, field.name), field.metadata["unit"], field.metadata["symbol"]
+        if not is_number(value):
+            raise InvalidVehicleError(f"{field.name} ({symbol}) is {shown(value)}; give a finite number in {unit}")
+        if field.metadata["positive"] and value <= 0.0:
+            raise InvalidVehicleError(f"{field.name} ({symbol}) is {value:g}; it must be positive, in {unit}")
+
+
+def check_torques(low: float, high: float) -> None:
+    """Sees that there is a torque between the limits; raises InvalidVehicleError where there is none."""
+    if low >= high:
+        raise InvalidVehicleError(f"torque_min ({low:g} N m) must lie below torque_max ({high:g} N m)")
 
 
 def _check_keys(

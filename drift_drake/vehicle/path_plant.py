@@ -64,19 +64,15 @@ class PathPlant:
     scalar: Any
 
     def declare_numbers(self: Any, T: Any, parameters: Sequence[Sequence[float]], path: CurvedPath | None) -> None:
-        """Declares numeric parameters and the continuous state `state_names` on numbers of the type T, and ports."""
+        """Declares numeric parameters, the continuous state `state_names` and ports on numbers of the type T.
+
+        Input ports actuation, disturbance, curvature; output ports state, path_position, pose, acceleration,
+        full_state.
+        """
+        self.scalar, self.path = T, path
         for values in parameters:
             self.DeclareNumericParameter(BasicVector_[T]([T(value) for value in values]))
-        self.declare_ports(self.DeclareContinuousState(len(self.state_names)), T, path)
-        # What hardly ever changes is read once for all derivatives.
-        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_given)
-        sources = {self.all_parameters_ticket(), self.input_port_ticket(self._disturbance.get_index())}
-        self._given = self.DeclareCacheEntry("given", producer, sources)
-
-    def declare_ports(self: Any, state_index: Any, scalar: Any, path: CurvedPath | None) -> None:
-        """Input ports actuation, disturbance, curvature; output ports state, path_position, pose, acceleration,
-        full_state."""
-        self.scalar, self.path = scalar, path
+        state_index = self.DeclareContinuousState(len(self.state_names))
         self._actuation = self.DeclareVectorInputPort("actuation", len(INPUTS))
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
         self._curvature = self.DeclareVectorInputPort("curvature", 1)
@@ -84,18 +80,13 @@ class PathPlant:
         self.DeclareVectorOutputPort("state", len(STATES), self._calc_state, prerequisites_of_calc=state)
         self.DeclareVectorOutputPort("path_position", 1, self._calc_path_position, prerequisites_of_calc=state)
         self.DeclareVectorOutputPort("pose", len(POSE), self._calc_pose, prerequisites_of_calc=state)
-        self.DeclareVectorOutputPort(
-            "acceleration",
-            2,
-            self._calc_acceleration,
-            prerequisites_of_calc={
-                *state,
-                self.all_parameters_ticket(),
-                self.input_port_ticket(self._actuation.get_index()),
-                self.input_port_ticket(self._disturbance.get_index()),
-            },
-        )
+        given = {self.all_parameters_ticket(), self._disturbance.ticket()}
+        self.DeclareVectorOutputPort("acceleration", 2, self._calc_acceleration,
+                                     prerequisites_of_calc={*state, *given, self._actuation.ticket()})  # fmt: skip
         self.DeclareStateOutputPort("full_state", state_index)
+        # What hardly ever changes is read once for all derivatives.
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_given)
+        self._given = self.DeclareCacheEntry("given", producer, given)
 
     def numbers(self: Any, context: Any) -> tuple[Any, Any]:
         """(constants, magnitudes) in a Context."""

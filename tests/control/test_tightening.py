@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from learnt_models import sample_theta
 from scipy.linalg import block_diag
 
 from drift_drake.control.tightening import MAX_SHARE, lateral_deviation, tightened
@@ -9,7 +10,7 @@ from drift_drake.control.tracking import lqr_gains
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.features import features, network_inputs
-from drift_drake.model.posterior import Posterior, sample_theta, state_blocks
+from drift_drake.model.posterior import Posterior, state_blocks
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.vehicle.parameters import VehicleParameters
 

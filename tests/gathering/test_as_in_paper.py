@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from learnt_models import trainable_count
 
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
@@ -28,7 +29,7 @@ def info(model: BayesianModel) -> Trajectory:
 
 
 def test_the_model_is_the_papers(model: BayesianModel) -> None:
-    assert model.trainable_count() == 27012
+    assert trainable_count(model) == 27012
     assert model.network.input_offset.shape == (8,)
     np.testing.assert_array_equal(model.sample_weight, np.ones(4))
     precision = np.linalg.inv(model.prior().covariance).reshape(4, 16, 4, 16)

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from learnt_models import sample_theta
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
@@ -22,7 +23,7 @@ from drift_drake.model.adapter import (
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import Network, features, network_inputs
-from drift_drake.model.posterior import predict, sample_theta
+from drift_drake.model.posterior import predict
 
 TICKS = 12
 WINDOW = 4

@@ -3,6 +3,7 @@ the states, and the textbook's regression of all 64 numbers at once where it doe
 
 import numpy as np
 import pytest
+from learnt_models import sample_theta
 from scipy.linalg import block_diag
 from scipy.spatial import distance
 
@@ -13,7 +14,6 @@ from drift_drake.model.posterior import (
     from_precision,
     mahalanobis,
     predict,
-    sample_theta,
     spread_of_features,
     state_blocks,
     update,

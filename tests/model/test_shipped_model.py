@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from learnt_models import trainable_count
 
 from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, wander
 from drift_drake.drives.vehicles import draw_effects
@@ -43,7 +44,7 @@ def drives() -> list[tuple[Samples, Samples]]:
 
 def test_it_is_the_papers_network_with_more_inputs_and_believes_in_the_nominal_car(model: BayesianModel) -> None:
     # The paper's 27,012, the weights of ten more inputs, and the states' couplings.
-    assert model.trainable_count() == 27_012 + 10 * 128 + 64 * 64 - 4 * 16 * 16
+    assert trainable_count(model) == 27_012 + 10 * 128 + 64 * 64 - 4 * 16 * 16
     assert model.vehicle == VehicleParameters()
     assert len(model.record["data"]) == 64
     assert model.sample_weight.shape == (4,)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import spearmanr, theilslopes
 
 from drift_drake.logs.table import Run
+from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
 WINDOW = 0.6  # [s]
@@ -197,8 +198,7 @@ def _straight(w: Windows) -> np.ndarray:
 
 def _steer(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:
     grip = _grip(w)
-    wheelbase = p.front_axle_distance + p.rear_axle_distance
-    return w.delta_cmd[grip], (wheelbase * w.r / w.v)[grip]
+    return w.delta_cmd[grip], (wheelbase(p) * w.r / w.v)[grip]
 
 
 def _drive(w: Windows, p: VehicleParameters) -> tuple[np.ndarray, np.ndarray]:

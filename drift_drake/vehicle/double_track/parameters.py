@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from drift_drake.vehicle.double_track.tires import TireConstants, friction_at, stiffness_per_load
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters, check_number, entry
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters, check_numbers, check_torques, entry
 from drift_drake.vehicle.scalar import jitable
 
 
@@ -116,8 +116,7 @@ class TireParameters:
     longitudinal_relaxation: float = entry("m", "sigma_x", 0.15)
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            check_number(field.name, getattr(self, field.name), field.metadata)
+        check_numbers(self)
         if not 1.0 <= self.shape < 2.0:
             raise InvalidVehicleError(f"shape (C) is {self.shape:g}; give 1 to below 2 (a sliding tyre still brakes)")
         if self.curvature > 1.0:
@@ -172,17 +171,12 @@ class DoubleTrackParameters:
     )
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if field.metadata:
-                check_number(field.name, getattr(self, field.name), field.metadata)
+        check_numbers(self)
         for name in ("cg_height", "front_roll_center", "rear_roll_center", "front_unsprung_mass", "rear_unsprung_mass",
                      "ackermann", "steering_compliance", "aero_drag", "rolling_resistance"):  # fmt: skip
             if getattr(self, name) < 0.0:
                 raise InvalidVehicleError(f"{name} is {getattr(self, name):g}; give zero or more")
-        if self.torque_min >= self.torque_max:
-            raise InvalidVehicleError(
-                f"torque_min ({self.torque_min:g} N m) must lie below torque_max ({self.torque_max:g} N m)"
-            )
+        check_torques(self.torque_min, self.torque_max)
         if self.front_unsprung_mass + self.rear_unsprung_mass >= self.mass:
             raise InvalidVehicleError("the unsprung masses must weigh less than the car (mass)")
         if self.rear_axle_inertia < 2.0 * self.wheel_inertia:

@@ -29,21 +29,15 @@ _DELTAS = (4, 6, 8)  # of the steering command, that at the end of the step, and
 STEPS = (0.7e-5, 5e-5, 0.4e-5, 6e-5, 0.3e-5)  # of (r, v, beta, omega_r, road wheel's angle), for second derivatives
 
 
-def physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Array, Array]:
-    """Slips and forces of the nominal car's tyres, and their Jacobian.
+def with_physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Array, Array]:
+    """z, behind it slips and forces of the nominal car's tyres, and their Jacobian.
 
     Args:
         z: [..., 10]; nominal: the car inside h; dt: the step [s].
 
     Returns:
-        (inputs [..., 8], d inputs / dz [..., 8, 10]): slips as sigma / sqrt(1 + sigma^2), forces over mu F_z.
+        (z and inputs [..., 18], d inputs / dz [..., 8, 10]): slips as sigma / sqrt(1 + sigma^2), forces over mu F_z.
     """
-    inputs, gradient = with_physical_inputs(z, nominal, dt)
-    return inputs[..., z.shape[-1] :], gradient
-
-
-def with_physical_inputs(z: Array, nominal: Constants, dt: float = 0.1) -> tuple[Array, Array]:
-    """(z and `physical_inputs` behind it [..., 18], d inputs / dz of these [..., 8, 10])."""
     flat = np.ascontiguousarray(z, dtype=float).reshape(-1, z.shape[-1])
     inputs, gradient = _physical(flat, nominal, _wheel(dt))
     if z.ndim == 2:
@@ -119,13 +113,13 @@ def _physical(z: Array, p: Constants, wheel: Array) -> tuple[Array, Array]:
     return inputs, gradient
 
 
-def physical_curvature(z: Array, weights: Array, nominal: Constants, dt: float = 0.1) -> Array:
-    """Second derivatives by z [N, 10, 10] of the inputs' sums with weights [N, 8]; see `physical_inputs`.
+def physical_curvature(z: Array, weights: Array, nominal: Constants) -> Array:
+    """Second derivatives by z [N, 10, 10] of the inputs' sums with weights [N, 8]; see `with_physical_inputs`.
 
     They are differences of the exact first ones, over `STEPS`.
     """
     bent = np.zeros((len(z), z.shape[1], z.shape[1]))
-    _physical_curvature(np.ascontiguousarray(z), np.ascontiguousarray(weights), nominal, _wheel(dt), bent)
+    _physical_curvature(np.ascontiguousarray(z), np.ascontiguousarray(weights), nominal, _wheel(0.1), bent)
     return bent
 
 

@@ -34,7 +34,6 @@ class Line:
     x: Array
     y: Array
     colour: str = ""
-    dash: str = "solid"
     dots: bool = False
 
     @property
@@ -139,7 +138,7 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
                 x=np.asarray(line.x)[::every].round(6), y=_short(np.asarray(line.y)[::every]), name=line.name,
                 legendgroup=line.name, showlegend=line.name not in known,
                 mode="lines+markers" if line.dots else "lines",
-                line={"color": line.drawn, "width": 1.4, "dash": line.dash}, marker={"size": 4},
+                line={"color": line.drawn, "width": 1.4, "dash": "solid"}, marker={"size": 4},
             ),
             row=row, col=column,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from drift_drake.model.features import (
     features,
     network_inputs,
 )
-from drift_drake.model.physical_inputs import physical_inputs
+from drift_drake.model.physical_inputs import with_physical_inputs
 from drift_drake.model.posterior import block_diagonal, predict, state_blocks, update
 from drift_drake.model.samples import DRIFTING, load_samples
 from drift_drake.model.training_config import TrainingConfig, with_recipe
@@ -57,7 +57,7 @@ def test_a_short_training_lowers_the_objective_and_its_checkpoint_is_its_network
     np.testing.assert_allclose(features(stored.network, z), phi.detach().numpy(), rtol=0, atol=1e-12)
     gradient = torch.autograd.grad(phi[:, 2, 5].sum(), points)[0].numpy()
     gradient = gradient[:, :10] + np.einsum(
-        "np,npz->nz", gradient[:, 10:], physical_inputs(z, stored.vehicle.constants())[1]
+        "np,npz->nz", gradient[:, 10:], with_physical_inputs(z, stored.vehicle.constants())[1]
     )
     np.testing.assert_allclose(FeatureExpansion(stored.network, z).tangents[..., 2, 5], gradient, rtol=0, atol=1e-12)
     single = torch_features({name: value.float() for name, value in parameters.items()}, points.detach().float())

@@ -5,12 +5,17 @@ import pytest
 
 from drift_drake.model.command_lag import LAG, lag_factors
 from drift_drake.model.features import INPUT_COUNT, INPUT_OFFSET, INPUT_SCALE
-from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_inputs
+from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, with_physical_inputs
 from drift_drake.vehicle.bicycle import motion
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 VEHICLE = VehicleParameters()
 NOMINAL = VEHICLE.constants()
+
+
+def physical_inputs(z: np.ndarray, nominal: Constants, dt: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    inputs, jacobian = with_physical_inputs(z, nominal, dt)
+    return inputs[..., INPUT_COUNT:], jacobian
 
 
 @pytest.fixture(scope="module")

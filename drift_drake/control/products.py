@@ -23,7 +23,6 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, matrix: sparse.csr_matrix) -> "Rows":
-        """The same matrix."""
         rows = sparse.csr_matrix(matrix)
         return cls(rows.data, rows.indices, rows.indptr)
 

@@ -165,7 +165,6 @@ class StackedCost:
         self._last: tuple[Array, CostExpansion] | None = None  # scratch: see `expansion`
 
     def value(self, z: Array) -> float:
-        """The cost."""
         return self._cost.value(*self._layout.stages(z))
 
     def gradient(self, z: Array) -> Array:

@@ -85,8 +85,6 @@ class Derivatives:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """A fitted hypothesis."""
-
     names: tuple[str, ...]
     theta: np.ndarray  # nuisances, then magnitudes
     cost: float  # half the squared innovations, half the log determinant, half the squared nuisances

@@ -28,8 +28,6 @@ THREADS = 2
 
 @dataclasses.dataclass(frozen=True)
 class RobustFit:
-    """A car fitted to windows."""
-
     names: tuple[str, ...]
     theta: np.ndarray  # [n] magnitudes
     errors: np.ndarray  # [windows, HORIZONS, channels]

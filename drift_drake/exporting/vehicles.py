@@ -84,7 +84,6 @@ def commonroad_data(parameters: VehicleParameters, effects: Effects) -> dict[str
 
 
 def write_commonroad(parameters: VehicleParameters, effects: Effects, path: Path) -> None:
-    """Writes the YAML file."""
     p = changed_constants(parameters.constants(), effects)
     front, rear = static_loads(p)
     head = HEAD.format(front=p.front_stiffness / front, rear=p.rear_stiffness / rear)
@@ -130,5 +129,4 @@ def mjcf(parameters: VehicleParameters, effects: Effects, name: str = "car") -> 
 
 
 def write_mujoco(parameters: VehicleParameters, effects: Effects, path: Path) -> None:
-    """Writes the MJCF file."""
     write_text(path, mjcf(parameters, effects, path.stem))

@@ -42,7 +42,6 @@ class Samples(NamedTuple):
     drive: Indices  # which drive [n]
 
     def of_vehicle(self, vehicle: int) -> "Samples":
-        """The samples of one vehicle."""
         return self.where(self.vehicle == vehicle)
 
     def where(self, chosen: NDArray[np.bool_] | Indices) -> "Samples":

@@ -34,8 +34,6 @@ MOST = 200  # terms
 
 
 class FleetDay(NamedTuple):
-    """One day of one car."""
-
     car: str
     name: str
     sums: Sums

@@ -108,7 +108,6 @@ def day_folders(folder: Path) -> dict[tuple[str, str], Path]:
 
 
 def lines(found: "fleet.FleetFindings") -> Sequence[str]:
-    """What was found, a line each."""
     from drift_drake.vehicle.catalogue import CATALOGUE
 
     out = [f"{len(found.cars)} cars, {found.days} days"]

@@ -26,15 +26,12 @@ POLL = 0.05  # [s] between looks at the file
 
 
 class Row(NamedTuple):
-    """One row of a log."""
-
     t: float
     y: np.ndarray  # [9] `CHANNELS`, NaN where there is none
     command: np.ndarray  # [2]
 
 
 def rows_of(run: Run) -> Iterator[Row]:
-    """The rows of a run."""
     columns = [run.column(name) for name in CHANNELS]
     y = np.stack([np.full(len(run), np.nan) if a is None else a for a in columns], axis=1)
     y[:, CHANNELS.index("psi")] = np.unwrap(y[:, CHANNELS.index("psi")])

@@ -38,7 +38,6 @@ class Line:
 
     @property
     def drawn(self) -> str:
-        """Its colour."""
         return self.colour or CARS.get(self.name, INK)
 
 

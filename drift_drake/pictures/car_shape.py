@@ -33,7 +33,6 @@ class CarShape:
 
     @classmethod
     def of(cls, parameters: VehicleParameters) -> "CarShape":
-        """The shape that goes with a vehicle."""
         scale = model_scale(parameters)
         p = parameters
         return cls(p.front_axle_distance / scale, p.rear_axle_distance / scale, p.wheel_radius / scale).scaled(scale)

@@ -336,5 +336,4 @@ class ClosedLoopRun:
         return self.log if isinstance(self.log, pd.DataFrame) else read_log(self.log)
 
     def metrics(self) -> RunMetrics:
-        """The run in numbers."""
         return run_metrics(self.table, self.outcome, self.reference, self.parameters.steering_limit)

@@ -66,7 +66,6 @@ class Logs:
         return int(self._columns[0][0].FindLog(context).num_samples())
 
     def clear(self, context: Context) -> None:
-        """Forgets the rows logged so far."""
         for sink, _ in self._columns:
             sink.FindMutableLog(context).Clear()
 

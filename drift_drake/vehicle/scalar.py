@@ -103,13 +103,11 @@ def _fixed_tuple(values, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
 
 @jitable
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of a and b."""
     return select(a, b, b, a)
 
 
 @jitable
 def minimum(a: Any, b: Any) -> Any:
-    """The smaller of a and b."""
     return select(a, b, a, b)
 
 

@@ -116,7 +116,6 @@ def write_case(folder: Path, runs: list[Run], report: "ImportReport", mapping: R
 
 
 def summary(report: "ImportReport") -> str:
-    """The report in a few lines."""
     lines = []
     for number, run in enumerate(report.runs):
         noise = ", ".join(f"{name} {value:.2g}" for name, value in run.std.items() if name in ("r", "v", "beta"))

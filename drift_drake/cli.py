@@ -77,11 +77,7 @@ def _run(words: list[str]) -> int:
 
 
 def load(name: str) -> tuple[type, Callable[[Any], int | None]]:
-    """A command's dataclass of options, and what runs it.
-
-    Raises:
-        InvalidOptionError: there is no such command.
-    """
+    """A command's dataclass of options, and what runs it; raises InvalidOptionError where there is no such command."""
     if name not in COMMANDS:
         near = difflib.get_close_matches(name, COMMANDS, 1)
         remedy = f"is it {near[0]}?" if near else f"there are {', '.join(COMMANDS)}"

@@ -34,11 +34,7 @@ def check_file(path: str | Path, error: type[DriftDrakeError], remedy: str, larg
 
 
 def read_text(path: str | Path, error: type[DriftDrakeError], remedy: str, largest: float = LARGEST_JSON) -> str:
-    """The text of a file in UTF-8.
-
-    Raises:
-        error: it cannot be read, or is no text.
-    """
+    """The text of a file in UTF-8; raises `error` where it cannot be read, or is no text."""
     check_file(path, error, remedy, largest)
     try:
         return Path(path).read_text(encoding="utf-8")
@@ -143,11 +139,7 @@ def _written_out(node: yaml.Node, known: dict[int, float]) -> float:
 
 
 def number(value: Any, check: Callable[[float], bool] = math.isfinite) -> float:
-    """A value as a finite number for which `check` holds.
-
-    Raises:
-        ValueError: it is none.
-    """
+    """A value as a finite number for which `check` holds; raises ValueError where it is none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f"{shown(value)} is no number")
     try:

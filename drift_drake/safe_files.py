@@ -178,11 +178,7 @@ def try_outputs(outputs: Mapping[str, Path | None], inputs: Iterable[str | Path]
 
 
 def try_folder(folder: Path, option: str) -> None:
-    """Sees that files can be written to a folder, which is made.
-
-    Raises:
-        OutputError: it cannot be made or written to.
-    """
+    """Makes a folder that files can be written to; raises OutputError where that cannot be."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with unfinished_folder(folder) as part:

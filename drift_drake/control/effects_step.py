@@ -110,11 +110,7 @@ class MemoryObserver(LeafSystem):
 
 
 def check_one_step(effects: Effects) -> None:
-    """Sees that a one-step model can have the effects.
-
-    Raises:
-        ValueError: it cannot; the message names them.
-    """
+    """Raises a ValueError that names the effects that cannot be part of a one-step model."""
     beyond = [name for name in BEYOND if getattr(effects, name) != 0.0]
     if beyond:
         raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")

@@ -126,11 +126,7 @@ class Init:
 
 
 def run_init(command: Init) -> None:
-    """`drift-drake init`.
-
-    Raises:
-        OutputError: the file is there already, or cannot be written.
-    """
+    """`drift-drake init`; raises OutputError where the file is there already, or cannot be written."""
     if command.out.exists():
         raise OutputError(f"{command.out}: is there already; give another name")
     try_outputs({"OUT": command.out, "--json": command.json})

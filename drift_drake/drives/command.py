@@ -90,11 +90,7 @@ def run_simulate(command: Simulate) -> None:
 
 
 def check_options(command: Simulate, parameters: VehicleParameters) -> None:
-    """Sees that the numbers of a command can be driven.
-
-    Raises:
-        InvalidOptionError: names the option and its range.
-    """
+    """Raises InvalidOptionError, which names the option and its range, where a command cannot be driven."""
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if not 0.0 <= command.noise <= MOST_NOISE:

@@ -156,11 +156,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def check_names(path: Path, names: Sequence[str]) -> None:
-    """Sees that no column of the log format is there twice; pandas calls the second `v` of a file `v.1`.
-
-    Raises:
-        InvalidLogError: names the column.
-    """
+    """Raises an InvalidLogError that names a column which is there twice; pandas calls a second `v` `v.1`."""
     bare = [name.strip() for name in names]
     for name in COLUMNS:
         if bare.count(name) > 1 or (name in bare and f"{name}.1" in bare):

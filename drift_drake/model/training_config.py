@@ -115,11 +115,7 @@ def with_recipe(config: TrainingConfig, recipe: Recipe) -> TrainingConfig:
 
 
 def check_training(config: TrainingConfig) -> None:
-    """Sees that numbers of a configuration can be trained with.
-
-    Raises:
-        InvalidOptionError: names the option and its range.
-    """
+    """Raises InvalidOptionError, which names the option and its range, where a configuration cannot be trained with."""
     for name in ("epoch_batches", "batch_tasks", "epochs", "batch", "threads"):
         if getattr(config, name) < 1:
             raise InvalidOptionError(f"--{name.replace('_', '-')} {getattr(config, name)}: give 1 or more")

@@ -73,11 +73,7 @@ def run_fleet(command: Fleet) -> None:
 
 
 def usable_days(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
-    """The days of which something can be judged; the others are told.
-
-    Raises:
-        InvalidLogError: there is none.
-    """
+    """The days of which something can be judged, the others are told; raises InvalidLogError where there is none."""
     kept = [day for day in days if day.sums.rows > 0.0]
     why = "less than 2 s can be judged: at rest, nearly so, or sideways"
     if not kept:
@@ -88,11 +84,7 @@ def usable_days(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
 
 
 def day_folders(folder: Path) -> dict[tuple[str, str], Path]:
-    """Folders of runs by (car, day).
-
-    Raises:
-        InvalidLogError: there is no such folder, or none with runs in it.
-    """
+    """Folders of runs by (car, day); raises InvalidLogError where there are none."""
     if not folder.is_dir():
         raise InvalidLogError(f"{folder}: no such folder; a fleet is a folder of cars, which are folders of runs")
     out = {}

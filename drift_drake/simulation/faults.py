@@ -85,11 +85,7 @@ class Fault:
 
 
 def parse_fault(text: str) -> Fault:
-    """A fault as it is written.
-
-    Raises:
-        InvalidOptionError: says how it is written.
-    """
+    """A fault as it is written; raises InvalidOptionError, which says how that is."""
     kind, *rest = text.split(":")
     try:
         numbers = [float(number) for number in rest[:3]]

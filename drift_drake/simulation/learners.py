@@ -104,11 +104,7 @@ class Learners(NamedTuple):
 
 
 def check_planner(learners: Learners, controller: Controller | None) -> None:
-    """Sees that something plans, and one thing alone.
-
-    Raises:
-        ValueError: both a model and a controller, or neither; an adapter beside a controller.
-    """
+    """Raises ValueError unless one thing alone plans: a model (with an adapter or without) or a controller."""
     if (learners.model is None) == (controller is None):
         raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")
     if controller is not None and learners.adapter is not None:

@@ -155,11 +155,7 @@ def installed_effects() -> dict[str, Effect]:
 
 
 def loaded(where: str, point: EntryPoint) -> Any:
-    """What an entry point names; `where` begins the message.
-
-    Raises:
-        InvalidExtensionError: it cannot be imported.
-    """
+    """What an entry point names; an InvalidExtensionError, which begins with `where`, if it cannot be imported."""
     try:
         return point.load()
     except Exception as error:

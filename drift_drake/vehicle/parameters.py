@@ -220,11 +220,7 @@ def _key(prefix: str, key: Any) -> str:
 
 
 def check_numbers(parameters: Any) -> None:
-    """Holds the values of a dataclass against what `entry` says of their fields.
-
-    Raises:
-        InvalidVehicleError: not a finite number, or not positive where it must be.
-    """
+    """Raises InvalidVehicleError where a value is no finite number, or not positive as its `entry` asks."""
     for field in dataclasses.fields(parameters):
         if not field.metadata:
             continue

@@ -102,11 +102,7 @@ def effect_range(name: str, p: VehicleParameters) -> tuple[float, float]:
 
 
 def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, source: str = "vehicle") -> None:
-    """Sees that effects may be a vehicle's.
-
-    Raises:
-        InvalidVehicleError: names `source`, the effect and the range.
-    """
+    """Raises InvalidVehicleError, which names `source`, effect and range, where no vehicle can have the effects."""
     magnitudes = magnitudes_of(effects) if isinstance(effects, Effects) else effects
     for name, q in magnitudes.items():
         low, high = effect_range(name, p)

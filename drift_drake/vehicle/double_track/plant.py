@@ -120,11 +120,7 @@ class DoubleTrackCarPlant(PathPlant):
 
 
 def check_supported(effects: Effects) -> None:
-    """Refuses effects that this car cannot have.
-
-    Raises:
-        InvalidVehicleError: names them.
-    """
+    """Raises an InvalidVehicleError that names the effects that this car cannot have."""
     alien = [name for name in NOT_OF_THIS_CAR if getattr(effects, name) != 0.0]
     if alien:
         raise InvalidVehicleError(

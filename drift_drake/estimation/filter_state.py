@@ -3,6 +3,10 @@
 z: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats front and rear,
 filtered accelerations a_x and a_y, and states of effects from other packages. Measurements [9] are in the order of
 `CHANNELS`.
+
+The commands are known exactly, so that what actuators make of them (delays, lags, rate limits) is computed once, ahead
+of the filter, on the grid of times that its Runge-Kutta stages use. A sensor that is late by q is, seen from the car,
+commands that come early by nothing and act late by q: measured rows are then taken at the car's own time.
 """
 
 from typing import Any

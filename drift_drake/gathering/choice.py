@@ -6,6 +6,9 @@ on nearly all cars that follow its equations (little more than the sensors' nois
 where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
 model knows the car: the learnt model's prior then adapts while it drives, since what a lane has taught it of such a car
 leads it astray in a drift, and what its belief leaves over is taken for an offset.
+
+A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
+effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
 """
 
 import json
@@ -24,11 +27,11 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
-from drift_drake.model.adapter import squared_distance
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT
+from drift_drake.model.out_of_distribution import squared_distance
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, predicted_windows
 from drift_drake.model.samples import Samples

@@ -1,4 +1,10 @@
-"""Manoeuvres put together from steady legs and the transitions between them."""
+"""Manoeuvres put together from steady legs and the transitions between them.
+
+A blend of two equilibria is not a motion: with the path prescribed, e.g. as a clothoid, swinging a drift from one side
+to the other in 20 m takes more steering than the car has. So a transition's path is left free, and the inputs, the
+states and the curvature of the path that the car then describes come from one equality-constrained least-squares
+problem.
+"""
 
 import math
 from functools import lru_cache

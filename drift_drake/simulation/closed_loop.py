@@ -20,7 +20,8 @@ from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.stopping import SafeStop
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
-from drift_drake.model.adapter import BayesianAdapter, OutOfDistributionDetector
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.monitoring.correction import SlowDown
 from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_ports, slowing, watching
 from drift_drake.monitoring.monitor import Monitor

@@ -40,12 +40,18 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 
 @dataclasses.dataclass(frozen=True)
 class ClosedLoopConfig:
-    """The options of `command.ClosedLoopDrive`, which says what they do, and further ones."""
+    """Drives a reference under MPC, from errors in lateral position and sideslip, with sensor noise."""
 
     vehicle: Path | None = None
+    """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
     plant: TruePlant = "single_track"
+    """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
+    model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
     model: Literal["nominal", "prior", "online", "offset_free"] = "nominal"
+    """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
+    coupe) as it is, adapting as it drives, or adapting with what its belief leaves over as an offset, for a car that it
+    does not know."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -53,9 +59,18 @@ class ClosedLoopConfig:
     """[rad] at the start."""
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
     out: Path | None = None
+    """Folder for the results; runs/closed_loop-DATE-TIME without."""
     fault: tuple[str, ...] = ()
+    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
+    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
+    clock_drift, saturated (the actuator), friction_patch."""
     monitor: MonitorPolicy = "off"
+    """Watch for changes of the car against its simulator (events.jsonl in the folder). correct: the controller
+    takes a named effect on the motion into its model, one of a sensor off the readings (for the nominal model). slow:
+    the lane is driven slowly, in grip, until the simulator is believed again; correct_or_slow: or until it is
+    corrected. forget: of what was learnt of the car before it changed, nothing counts (for the online model)."""
     graph: bool = False
+    """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
     def parameters(self) -> VehicleParameters:
         """The vehicle file's car; without one the default coupe, or the single-track car nearest to the plant."""

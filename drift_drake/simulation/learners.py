@@ -6,8 +6,9 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 
 from drift_drake.control.controller import Controller, MpcController
 from drift_drake.control.tightening import LaneTightening
-from drift_drake.model.adapter import BayesianAdapter, OutOfDistributionDetector
+from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.features import MEAN_COUNT, STATE_COUNT
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.vehicle.step_model import StepModel
 
 

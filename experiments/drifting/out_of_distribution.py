@@ -18,19 +18,19 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.scores import binomial
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
-from drift_drake.model.adapter import (
+from drift_drake.model.adapter import BayesianAdapter
+from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.out_of_distribution import (
     WINDOW,
-    BayesianAdapter,
     NullDistribution,
     OutOfDistributionDetector,
     calibrate,
     statistics,
 )
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import BOUND, INK, new_figure, styled
 from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.benchmarks.scores import by_vehicle, share_by_vehicle
+from drift_drake.benchmarks.intervals import by_vehicle, share_by_vehicle
 from drift_drake.pictures.overhead import OverheadPanel, overhead_panels
 from drift_drake.pictures.time_series import time_series
 from drift_drake.reference.trajectory import Reference

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from diagrams.command import run_command
 from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.scores import bootstrap
+from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.benchmarks.truths import Truth, drawn_truth, true_car
 from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.diagnosis.likelihood.diagnose import diagnose

@@ -17,7 +17,7 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.scores import binomial
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
 from drift_drake.diagnosis.likelihood.diagnose import diagnose

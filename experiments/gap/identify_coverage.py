@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from diagrams.command import run_command
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.scores import binomial, bootstrap
+from drift_drake.benchmarks.intervals import binomial, bootstrap
 from drift_drake.benchmarks.truths import Truth, true_constants
 from drift_drake.identification.identify import identify
 from drift_drake.run_folder import make_run_folder, write_json

@@ -19,7 +19,7 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.scores import bootstrap
+from drift_drake.benchmarks.intervals import bootstrap
 from drift_drake.executors import ExecutorConfig
 from drift_drake.model.checkpoint import load_model, paper_checkpoint
 from drift_drake.model.quality import judge_stepper, quality_by_points, split_vehicle

@@ -19,7 +19,7 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.scores import binomial
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run, make_run

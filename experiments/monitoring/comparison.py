@@ -23,9 +23,9 @@ from drift_drake.benchmarks.truths import drawn_deviations
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run
-from drift_drake.model.adapter import squared_distance, statistics
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
+from drift_drake.model.out_of_distribution import squared_distance, statistics
 from drift_drake.monitoring import bank as filters
 from drift_drake.monitoring.evidence import ALARM, Sums, no_sums
 from drift_drake.monitoring.monitor import SETTLING, Monitor, with_row

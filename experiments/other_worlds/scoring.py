@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.benchmarks.scores import binomial, said
+from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.scores import said
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.vehicle.catalogue import CATALOGUE
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED

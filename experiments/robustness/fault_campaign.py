@@ -19,7 +19,7 @@ import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.scores import binomial
+from drift_drake.benchmarks.intervals import binomial
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.model.adapter import BayesianAdapter

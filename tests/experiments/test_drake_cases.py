@@ -6,7 +6,8 @@ import pytest
 from drift_drake.benchmarks.compiled_cases import simulate_run
 from drift_drake.benchmarks.drake_cases import drive
 from drift_drake.benchmarks.drivers import Driver
-from drift_drake.benchmarks.scores import binomial, scores
+from drift_drake.benchmarks.intervals import binomial
+from drift_drake.benchmarks.scores import scores
 from drift_drake.benchmarks.truths import Truth, drawn_truth
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -6,7 +6,7 @@ from control_problems import check_curvature, check_gradient, stages
 
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.tracking import lqr_gains
-from drift_drake.gathering.plan import ControlInformation, Task, figure_8_task, sensitivities
+from drift_drake.gathering.control_information import ControlInformation, Task, figure_8_task, sensitivities
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.features import features, network_inputs

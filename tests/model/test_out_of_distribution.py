@@ -11,18 +11,17 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.stats import chi2
 
-from drift_drake.model.adapter import (
-    BayesianAdapter,
+from drift_drake.model.adapter import BayesianAdapter, adapt
+from drift_drake.model.bayesian_step import residual
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.features import Network, features, network_inputs
+from drift_drake.model.out_of_distribution import (
     NullDistribution,
     OutOfDistributionDetector,
-    adapt,
     calibrate,
     squared_distance,
     statistics,
 )
-from drift_drake.model.bayesian_step import residual
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.model.posterior import predict
 
 TICKS = 12

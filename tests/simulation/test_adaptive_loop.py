@@ -8,11 +8,12 @@ import pytest
 
 from drift_drake.control.mpc import FOLLOWED
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.adapter import BayesianAdapter, OutOfDistributionDetector
+from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import MEAN_COUNT
+from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits

@@ -10,6 +10,7 @@ from drift_drake.gathering.choice import Choice, IdentifiedCar, forecasts, ident
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
 from drift_drake.gathering.plan import plan_again, plan_drive
+from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.quality import step_model
 from drift_drake.simulation.true_plant import plant_of
@@ -62,6 +63,30 @@ def test_physics_predicts_such_a_car_better_than_what_is_learnt(
     learnt, physics = forecasts(step_model(model, belief), car, runs_of(driven))
     assert physics < 0.5 * learnt
     assert forecasts(step_model(model, belief), None, runs_of(driven)) == (learnt, float("inf"))
+
+
+def test_logs_in_a_wrong_unit_are_known_by_no_model(
+    model: BayesianModel, driven: list[pd.DataFrame], car: IdentifiedCar
+) -> None:
+    wrong = [table.assign(omega_r=3.6 * table["omega_r"]) for table in driven]  # km/h
+    belief, usual = model.prior(), usual_for(model)
+    for table in wrong:
+        belief = learn_drive(model, belief, table, CONFIG)
+    assert usual is not None
+    assert usual.choice(forecasts(step_model(model, belief), car, runs_of(wrong))).believed == "neither"
+
+
+def test_a_bad_sample_changes_little_and_one_that_is_no_number_is_named(
+    model: BayesianModel, driven: list[pd.DataFrame], car: IdentifiedCar
+) -> None:
+    learnt = step_model(model, model.prior())
+    right = forecasts(learnt, car, runs_of(driven))
+    spiked, lost = driven[0].copy(), driven[0].copy()
+    spiked.loc[200, "r"] += 1.0
+    assert forecasts(learnt, car, runs_of([spiked, driven[1]])) == pytest.approx(right, rel=0.1)
+    lost.loc[200, "r"] = np.nan
+    with pytest.raises(InvalidLogError, match="column r is not a number in row 200"):
+        forecasts(learnt, car, runs_of([lost, driven[1]]))
 
 
 def test_the_learnt_models_errors_are_those_of_its_steps(model: BayesianModel, driven: list[pd.DataFrame]) -> None:

@@ -125,7 +125,7 @@ class _Step(NamedTuple):
 
 def _share(expected: float, change: float, least: float) -> float:
     """Of a step, what to try next: the minimiser of the parabola through what is known (3.57), from `least` to half."""
-    return min(max(0.5 * expected / (expected - change), least), HALF) if change < np.inf else HALF
+    return min(max(0.5 * expected / (expected - change), least), HALF) if expected < change < np.inf else HALF
 
 
 class LineSearchSqp:

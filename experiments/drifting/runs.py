@@ -243,9 +243,9 @@ class Believing(NamedTuple):
         labels |= {"believed": believed, "refused": believed == "neither"}
         if taught.car is not None and (model == "identified" or believed == "identified"):
             return labels, taught.car
-        known = believed == "learnt"
-        belief = taught.best if known else self.learnt.prior()
-        return labels, Learnt(self.learnt, belief, not known, self.path_step, None if known else OFFSET_TIME)
+        if believed == "learnt":
+            return labels, Learnt(self.learnt, taught.best, path_step=self.path_step)
+        return labels, self("offset_free", None)[1]
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:

@@ -24,6 +24,14 @@ def solver(horizon: int) -> LineSearchSqp:
     return LineSearchSqp(OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, horizon))
 
 
+def posed(references: dict[str, Reference]) -> tuple[LineSearchSqp, np.ndarray]:
+    """The solver, its program set to a car off the figure-8, and the first guess."""
+    exact = solver(15)
+    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
+    exact.problem.set(data)
+    return exact, exact.problem.first_guess(data)
+
+
 def referee_costs(problem: OptimalControlProblem, guess: np.ndarray) -> list[float]:
     options = SolverOptions()
     ipopt = IpoptSolver()
@@ -120,10 +128,7 @@ def test_real_time_iterations_converge_on_a_fixed_problem(references: dict[str, 
 
 
 def test_a_second_iteration_is_made_where_the_defect_asks_for_it(references: dict[str, Reference]) -> None:
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.first_guess(data)
+    exact, guess = posed(references)
     options = SqpOptions.real_time(8)
     assert options.defect_tolerance is not None
     result = LineSearchSqp(exact.problem, options).solve(guess)
@@ -142,10 +147,7 @@ def test_in_real_time_a_qp_of_two_attempts_is_the_last(
     references: dict[str, Reference], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It costs as much as a whole iteration, and the time of a solve has a bound."""
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.first_guess(data)
+    exact, guess = posed(references)
     attempt = QpWorkspace.solve
     monkeypatch.setattr(QpWorkspace, "solve", lambda *arguments: attempt(*arguments)._replace(second_attempt=True))
     for options, count in ((SqpOptions.real_time(2), 1), (SqpOptions(max_iterations=2), 2)):
@@ -154,10 +156,7 @@ def test_in_real_time_a_qp_of_two_attempts_is_the_last(
 
 
 def test_in_real_time_a_long_qp_is_the_last(references: dict[str, Reference]) -> None:
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.first_guess(data)
+    exact, guess = posed(references)
     options = SqpOptions.real_time(2)
     first = LineSearchSqp(exact.problem, options).solve(guess).iterations[0].qp_iterations
     for most, count in ((first - 1, 1), (first, 2)):
@@ -171,16 +170,14 @@ def test_a_step_that_is_too_long_is_shortened_to_the_minimum_of_the_parabola() -
     assert _share(-2.0, 100.0, 0.1) == 0.1
     assert _share(-2.0, -0.1, 0.1) == 0.5
     assert _share(-2.0, 3.0, 0.5) == 0.5
+    assert _share(0.0, 0.0, 0.1) == 0.5  # no parabola
     for nothing in (np.inf, np.nan):
         assert _share(-2.0, nothing, 0.1) == 0.5
 
 
 def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[str, Reference]) -> None:
     """Its penalty is at least the largest multiplier from the first iteration on, as theorem 17.3 asks."""
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.first_guess(data)
+    exact, guess = posed(references)
     result = LineSearchSqp(exact.problem, SqpOptions.real_time(1)).solve(guess)
     assert result.iterations[0].step == 1.0  # so that y is the QP's
     assert result.iterations[0].penalty >= np.abs(result.y).max()
@@ -189,10 +186,7 @@ def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[s
 
 
 def test_qps_that_osqp_leaves_unsolved_go_to_the_interior_point_method(references: dict[str, Reference]) -> None:
-    exact = solver(15)
-    data = ocp_data(references["figure_8"], 20.0, 15, SPREAD)
-    exact.problem.set(data)
-    guess = exact.problem.first_guess(data)
+    exact, guess = posed(references)
     both = SqpOptions.real_time(2, "osqp then stagewise")
     short = dataclasses.replace(both, qp=dataclasses.replace(both.qp, max_iterations=1), defect_tolerance=None)
     first, second = LineSearchSqp(exact.problem, short).solve(guess).iterations

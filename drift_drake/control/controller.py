@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.control.mpc import Mpc, MpcSolution, NoPlanError, SolveStatistics
+from drift_drake.control.mpc import Mpc, MpcSolution, NoPlanError, PlanBeside, SolveStatistics
 from drift_drake.control.plan import DT, Plan, no_plan
 from drift_drake.errors import DriftDrakeError
 from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
@@ -60,8 +60,7 @@ class MpcController(LeafSystem):
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._primal = self.DeclareDiscreteState(np.full(self.mpc.problem.size, np.nan))
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
-        beside = np.full(mpc.problem.size + mpc.multiplier_count, np.nan)
-        self._beside = self.DeclareDiscreteState(beside)
+        self._beside = self.DeclareDiscreteState(self._none_beside())
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
 
@@ -79,6 +78,9 @@ class MpcController(LeafSystem):
         memory = np.zeros(self.mpc.model.memory_scale.size)
         with suppress(*FAILURES):
             self.mpc.solve(np.append(self.mpc.reference.state(0.0), memory), 0.0, 0.0)
+
+    def _none_beside(self) -> Array:
+        return np.full(self.mpc.problem.size + self.mpc.multiplier_count + 1, np.nan)
 
     def _calc_prediction(self, context: Context, output: Any) -> None:
         x, _, _ = self.mpc.problem.unstack(context.get_discrete_state(self._primal).value())
@@ -102,8 +104,7 @@ class MpcController(LeafSystem):
         discrete.set_value(self._plan, solution.plan.vector())
         discrete.set_value(self._primal, solution.primal)
         discrete.set_value(self._dual, solution.dual)
-        none = np.full(self.mpc.problem.size + self.mpc.multiplier_count, np.nan)
-        discrete.set_value(self._beside, np.concatenate(solution.beside) if solution.beside else none)
+        discrete.set_value(self._beside, solution.beside.vector() if solution.beside else self._none_beside())
         discrete.set_value(self._statistics, np.array(solution.statistics._replace(failures=before.failures)))
 
     def _believed(self, context: Context) -> StepModel:
@@ -119,7 +120,7 @@ class MpcController(LeafSystem):
             context.get_discrete_state(index).value() for index in (self._primal, self._dual, self._beside)
         )
         size = self.mpc.problem.size
-        beside = None if np.isnan(both[0]) else (both[:size], both[size:])
+        beside = None if np.isnan(both[0]) else PlanBeside(both[:size], both[size:-1], float(both[-1]))
         return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics, beside)
 
 

@@ -18,6 +18,7 @@ from drift_drake.vehicle.step_model import StepModel
 FOLLOWED = 2.0
 LOOK = 0.2  # [s] from one plan from a fresh guess to the next
 CHEAPER = 0.9  # of the cost: less is another solution, more may be the same one, less converged
+AT_MOST = 0.4  # [s] for a plan from a fresh guess to hold its dynamics, or it makes room for the next guess
 STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution leads no further
 
 
@@ -43,6 +44,18 @@ class SolveStatistics(NamedTuple):
     seconds: float
 
 
+class PlanBeside(NamedTuple):
+    """A plan from a fresh guess that is being worked out."""
+
+    primal: Array
+    dual: Array
+    began: float  # [s]
+
+    def vector(self) -> Array:
+        """All of it, as a system keeps it."""
+        return np.concatenate([self.primal, self.dual, [self.began]])
+
+
 class MpcSolution(NamedTuple):
     """A plan, what it was found with, and what the next solve starts from."""
 
@@ -51,7 +64,7 @@ class MpcSolution(NamedTuple):
     primal: Array  # decision vector
     dual: Array  # multipliers
     statistics: SolveStatistics
-    beside: tuple[Array, Array] | None = None  # decision vector and multipliers of a plan from a fresh guess, if any
+    beside: PlanBeside | None = None
 
 
 class Mpc:
@@ -68,9 +81,11 @@ class Mpc:
 
     An OCP of a drift has other local optima, such as a front tyre that slides at full lock to the inside, and the
     solution followed may slip into one as a transition comes into the horizon or the belief moves. So every `LOOK`
-    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess, the reference's states
-    and inputs, is worked out beside, with one iteration a solve for each. Once its dynamics hold it is followed if it
-    costs less than `CHEAPER` times what the other does, and dropped if not.
+    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside,
+    with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER` times
+    what the other does, and dropped if not, or where they do not hold within `AT_MOST`. Two guesses take turns: the
+    reference's states and inputs; and the same with the steering at the other lock than now, since on a car whose front
+    tyre slides in the drift wanted the reference's inputs lead back to the lock that the steering is at.
 
     Attributes:
         problem: the OCP, a MathematicalProgram.
@@ -102,6 +117,7 @@ class Mpc:
         self.model, self.reference, self.horizon, self.delay = model, reference, horizon, delay
         self.problem = OptimalControlProblem(model, parameters, horizon, weights)
         self._initial_command = np.array(initial_command, dtype=float)
+        self._steering_limit = parameters.steering_limit
         self.tightening = tightening
         self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
 
@@ -145,33 +161,42 @@ class Mpc:
         else:
             gone = (start - last.plan.start) / DT
             guess, dual = self._shifted(last.primal, gone, data), last.dual
-            beside = last.beside and (self._shifted(last.beside[0], gone, data), last.beside[1])
+            beside = last.beside and last.beside._replace(primal=self._shifted(last.beside.primal, gone, data))
             look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
         self.problem.set(self._tightened(covariance, model, data, guess))
         first = self._solver.solve(guess, dual, 1 if beside else None)
         if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
             raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
-        result, beside, restart, seconds = self._or_from_afresh(first, beside, data, look)
+        result, beside, restart, seconds = self._or_from_afresh(first, beside, data, start, look)
         solution = self.problem.unstack(result.z)
         statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
         return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, beside)
 
     def _or_from_afresh(
-        self, result: SqpResult, beside: tuple[Array, Array] | None, data: OcpData, look: bool
-    ) -> tuple[SqpResult, tuple[Array, Array] | None, float, float]:
+        self, result: SqpResult, beside: PlanBeside | None, data: OcpData, start: float, look: bool
+    ) -> tuple[SqpResult, PlanBeside | None, float, float]:
         """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
         seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(beside is not None)
         if beside is not None:
-            other = self._solver.solve(*beside, 1)
+            other = self._solver.solve(beside.primal, beside.dual, 1)
             seconds += sum(iteration.seconds for iteration in other.iterations)
-            beside = None if other.failed or other.status == "line search failed" else (other.z, other.y)
-            if other.status == "feasible":
-                if other.cost < CHEAPER * result.cost:
-                    return other, None, FOLLOWED, seconds
-                beside = None
+            if other.status == "feasible" and other.cost < CHEAPER * result.cost:
+                return other, None, FOLLOWED, seconds
+            done = other.failed or other.status in ("feasible", "line search failed") or start > beside.began + AT_MOST
+            beside = None if done else PlanBeside(other.z, other.y, beside.began)
         if beside is None and (look or result.iterations[-1].step < STUCK):
-            return result, (self.problem.first_guess(data), np.zeros(self.multiplier_count)), 1.0, seconds
+            guess = PlanBeside(self._fresh_guess(data, start), np.zeros(self.multiplier_count), start)
+            return result, guess, 1.0, seconds
         return result, beside, restart, seconds
+
+    def _fresh_guess(self, data: OcpData, start: float) -> Array:
+        """What a plan beside begins with: the reference; in every other `LOOK` with the steering at the other lock."""
+        guess = self.problem.first_guess(data)
+        if math.floor(start / LOOK) % 2:
+            x, u, slack = self.problem.unstack(guess)
+            u[1:, 0] = -math.copysign(self._steering_limit, data.u_init[0])
+            guess = self.problem.stack(x, u, slack)
+        return guess
 
     def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
         """The data with the lane narrowed, where that is asked for."""

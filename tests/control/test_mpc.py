@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, NoPlanError
+from drift_drake.arrays import Array
+from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, NoPlanError, SolveStatistics
 from drift_drake.control.plan import Plan, no_plan
+from drift_drake.drives.vehicles import draw_effects
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import INPUT_SCALE, NominalStepModel
@@ -33,6 +36,22 @@ def test_plans_go_on_from_one_another(mpc: Mpc) -> None:
     np.testing.assert_array_equal(again.primal, second.primal)  # nothing is kept between solves
 
 
+def planned_in_place(
+    mpc: Mpc, s: float, x: Array, steering: Array, command: tuple[float, float]
+) -> list[SolveStatistics]:
+    """What 60 plans say, all at one place with one command in force, that start from a plan with this steering [26]."""
+    held = np.tile(command, (26, 1))
+    solution = mpc.solve(x, s, 0.0)
+    states, inputs, slack = mpc.problem.unstack(solution.primal)
+    inputs[:, 0] = steering
+    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
+    found = []
+    for k in range(60):
+        solution = mpc.solve(x, s, 0.01 * k, solution._replace(plan=Plan(0.01 * k, held)))
+        found.append(solution.statistics)
+    return found
+
+
 def test_another_local_optimum_is_found_while_the_worse_one_is_followed(references: dict[str, Reference]) -> None:
     """Before a drift to the other side: a front tyre that slides at full lock costs ten times as much as counter-steer.
 
@@ -41,22 +60,39 @@ def test_another_local_optimum_is_found_while_the_worse_one_is_followed(referenc
     reference, command = references["figure_8"], (-0.26, 62.0)
     mpc = Mpc(NominalStepModel(CAR), CAR, reference, initial_command=command)
     s, x = 281.8, np.array([-1.40, 13.4, -0.066, 13.5, 0.0, 0.01])
-    held = np.tile(command, (26, 1))
-    solution = mpc.solve(x, s, 0.0)
-    states, inputs, slack = mpc.problem.unstack(solution.primal)
-    inputs[:, 0] = np.maximum(command[0] - 0.2 * np.arange(26), -CAR.steering_limit)
-    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
-    found = []
-    for k in range(60):  # at one place, with one command in force
-        solution = mpc.solve(x, s, 0.01 * k, solution._replace(plan=Plan(0.01 * k, held)))
-        found.append(solution.statistics)
+    found = planned_in_place(mpc, s, x, np.maximum(command[0] - 0.2 * np.arange(26), -CAR.steering_limit), command)
     before = [one.cost for one in found if one.restart != FOLLOWED]
     followed = [k for k, one in enumerate(found) if one.restart == FOLLOWED]
     assert max(before) > 100.0
     assert len(followed) == 1
-    assert followed[0] * 0.01 < LOOK + 0.2
+    assert followed[0] * 0.01 < 2.0 * LOOK + 0.2  # two guesses take turns
     assert found[followed[0]].cost < 12.0
     assert found[-1].cost < 12.0
+
+
+def test_a_front_tyre_that_slides_at_its_lock_grips_again(references: dict[str, Reference]) -> None:
+    """Before a drift to the other side, on the wide population's vehicle that spun there.
+
+    From the reference's steering the SQP ends at the lock again; from the other lock it does not.
+    """
+    model, command = EffectsStepModel(CAR, draw_effects("wide", 17, 240811)), np.array([-CAR.steering_limit, 352.0])
+    mpc = Mpc(model, CAR, references["figure_8"], initial_command=(command[0], command[1]))
+    s, state = 146.0, np.array([-0.449, 10.63, 0.366, 17.37, -0.56, -0.016])
+    x = np.append(state, model.settled(state[:4], command))
+    solution = mpc.solve(x, s, 0.0)
+    states, inputs, slack = mpc.problem.unstack(solution.primal)
+    inputs[:, 0] = command[0]
+    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
+    found = []
+    for k in range(1, 61):
+        ahead = model.step(x[None], command[None], command[None], mpc.reference.path.curvature(np.array([s])))[0]
+        x, s, t = x + 0.1 * (ahead - x), s + 0.01 * x[1], 0.01 * k
+        solution = mpc.solve(x, s, t, solution)
+        command = solution.plan.command(t + 0.01)
+        found.append(solution.statistics)
+    assert max(one.cost for one in found[10:]) > 250.0
+    assert [one.restart for one in found].count(FOLLOWED) == 1
+    assert found[-1].cost < 100.0
 
 
 def test_a_state_that_is_not_finite_has_no_plan(mpc: Mpc) -> None:

@@ -10,13 +10,12 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import forecasts, identified, runs_of, usual_for
+from drift_drake.gathering.choice import ask, runs_of, usual_for
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.gather import execution, taught
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import step_model
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -65,10 +64,9 @@ def main(options: Options) -> None:
             f"{'':>12}  planned {drive.expected:.1f} nat ({trajectory.status}), gained {drive.obtained:.1f}; driven: "
             f"|e| <= {e:.2f} m, |beta| <= {beta:.2f} rad, ended by {drive.ending}"
         )
-    runs, usual = runs_of(driven), usual_for(model)
-    errors = forecasts(step_model(model, beliefs["Twice-Info"]), identified(runs, parameters), runs)
+    usual = usual_for(model)
     if usual is not None:
-        print(usual.choice(errors).sentence())
+        print(usual.choice(ask(model, beliefs["Twice-Info"], runs_of(driven), parameters)).sentence())
 
 
 def _report(name: str, belief: Posterior) -> None:

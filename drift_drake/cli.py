@@ -37,6 +37,7 @@ COMMANDS = {
         "drift_drake.diagnosis.next_drive.command", "the drive that distinguishes rival hypotheses best"
     ),
     "apply": Command("drift_drake.diagnosis.answers.apply", "the vehicle file corrected by an answer"),
+    "choose": Command("drift_drake.gathering.command", "which model may drive a car at its limits, asked of its logs"),
     "drive": Command("drift_drake.simulation.command", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.drives.command", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.playback.command", "a log beside the simulators' response to its commands"),

@@ -29,6 +29,7 @@ WORDS = {  # of each command, and keys that its JSON has
     ),
     "plan-next": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/plan.csv"], {"hypotheses", "nats"}),
     "apply": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/corrected.yaml"], {"out", "effects"}),
+    "choose": (["DIR/car/day", "--vehicle", "CAR", "--out", "DIR/identified.yaml"], {"believed", "limit", "doubts"}),
     "drive": (["figure_8", "--out", "DIR/drive"], {"out", "metrics", "events"}),
     "simulate": (["straight", "--vehicle", "CAR", "--out", "DIR/run.csv", "--duration", "1"], {"command", "ending"}),
     "replay": (["DIR/car/day/run_0.csv", "--vehicle", "CAR"], {"log", "restart"}),

@@ -5,7 +5,9 @@ each fifth of a second. The identified car is believed where it predicts better 
 on nearly all cars that follow its equations (little more than the sensors' noise is left). The learnt model is believed
 where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
 model knows the car: the learnt model's prior then adapts while it drives, since what a lane has taught it of such a car
-leads it astray in a drift, and what its belief leaves over is taken for an offset.
+leads it astray in a drift, and what its belief leaves over is taken for an offset. Nor is any model believed on logs
+that contradict themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were
+measured on (`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
@@ -26,6 +28,7 @@ from drift_drake.arrays import Array
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
 from drift_drake.identification.identify import FURTHER, identify
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
@@ -33,15 +36,18 @@ from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import STATE_COUNT
 from drift_drake.model.out_of_distribution import squared_distance
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn, predicted_windows
+from drift_drake.model.quality import learn, predicted_windows, step_model
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
+from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 # Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
 SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
+LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
+OTHER_SIZE = 1.5  # ratio of wheelbases
 REFUSED = 0.005  # share of the training distribution's vehicles that are refused
 
 
@@ -80,6 +86,15 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters) -> Identifie
 Believed = Literal["learnt", "identified", "neither"]
 
 
+class Findings(NamedTuple):
+    """What drives say of two models of a car."""
+
+    car: IdentifiedCar | None  # that they identify
+    learnt: float  # how far off the learnt model is half a second ahead (`forecast_error`)
+    identified: float  # and the identified car; infinite without one
+    doubts: tuple[str, ...] = ()  # why the drives are no ground to believe either
+
+
 class Choice(NamedTuple):
     """How far off half a second ahead two models of a car are (`forecast_error`), and what is usual."""
 
@@ -87,10 +102,13 @@ class Choice(NamedTuple):
     identified: float  # infinite where no car was identified
     learnt_limit: float
     identified_limit: float
+    doubts: tuple[str, ...] = ()
 
     @property
     def believed(self) -> Believed:
         """Which of them knows the car."""
+        if self.doubts:
+            return "neither"
         if self.identified <= min(self.learnt, self.identified_limit):
             return "identified"
         return "learnt" if self.learnt <= self.learnt_limit else "neither"
@@ -102,10 +120,14 @@ class Choice(NamedTuple):
             "identified": "drive with the identified car",
             "neither": "no model knows this car: let the learnt one adapt with an offset as it drives, or gather more",
         }
-        limits = f"as a rule at most {self.learnt_limit:.3f}", f"as a rule at most {self.identified_limit:.3f}"
+        if self.doubts:
+            return f"no model is believed on these drives: {'; '.join(self.doubts)}"
+        car = "no car was identified"
+        if math.isfinite(self.identified):
+            car = f"{self.identified:.3g} for the identified car (as a rule at most {self.identified_limit:.3g})"
         return (
-            f"{follows[self.believed]}: forecast errors half a second ahead are {self.learnt:.3f} for the learnt model "
-            f"({limits[0]}) and {self.identified:.3f} for the identified car ({limits[1]})"
+            f"{follows[self.believed]}: forecast errors half a second ahead are {self.learnt:.3g} for the learnt model "
+            f"(as a rule at most {self.learnt_limit:.3g}); {car}"
         )
 
 
@@ -124,15 +146,52 @@ def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
     return out
 
 
-def forecasts(model: BayesianStepModel, car: IdentifiedCar | None, runs: Sequence[Run]) -> tuple[float, float]:
-    """The forecast errors of both models on the drives.
+def ask(model: BayesianModel, belief: Posterior, runs: Sequence[Run], first_guess: VehicleParameters) -> Findings:
+    """Asks the drives of a car: what they identify, and how well that and the learnt model predict them.
 
     Args:
-        model: with what it has learnt of the drives; car: identified from them; none: its error is infinite.
+        belief: of the learnt model after these drives; runs: with torque, sideslip and rim speed.
+        first_guess: of the car.
+
+    Raises:
+        InvalidLogError: a column that holds no number.
     """
+    return findings(model, belief, identified(runs, first_guess), runs, first_guess)
+
+
+def findings(
+    model: BayesianModel,
+    belief: Posterior,
+    car: IdentifiedCar | None,
+    runs: Sequence[Run],
+    first_guess: VehicleParameters,
+) -> Findings:
+    """The same with the car that the drives identify, if they do."""
     judged = [windowed(run) for run in runs]
-    other = float("inf") if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
-    return forecast_error(learnt_errors(model, judged)), other
+    other = math.inf if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
+    learnt = forecast_error(learnt_errors(step_model(model, belief), judged))
+    return Findings(car, learnt, other, doubts(runs, first_guess, model.vehicle))
+
+
+def doubts(runs: Sequence[Run], vehicle: VehicleParameters, made_for: VehicleParameters) -> tuple[str, ...]:
+    """Why drives say nothing of which model may drive: columns that contradict the others, gentle drives, another size.
+
+    Args:
+        vehicle: first guess of the car; made_for: the car that the learnt model and the limits are about.
+    """
+    found = [doubt.sentence for doubt in suspicions(runs, vehicle) if doubt.column is not None]
+    grip = vehicle.friction * vehicle.gravity
+    if max(float(np.percentile(np.abs(run.v * run.r), LIVELY)) for run in runs) < grip:
+        found.append(
+            f"they are too gentle (yaw rate times speed stays below {grip:.1f} m/s^2 in {LIVELY} % of each): drive "
+            "informative ones"
+        )
+    if not 1.0 / OTHER_SIZE < wheelbase(vehicle) / wheelbase(made_for) < OTHER_SIZE:
+        found.append(
+            f"the wheelbase is {wheelbase(vehicle):.2f} m, and the model and its limits are of cars of "
+            f"{wheelbase(made_for):.2f} m: train a model on cars of this size"
+        )
+    return tuple(found)
 
 
 class Familiar(NamedTuple):
@@ -155,12 +214,13 @@ class Usual(NamedTuple):
     """What is usual for a model."""
 
     surprise: Familiar  # mean squared distance of the first informative drive
-    learnt: Familiar  # `windows.forecast_error` of the model after two
+    learnt: Familiar  # `forecast_error` of the model after two
     identified: Familiar  # the same of the car that these two identify
 
-    def choice(self, forecasts: tuple[float, float]) -> Choice:
-        """Which model is believed, by `forecasts` on a car's drives."""
-        return Choice(*forecasts, self.learnt.limit(), self.identified.limit())
+    def choice(self, found: Findings) -> Choice:
+        """Which model is believed, by what a car's drives say (`ask`)."""
+        limits = self.learnt.limit(), self.identified.limit()
+        return Choice(found.learnt, found.identified, *limits, found.doubts)
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

@@ -236,13 +236,14 @@ class Believing(NamedTuple):
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same for `identified` and `chosen`; `offset_free` where no car was identified or none is known."""
         believed: Believed = "neither"
-        if taught.forecasts is not None and self.usual is not None:
-            choice = self.usual.choice(taught.forecasts)
+        found = taught.findings
+        if found is not None and self.usual is not None:
+            choice = self.usual.choice(found)
             believed = choice.believed
             labels |= {"learnt_error": choice.learnt, "identified_error": choice.identified}
         labels |= {"believed": believed, "refused": believed == "neither"}
-        if taught.car is not None and (model == "identified" or believed == "identified"):
-            return labels, taught.car
+        if found is not None and found.car is not None and (model == "identified" or believed == "identified"):
+            return labels, found.car
         if believed == "learnt":
             return labels, Learnt(self.learnt, taught.best, path_step=self.path_step)
         return labels, self("offset_free", None)[1]

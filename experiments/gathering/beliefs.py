@@ -12,13 +12,12 @@ import pandas as pd
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import IdentifiedCar, forecasts, identified, runs_of, squared_distances
+from drift_drake.gathering.choice import Findings, IdentifiedCar, ask, runs_of, squared_distances
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import drive_samples, gather, learn_drive
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import step_model
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.true_plant import TruePlant, plant_of
@@ -42,8 +41,7 @@ class Taught:
     surprise: (
         float | None
     )  # mean squared distance of the first informative drive (`gathering.choice`); None without one
-    car: IdentifiedCar | None = None  # that the informative drives identify, where that was wanted and found
-    forecasts: tuple[float, float] | None = None  # how far off the learnt model and that car are (`gathering.choice`)
+    findings: Findings | None = None  # of the informative drives, where the car that they identify was wanted
 
     @property
     def best(self) -> Posterior:
@@ -90,14 +88,9 @@ def gather_beliefs(job: GatherJob) -> Taught:
         driven.append(drive(second, SECOND_ROUND + seed, once))
         beliefs["twice_info"] = learn_drive(learnt, once, driven[1], config)
     taught = Taught(beliefs, surprise)
-    return judged(taught, driven, learnt) if "identified" in job.wanted else taught
-
-
-def judged(taught: Taught, driven: Sequence[pd.DataFrame], learnt: BayesianModel) -> Taught:
-    """With the car that the drives identify, and how well it and the learnt model predict them."""
-    runs = runs_of(driven)
-    car = identified(runs, learnt.vehicle)
-    return dataclasses.replace(taught, car=car, forecasts=forecasts(step_model(learnt, taught.best), car, runs))
+    if "identified" not in job.wanted:
+        return taught
+    return dataclasses.replace(taught, findings=ask(learnt, taught.best, runs_of(driven), learnt.vehicle))
 
 
 def gather_all(
@@ -129,10 +122,7 @@ def gather_all(
                 for field, value in belief._asdict().items()
             }
             arrays["surprise"] = np.nan if taught.surprise is None else taught.surprise
-            arrays["forecasts"] = taught.forecasts or ()
-            arrays["car"] = "" if taught.car is None else json.dumps(
-                {"vehicle": taught.car.vehicle.to_dict(), "effects": taught.car.effects._asdict()}
-            )  # fmt: skip
+            arrays["findings"] = "" if taught.findings is None else json.dumps(_plain(taught.findings))
             write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
 
         run_jobs(run_on, gather_beliefs, jobs, write, "gathering")
@@ -144,16 +134,23 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
     if not is_done(path):
         return frozenset(), Taught({}, None)
     with np.load(path) as stored:
-        if "forecasts" not in stored.files:
+        if "findings" not in stored.files:
             raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
         names = {key.split(".")[0] for key in stored.files if "." in key}
         beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
-        surprise, text = float(stored["surprise"]), str(stored["car"])
-        errors = [float(error) for error in stored["forecasts"]]
+        surprise, text = float(stored["surprise"]), str(stored["findings"])
         wanted = frozenset(str(name) for name in stored["wanted"])
-    car = None
-    if text:
-        found = json.loads(text)
+    findings = _findings(json.loads(text), path) if text else None
+    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, findings)
+
+
+def _plain(findings: Findings) -> dict[str, Any]:
+    car = findings.car and {"vehicle": findings.car.vehicle.to_dict(), "effects": findings.car.effects._asdict()}
+    return findings._asdict() | {"car": car}
+
+
+def _findings(stored: dict[str, Any], path: Path) -> Findings:
+    car, found = None, stored["car"]
+    if found:
         car = IdentifiedCar(VehicleParameters.from_dict(found["vehicle"], str(path)), make_effects(found["effects"]))
-    judged_by = (errors[0], errors[1]) if errors else None
-    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, car, judged_by)
+    return Findings(car, stored["learnt"], stored["identified"], tuple(stored["doubts"]))

@@ -23,7 +23,7 @@ from diagrams.command import run_command
 from drift_drake.arrays import Array
 from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
 from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.choice import REFUSED, Believed, Usual, familiar_from, keep_usual
+from drift_drake.gathering.choice import REFUSED, Believed, Findings, Usual, familiar_from, keep_usual
 from drift_drake.gathering.config import Recipe
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
@@ -85,7 +85,7 @@ def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, F
         effects_of = partial(true_effects, population, plant, config.vehicle_seed)
         taught = gather_all(attempts, effects_of, frozenset({"identified"}), learnt, config.gathering, drives,
                             config.run_on, plant)  # fmt: skip
-        rows = [(t.surprise, *t.forecasts) for t in taught.values() if t.surprise is not None and t.forecasts]
+        rows = [(t.surprise, *t.findings[1:3]) for t in taught.values() if t.surprise is not None and t.findings]
         found[name] = Found(*np.array(rows).T)
     return found
 
@@ -110,7 +110,9 @@ def report(found: dict[str, Found], usual: Usual) -> str:
     ]
     kinds: tuple[Believed, ...] = ("learnt", "identified", "neither")
     for name, f in found.items():
-        believed = [usual.choice((one, two)).believed for one, two in zip(f.learnt, f.identified, strict=True)]
+        believed = [
+            usual.choice(Findings(None, one, two)).believed for one, two in zip(f.learnt, f.identified, strict=True)
+        ]
         count = len(believed)
         chosen = " | ".join(f"{believed.count(kind)} of {count}" for kind in kinds)
         lines.append(

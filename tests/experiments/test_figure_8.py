@@ -11,7 +11,8 @@ import pytest
 from drift_drake.control.controller import MpcController
 from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
-from drift_drake.gathering.choice import IdentifiedCar, usual_for
+from drift_drake.gathering import choice
+from drift_drake.gathering.choice import Findings, IdentifiedCar, usual_for
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
@@ -118,25 +119,27 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
         believing = drift_runs.Believing(
             drift_runs.load_model(None), "trapezoid", usual_for(drift_runs.load_model(None))
         )
-        labels, believes = believing("chosen", dataclasses.replace(taught, car=car, forecasts=errors))
+        told = dataclasses.replace(taught, findings=Findings(car, *errors))
+        labels, believes = believing("chosen", told)
         assert (labels["believed"], labels["refused"]) == (found, found == "neither")
         assert believes == car if found == "identified" else isinstance(believes, Learnt)
         assert found != "neither" or (isinstance(believes, Learnt) and believes.adapting and believes.offset_time)
-        assert believing("identified", dataclasses.replace(taught, car=car, forecasts=errors))[1] == car
+        assert believing("identified", told)[1] == car
 
 
 def test_an_identified_car_is_kept_with_what_was_taught(
     tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
-    monkeypatch.setattr(beliefs, "identified", lambda *_: car)
+    monkeypatch.setattr(choice, "identified", lambda *_: car)
     settings = dataclasses.replace(config(tmp_path, here), models=("identified",))
     main(settings)
     taught = beliefs.gather_all([(0, 0)], settings.effects, frozenset({"identified"}), drift_runs.load_model(None),
                                 SHORT, tmp_path, here)[0, 0]  # fmt: skip
-    assert taught.car == car
-    assert taught.forecasts is not None
-    assert np.isfinite(taught.forecasts).all()
+    assert taught.findings is not None
+    assert taught.findings.car == car
+    assert np.isfinite(taught.findings[1:3]).all()
+    assert "too gentle" in taught.findings.doubts[-1]
 
 
 def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:

@@ -6,7 +6,17 @@ import pytest
 
 from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
-from drift_drake.gathering.choice import Choice, IdentifiedCar, forecasts, identified, learnt_errors, runs_of, usual_for
+from drift_drake.gathering.choice import (
+    Choice,
+    IdentifiedCar,
+    ask,
+    doubts,
+    findings,
+    identified,
+    learnt_errors,
+    runs_of,
+    usual_for,
+)
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
 from drift_drake.gathering.plan import plan_again, plan_drive
@@ -30,6 +40,10 @@ def driven(model: BayesianModel) -> list[pd.DataFrame]:
         plan = plan_drive(model, model.prior(), CONFIG, 0.0, lateral=lateral)
         tables.append(gather(plan, SLOW, VehicleParameters(), CONFIG, number)[0])
     return tables
+
+
+def _scaled(table: pd.DataFrame, share: float) -> pd.DataFrame:
+    return table.assign(**{name: share * table[name] for name in ("r", "beta", "delta_cmd")})
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +74,9 @@ def test_physics_predicts_such_a_car_better_than_what_is_learnt(
     belief = model.prior()
     for table in driven:
         belief = learn_drive(model, belief, table, CONFIG)
-    learnt, physics = forecasts(step_model(model, belief), car, runs_of(driven))
+    _, learnt, physics, doubted = findings(model, belief, car, runs_of(driven), VehicleParameters())
     assert physics < 0.5 * learnt
-    assert forecasts(step_model(model, belief), None, runs_of(driven)) == (learnt, float("inf"))
+    assert findings(model, belief, None, runs_of(driven), VehicleParameters()) == (None, learnt, np.inf, doubted)
 
 
 def test_logs_in_a_wrong_unit_are_known_by_no_model(
@@ -73,20 +87,24 @@ def test_logs_in_a_wrong_unit_are_known_by_no_model(
     for table in wrong:
         belief = learn_drive(model, belief, table, CONFIG)
     assert usual is not None
-    assert usual.choice(forecasts(step_model(model, belief), car, runs_of(wrong))).believed == "neither"
+    found = findings(model, belief, car, runs_of(wrong), VehicleParameters())
+    assert usual.choice(found._replace(doubts=())).believed == "neither"
 
 
 def test_a_bad_sample_changes_little_and_one_that_is_no_number_is_named(
     model: BayesianModel, driven: list[pd.DataFrame], car: IdentifiedCar
 ) -> None:
-    learnt = step_model(model, model.prior())
-    right = forecasts(learnt, car, runs_of(driven))
+    def forecasts(tables: list[pd.DataFrame]) -> tuple[float, float]:
+        found = findings(model, model.prior(), car, runs_of(tables), VehicleParameters())
+        return found.learnt, found.identified
+
+    right = forecasts(driven)
     spiked, lost = driven[0].copy(), driven[0].copy()
     spiked.loc[200, "r"] += 1.0
-    assert forecasts(learnt, car, runs_of([spiked, driven[1]])) == pytest.approx(right, rel=0.1)
+    assert forecasts([spiked, driven[1]]) == pytest.approx(right, rel=0.1)
     lost.loc[200, "r"] = np.nan
     with pytest.raises(InvalidLogError, match="column r is not a number in row 200"):
-        forecasts(learnt, car, runs_of([lost, driven[1]]))
+        forecasts([lost, driven[1]])
 
 
 def test_the_learnt_models_errors_are_those_of_its_steps(model: BayesianModel, driven: list[pd.DataFrame]) -> None:
@@ -113,6 +131,24 @@ def test_a_forecast_error_is_the_geometric_mean_of_medians() -> None:
     errors[:, -1, :4] = [[0.1, 2.0, 0.1, 1.0], [-0.2, 1.0, 0.3, -4.0], [0.9, -0.5, 0.1, 2.0]]
     errors[:, -1, 4] = 100.0  # the heading is not counted
     assert forecast_error(errors) == pytest.approx((0.2 * 1.0 * 0.1 * 2.0) ** 0.25)
+
+
+def test_gentle_drives_wrong_signs_and_a_car_of_another_size_are_no_ground_to_believe(
+    driven: list[pd.DataFrame],
+) -> None:
+    car, lively = VehicleParameters(), driven
+    (gentle,) = doubts(runs_of([_scaled(table, 0.5) for table in driven]), car, car)
+    assert "too gentle (yaw rate times speed stays below 9.8 m/s^2 in 95 % of each): drive informative ones" in gentle
+    assert doubts(runs_of(lively), car, car) == ()
+    mirrored = [table.assign(beta=-table["beta"]) for table in lively]
+    (sign,) = doubts(runs_of(mirrored), car, car)
+    assert sign.startswith("column beta looks mirrored")
+    small = car.replace(front_axle_distance=0.16, rear_axle_distance=0.17)
+    size = doubts(runs_of(lively), small, car)[-1]
+    assert size.startswith("the wheelbase is 0.33 m, and the model and its limits are of cars of 2.4")
+    choice = Choice(0.01, 0.01, 0.05, 0.02, (gentle,))
+    assert choice.believed == "neither"
+    assert choice.sentence() == f"no model is believed on these drives: {gentle}"
 
 
 @pytest.mark.parametrize(
@@ -143,6 +179,7 @@ def test_a_car_of_other_equations_is_not_known(model: BayesianModel) -> None:
         belief = learn_drive(model, belief, tables[-1], config)
         plan = plan_again(model, belief, first, config)
     runs = runs_of(tables)
-    found = forecasts(step_model(model, belief), identified(runs, VehicleParameters()), runs)
+    found = ask(model, belief, runs, VehicleParameters())
+    assert not found.doubts
     assert usual is not None
     assert usual.choice(found).believed == "neither"

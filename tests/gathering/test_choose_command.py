@@ -1,0 +1,76 @@
+"""`drift-drake choose` as a user calls it."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from drift_drake.cli import main
+from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.gather import gather
+from drift_drake.gathering.plan import plan_drive
+from drift_drake.interruption import BAD_INPUT
+from drift_drake.logs.table import COLUMNS
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory, model: BayesianModel) -> Path:
+    """An informative plan driven twice by a vehicle that no model was trained on."""
+    config, folder = GatheringConfig(starts=1, max_iterations=20), tmp_path_factory.mktemp("choose")
+    plan = plan_drive(model, model.prior(), config, config.alpha)
+    for seed in range(2):
+        table, _ = gather(plan, draw_effects("validation", 0, 98001), VehicleParameters(), config, seed)
+        table[[name for name in COLUMNS if name in table]].to_csv(folder / f"run_{seed}.csv", index=False)
+    return folder
+
+
+def test_the_logs_of_a_car_say_which_model_may_drive_it(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, found = tmp_path / "identified.yaml", tmp_path / "choice.json"
+    assert main(["choose", str(logs), "--out", str(out), "--json", str(found)]) == 0
+    said, choice = capsys.readouterr().out, json.loads(found.read_text())
+    assert f"drive with the {'identified car' if choice['believed'] == 'identified' else 'learnt model'}: " in said
+    assert "; no car" not in said
+    assert f"{out}: the car that the logs identify" in said
+    assert choice["doubts"] == []
+    assert choice["forecast_error"]["identified"] < 0.05
+    vehicle, effects = read_vehicle(out)
+    assert vehicle.mass == pytest.approx(choice["vehicle"]["mass"])
+    assert effects.steering_lag == pytest.approx(choice["effects"].get("steering_lag", 0.0))
+
+
+def test_logs_too_short_identify_no_car(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "identified.yaml"
+    assert main(["choose", str(logs / "run_0.csv"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "; no car was identified" in said
+    assert f"{out}: not written, since no car was identified" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda table: table.drop(columns="beta"), "run run_0 has no column beta"),
+        (lambda table: table.iloc[::2], "the rows of run run_0 are 0.02 s apart; the learnt model takes rows 0.01 s"),
+    ],
+)
+def test_a_log_that_cannot_be_asked_is_said_so(change, said, logs, tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
+    path = tmp_path / "run_0.csv"
+    change(pd.read_csv(logs / "run_0.csv")).to_csv(path, index=False)
+    assert main(["choose", str(path)]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+
+
+def test_a_model_that_nobody_has_measured_is_refused(
+    logs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("drift_drake.gathering.choice.usual_for", lambda _: None)
+    assert main(["choose", str(logs)]) == BAD_INPUT
+    assert "what is usual for this model is not known; measure it with 'python -m exp" in capsys.readouterr().err

@@ -76,7 +76,7 @@ def check_curvature(cost: StageCost, value: Callable[[Array, Array, Array], floa
 
 
 def lane_ocp(
-    model: BayesianModel, steps: int, information: StageCost, count: int = 4
+    model: BayesianModel, steps: int, information: StageCost, count: int = 2
 ) -> tuple[OptimalControlProblem, list[np.ndarray]]:
     """(Info-OCP over a few steps, first guesses: the straight line and random ones)."""
     config = GatheringConfig(steps=steps, v_end=7.5 + 12.5 * steps / 45)

@@ -37,7 +37,7 @@ def test_the_chain_of_beliefs(
         vehicles=1,
         population="train",
         parts=("belief",),
-        control=ControlConfig(horizon=8),
+        control=ControlConfig(horizon=6),
         gathering=GatheringConfig(steps=10, v_end=9.0, starts=1),
         run_on=here,
         out=tmp_path,

@@ -106,7 +106,7 @@ def test_a_models_further_states_carry_no_information(model: BayesianModel) -> N
     np.testing.assert_array_equal(gradient[:, 10:], plain[:, 8:])
 
 
-def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 4,
+def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 2,
              alpha: float = 0.3) -> tuple[OptimalControlProblem, list[np.ndarray]]:  # fmt: skip
     covariance = weighed(model.prior().covariance, model.sample_weight)
     return lane_ocp(model, steps, KINDS[updated](model.network, covariance, alpha), count)

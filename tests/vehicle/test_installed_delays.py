@@ -11,6 +11,7 @@ PREAMBLE = """
 import dataclasses
 import numpy as np
 from drift_drake import Effects, VehicleParameters, make_effects
+from drift_drake.benchmarks import compiled_cases
 from drift_drake.benchmarks.compiled_cases import simulate_run
 from drift_drake.benchmarks.drivers import Driver
 from drift_drake.benchmarks.truths import Truth
@@ -18,6 +19,7 @@ from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.windows import run_errors, windowed
 
 car, late = VehicleParameters(), 0.043
+compiled_cases.FINE = 4  # steps a row: nothing is compiled here, and all that is compared takes the same
 
 class Silent:
     def standard_normal(self, count):
@@ -77,12 +79,13 @@ assert "bus_delay" in START_MATTERS[0] and "engine_delay" in START_MATTERS[1]
 print("all hold")
 """
 FITTED = """
-from drift_drake.estimation.robust_fit import robust_fit
+from drift_drake.estimation.robust_fit import WIDTHS, robust_fit
 from drift_drake.estimation.unknowns import unknown
 
 log = windowed(drive({"engine_delay": 0.09}, "power", 1.6))
-log = dataclasses.replace(log, starts=log.starts[::3])
-fit = robust_fit([log], car.constants(), Effects(), [unknown("engine_delay", car, frozenset())], evidence=1.0)
+log = dataclasses.replace(log, starts=log.starts[::5])
+late = [unknown("engine_delay", car, frozenset())]
+fit = robust_fit([log], car.constants(), Effects(), late, evidence=1.0, widths=WIDTHS[:1])
 print(fit.names[0], fit.theta[0])
 """
 

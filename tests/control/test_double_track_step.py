@@ -53,7 +53,7 @@ def on_a_ramp(
 
 def integrated(diagram: Diagram, context: Context, duration: float) -> None:
     simulator = Simulator(diagram, context)
-    ResetIntegratorFromFlags(simulator, "runge_kutta3", 0.01).set_target_accuracy(1e-9)
+    ResetIntegratorFromFlags(simulator, "runge_kutta3", 0.01).set_target_accuracy(1e-7)
     simulator.AdvanceTo(duration)
 
 

@@ -83,7 +83,7 @@ from drift_drake.estimation.robust_fit import WIDTHS, robust_fit
 from drift_drake.estimation.unknowns import unknown
 
 log = windowed(drive({"engine_delay": 0.09}, "power", 1.6))
-log = dataclasses.replace(log, starts=log.starts[::5])
+log = dataclasses.replace(log, starts=log.starts[::3])
 late = [unknown("engine_delay", car, frozenset())]
 fit = robust_fit([log], car.constants(), Effects(), late, evidence=1.0, widths=WIDTHS[:1])
 print(fit.names[0], fit.theta[0])

@@ -147,7 +147,7 @@ def test_it_drives_the_double_track_car() -> None:
     """Through the first transition of the figure-8, much nearer to it than the nominal car does."""
     parameters = VehicleParameters()
     course = dataclasses.replace(figure_8(parameters), distance=58.0)
-    control = ControlConfig(horizon=20, period=0.05, delay=0.05)
+    control = ControlConfig(horizon=16, period=0.05, delay=0.05)
     found: list[RunMetrics] = []
     for model in (oracle_of("double_track", parameters, EFFECTS), NominalStepModel(parameters)):
         plant = plant_of("double_track", EFFECTS, course.path)

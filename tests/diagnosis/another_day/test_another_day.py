@@ -80,7 +80,7 @@ def test_a_gap_that_nothing_explains_is_unknown_and_has_a_place(strange_day):
     assert answer.causes == []
     assert sum(answer.where["states"].values()) == pytest.approx(1.0)
     assert max(answer.where["states"], key=answer.where["states"].get) == "r"
-    assert "No known cause removes any of it" in answer.sentence()
+    assert "The nearest known" in answer.sentence()
 
 
 def test_an_answer_survives_json(late_day, tmp_path):

@@ -112,7 +112,7 @@ def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int
     return lane_ocp(model, steps, KINDS[updated](model.network, covariance, alpha), count)
 
 
-@pytest.mark.parametrize("updated", [False, True])
+@pytest.mark.parametrize("updated", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, updated: bool) -> None:
     """There are several local optima: what is compared is the best value of the same first guesses."""
     check_against_referees(*info_ocp(model, 6, updated))

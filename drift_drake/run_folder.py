@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from drift_drake.safe_files import replacing, write_text
+from drift_drake.safe_files import replacing, write_table, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,12 +77,10 @@ def plain(value: Any) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, np.generic):
-        return plain(value.item())
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value
@@ -101,11 +99,8 @@ def write_results_table(folder: Path, rows: "Sequence[Mapping[str, Any]] | pd.Da
 
     table = pd.DataFrame(rows)
     if find_spec("pyarrow") is None:
-        path = folder / "results.csv"
-        with replacing(path) as part:
-            table.to_csv(part, index=False)
-        return path
-    path = folder / "results.parquet"
-    with replacing(path) as part:
+        write_table(table, folder / "results.csv", index=False)
+        return folder / "results.csv"
+    with replacing(folder / "results.parquet") as part:
         table.to_parquet(part, index=False)
-    return path
+    return folder / "results.parquet"

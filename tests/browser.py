@@ -41,20 +41,22 @@ MEASURE = """<script>setTimeout(() => {
 FRAMES = """<!doctype html><body style="margin: 0"><script>
 const pages = [];
 addEventListener("message", event => { pages.push(event.data); document.title = JSON.stringify(pages); });
-</script>""" + "".join(
-    f'<iframe style="border: 0; display: block" width="{width}" height="900" src="page.html"></iframe>'
-    for width in WIDTHS
-)  # in frames: a headless window has 500 px at least
+</script>"""
+# In frames: a headless window has 500 px at least.
+FRAME = '<iframe style="border: 0; display: block" width="{}" height="900" src="{}.html"></iframe>'
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine: apt install chromium")
 
 
-def opened(path):
-    """What a page looks like at each of `WIDTHS`, and its console."""
-    folder = path.parent / "opened"
+def opened(*paths):
+    """What pages look like at each of `WIDTHS`, and their console."""
+    folder = paths[0].parent / "opened"
     folder.mkdir(exist_ok=True)
-    (folder / "page.html").write_text(path.read_text(encoding="utf-8").replace("</body>", MEASURE), encoding="utf-8")
-    (folder / "frames.html").write_text(FRAMES, encoding="utf-8")
+    for k, path in enumerate(paths):
+        page = path.read_text(encoding="utf-8").replace("</body>", MEASURE)
+        (folder / f"{k}.html").write_text(page, encoding="utf-8")
+    frames = FRAMES + "".join(FRAME.format(width, k) for k in range(len(paths)) for width in WIDTHS)
+    (folder / "frames.html").write_text(frames, encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=8000", "--enable-logging=stderr"]
     done = subprocess.run(
         [BROWSER, *options, "--window-size=1400,2000", "--dump-dom", (folder / "frames.html").as_uri()],
@@ -62,13 +64,13 @@ def opened(path):
     )  # fmt: skip
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     pages = json.loads(html.unescape(re.search(r"<title>(.*?)</title>", done.stdout)[1]))
-    assert sorted(page["width"] for page in pages) == sorted(WIDTHS)
+    assert sorted(page["width"] for page in pages) == sorted(len(paths) * WIDTHS)
     return pages, console
 
 
-def check_charts(path):
-    """Every chart of a page is drawn, no text of it is cut or covered, nothing is on the console or sticks out."""
-    pages, console = opened(path)
+def check_charts(*paths):
+    """Every chart of the pages is drawn, no text of it is cut or covered, nothing is on the console or sticks out."""
+    pages, console = opened(*paths)
     assert console == []
     for page in pages:
         assert page["tooWide"] <= 0

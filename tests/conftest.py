@@ -109,3 +109,9 @@ def stiffness_case():
     """Three seconds of each manoeuvre by a car with softer rear tyres and a torque map that is off."""
     truth = Truth({"rear_stiffness_error": TRUE_STIFFNESS}, {}, {"torque": 0.02, "mass": -0.01})
     return truth, make_case(truth, VehicleParameters(), np.random.default_rng(11), DURATION)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures' files are there, and empty: drawing takes long, and other tests look at what is drawn."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

@@ -17,6 +17,8 @@ from drift_drake.diagnosis.next_drive import plan as next_drive
 from drift_drake.diagnosis.next_drive.plan import NextDrive
 from drift_drake.simulation import drive_command
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 WORDS = {  # of each command, and keys that its JSON has
     "demo": (["DIR/demo"], {"out", "commands", "pages"}),
     "init": (["DIR/new.yaml"], {"out", "vehicle"}),

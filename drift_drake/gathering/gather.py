@@ -144,7 +144,8 @@ class Replanner:
         x, u = samples.x_next[-1], samples.u_next[-1]
         alpha = self._weight(belief) if rest.lane == "track" else self._alpha
         self._plan, self._from = plan_rest(self._model, belief, left, rest, alpha, x, u, start), step
-        if self._told_enough(belief):
+        promised, told = information_expected(self._model, belief, self._plan), information_gained(self._before, belief)
+        if self._first.alpha > 0.0 and promised < self._config.stop_below * told:
             return "enough"
         states, inputs = self._plan.x[:, :6], self._plan.u
         curvature = curvature_along(rest, states, start)
@@ -152,10 +153,6 @@ class Replanner:
         context = self._controller.GetMyMutableContextFromRoot(root)
         self._controller.follow(context, Tracked(states, inputs, gains, root.get_time()))
         return None
-
-    def _told_enough(self, belief: Posterior) -> bool:
-        promised = information_expected(self._model, belief, self._plan)
-        return self._first.alpha > 0.0 and promised < self._config.stop_below * information_gained(self._before, belief)
 
 
 def execution(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
-from scipy.stats import chi2
+from scipy.special import chdtri  # chi-square's; scipy.stats takes half a second to import
 
 from drift_drake.arrays import Array
 from drift_drake.model.adapter import MEASURED_COUNT
@@ -54,7 +54,7 @@ class NullDistribution(NamedTuple):
         At most, for all windows of the drive count as trials (Bonferroni), though overlapping ones are much alike.
         """
         windows = max(1.0, duration / TIME_STEP)
-        return float(self.mean * chi2.isf(false_alarms / windows, self.freedom) / self.freedom)
+        return float(self.mean * chdtri(self.freedom, false_alarms / windows) / self.freedom)
 
 
 def calibrate(drives: Sequence[Array], window: int = WINDOW) -> NullDistribution:

@@ -84,8 +84,10 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
     def wrapped(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
         with matplotlib.rc_context(RC):
             figure = draw(*args, **kwargs)
-            # Ticks are made at the first drawing and take their look from the settings of that moment.
-            figure.draw_without_rendering()
+            # Ticks are made when they are first needed, with the settings of that moment; later ones are as the first.
+            for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+                axis.get_major_ticks(1)
+                axis.get_minor_ticks(1)
         return figure
 
     return wrapped

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
-from scipy.stats import chi2
+from scipy.special import chdtri  # chi-square's; scipy.stats takes half a second to import
 
 from drift_drake.arrays import Array
 from drift_drake.logs.driving import slowest
@@ -47,7 +47,7 @@ class Innovation:
         rim = parameters.rear_stiffness * parameters.wheel_radius**2 / parameters.rear_axle_inertia / self._slowest
         self._model = NominalStepModel(parameters, period, math.ceil(period * rim / STABLE))
         self._noise = np.array([max(getattr(noise, name), getattr(NoiseLevels(), name)) for name in MEASURED_STATE])
-        self.bound = float(chi2.isf(FALSE_ALARMS, len(MEASURED_STATE)))
+        self.bound = float(chdtri(len(MEASURED_STATE), FALSE_ALARMS))
 
     def predict(self, reading: Array, command: Array, next_command: Array) -> Array:
         """The reading [7] one period on, commands [2] linear in between; NaN where the model has none."""

@@ -214,11 +214,6 @@ def is_number(value: Any) -> bool:
         return False
 
 
-def _key(prefix: str, key: Any) -> str:
-    text = shown(key)
-    return f"'{prefix}{text.strip(chr(39))}'"
-
-
 def check_numbers(parameters: Any) -> None:
     """Raises InvalidVehicleError where a value is no finite number, or not positive as its `entry` asks."""
     for field in dataclasses.fields(parameters):
@@ -242,8 +237,9 @@ def _check_keys(
 ) -> None:
     for key in data:
         if key not in known:
+            text = shown(key).strip("'")
             raise InvalidVehicleError(
-                f"{source}: unknown key {_key(prefix, key)}; known keys are {', '.join(sorted(known))}"
+                f"{source}: unknown key '{prefix}{text}'; known keys are {', '.join(sorted(known))}"
             )
     missing = sorted((required or set()) - set(data))
     if missing:

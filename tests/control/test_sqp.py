@@ -71,7 +71,7 @@ def agreement(references: dict[str, Reference], name: str, horizon: int, count: 
     return agree
 
 
-@pytest.mark.parametrize(("name", "horizon", "count"), [("straight", 15, 2), ("figure_8", 15, 3), ("loops", 10, 2)])
+@pytest.mark.parametrize(("name", "horizon", "count"), [("straight", 10, 2), ("figure_8", 10, 3), ("loops", 8, 2)])
 def test_agrees_with_snopt_and_ipopt(references: dict[str, Reference], name: str, horizon: int, count: int) -> None:
     assert np.all(agreement(references, name, horizon, count))
 

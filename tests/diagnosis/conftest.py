@@ -54,5 +54,5 @@ def plain_day(other_car, diagnosed):
 @pytest.fixture(scope="session")
 def strange_day(other_car, diagnosed):
     """Half a day whose yaw rate is logged in another unit, which no effect of the catalogue is."""
-    runs = [dataclasses.replace(run, r=1.6 * run.r) for run in other_car.day({}, 2, duration=8.0)[:2]]
+    runs = [dataclasses.replace(run, r=1.4 * run.r) for run in other_car.day({}, 2)[:2]]
     return diagnosed(runs, "strange")

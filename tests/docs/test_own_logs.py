@@ -59,7 +59,7 @@ def write_mat(table, path):
     savemat(path, {"log": {name: values.to_numpy() for name, values in log.items()}})
 
 
-@pytest.fixture(scope="module", params=["mcap", "mat"])
+@pytest.fixture(scope="module", params=["mcap", pytest.param("mat", marks=pytest.mark.slow)])
 def case(request, folder):
     """The recording's runs, imported by the mapping that the first look prints, corrected where it asks for it."""
     recording, mapping = folder / f"lap.{request.param}", folder / f"{request.param}.yaml"

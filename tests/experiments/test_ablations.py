@@ -11,7 +11,7 @@ from drift_drake.gathering.config import GatheringConfig
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.drifting import ablations
+from experiments.drifting import ablations, errors
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.ablations import AblationsConfig, main, variants
 
@@ -30,14 +30,16 @@ def test_each_row_changes_one_thing() -> None:
 def test_the_chain_of_beliefs(
     here: ExecutorConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    course = dataclasses.replace(figure_8(VehicleParameters()), distance=26.0)
+    course = dataclasses.replace(figure_8(VehicleParameters()), distance=13.0)  # 1 s, and predictions of 0.8 s
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
+    for module in (ablations, errors):
+        monkeypatch.setattr(module, "ROLLOUT_STEPS", 8)
     monkeypatch.setattr(ablations, "run_jobs", drift_runs.run_jobs)
     config = AblationsConfig(
         vehicles=1,
         population="train",
         parts=("belief",),
-        control=ControlConfig(horizon=8),
+        control=ControlConfig(horizon=6),
         gathering=GatheringConfig(steps=10, v_end=9.0, starts=1),
         run_on=here,
         out=tmp_path,

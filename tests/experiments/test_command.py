@@ -28,7 +28,7 @@ def test_a_count_of_nothing_and_a_negative_number_are_refused(changes: dict[str,
 
 
 def test_an_experiment_says_so_in_one_sentence() -> None:
-    words = [sys.executable, "-m", "experiments.drifting.figure_8", "--vehicles", "0"]
+    words = [sys.executable, "-m", "experiments.robustness.interruptions", "--seed", "-1"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 2
-    assert done.stderr == "experiments.drifting.figure_8: --vehicles 0: give 1 or more\n"
+    assert done.stderr == "experiments.robustness.interruptions: --seed -1: give 0 or more\n"

@@ -23,9 +23,9 @@ VEHICLE = VehicleParameters()
 )
 def test_drakes_plant_and_the_compiled_one_drive_alike(truth):
     kind = "transients"
-    one = drive(Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, 3, "a", 1.1)
+    one = drive(Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, 3, "a", 0.6)
     other = simulate_run(
-        Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, np.random.default_rng(0), "a", 1.1
+        Driver(kind, np.random.default_rng(5), VEHICLE), truth, VEHICLE, np.random.default_rng(0), "a", 0.6
     )
     assert len(one) == len(other)
     # The drivers' commands differ by a row; motion and noise account for the rest.

@@ -28,6 +28,8 @@ from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
 from experiments.settings import OtherExperimentError
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 FAST = ControlConfig(horizon=12, period=0.05, delay=0.05)
 SHORT = GatheringConfig(steps=10, v_end=9.0, starts=1)
 

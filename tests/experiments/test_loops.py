@@ -69,6 +69,7 @@ def test_runs_without_a_drift_stay_in_the_quantiles() -> None:
     assert lines[2] == "| prior, adapting | 35 / 60 / never / never | 1 of 3 |"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_experiment(
     course: Reference, here: ExecutorConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

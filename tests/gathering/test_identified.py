@@ -169,9 +169,15 @@ def test_a_model_is_believed_that_is_no_further_off_than_usual(
     assert choice.sentence().startswith(said)
 
 
+@pytest.mark.slow
 def test_a_car_of_other_equations_is_not_known(model: BayesianModel) -> None:
     """A double-track car in informative drives: what the nominal equations make of them is far from it."""
-    usual, config, belief, tables = usual_for(model), GatheringConfig(starts=1, max_iterations=40), model.prior(), []
+    usual, config, belief, tables = (
+        usual_for(model),
+        GatheringConfig(starts=1, max_iterations=40),
+        model.prior(),
+        [],
+    )
     first = plan = plan_drive(model, belief, config, config.alpha)
     for number in range(2):
         car = plant_of("double_track", Effects(), lane(config).path)

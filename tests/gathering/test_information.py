@@ -106,13 +106,13 @@ def test_a_models_further_states_carry_no_information(model: BayesianModel) -> N
     np.testing.assert_array_equal(gradient[:, 10:], plain[:, 8:])
 
 
-def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 4,
+def info_ocp(model: BayesianModel, steps: int, updated: bool = False, count: int = 2,
              alpha: float = 0.3) -> tuple[OptimalControlProblem, list[np.ndarray]]:  # fmt: skip
     covariance = weighed(model.prior().covariance, model.sample_weight)
     return lane_ocp(model, steps, KINDS[updated](model.network, covariance, alpha), count)
 
 
-@pytest.mark.parametrize("updated", [False, True])
+@pytest.mark.parametrize("updated", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_the_sqp_finds_what_snopt_and_ipopt_find(model: BayesianModel, updated: bool) -> None:
     """There are several local optima: what is compared is the best value of the same first guesses."""
     check_against_referees(*info_ocp(model, 6, updated))

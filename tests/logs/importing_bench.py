@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import pandas as pd
+from scipy.integrate import solve_ivp
 
 from drift_drake.vehicle.bicycle import derivatives, motion, world_rates
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -30,17 +31,8 @@ def truth(duration: float = 24.0) -> pd.DataFrame:
         u = np.array([steering(t), torque(t)])
         return np.concatenate([derivatives(x[:6], u, 0.0, p), world_rates(x[0], x[1], x[2], x[8])])
 
-    count = round(duration / PERIOD)
-    states = np.empty((count + 1, 9))
-    states[0] = [0.0, 15.0, 0.0, 15.0, 0.0, 0.0, 3.0, -2.0, 0.4]
-    for k in range(count):
-        t, x = k * PERIOD, states[k]
-        k1 = rates(t, x)
-        k2 = rates(t + PERIOD / 2, x + PERIOD / 2 * k1)
-        k3 = rates(t + PERIOD / 2, x + PERIOD / 2 * k2)
-        k4 = rates(t + PERIOD, x + PERIOD * k3)
-        states[k + 1] = x + PERIOD / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    t = np.arange(count + 1) * PERIOD
+    start, t = [0.0, 15.0, 0.0, 15.0, 0.0, 0.0, 3.0, -2.0, 0.4], np.arange(round(duration / PERIOD) + 1) * PERIOD
+    states = solve_ivp(rates, (0.0, t[-1]), start, "LSODA", t_eval=t, rtol=1e-10, atol=1e-10).y.T
     r, v, beta, omega_r = states[:, :4].T
     moved = motion(r, v, beta, omega_r, steering(t), torque(t), p)
     return pd.DataFrame(

@@ -16,7 +16,7 @@ def topics():
     def at(t, *names):
         return {name: np.interp(t, exact["t"], exact[name]) for name in names}
 
-    imu, gps, drive = np.arange(0.0, 23.9, 0.01), np.arange(0.1, 23.8, 0.02) + GPS_LATE, np.arange(0.05, 23.85, 0.025)
+    imu, gps, drive = np.arange(0.0, 11.9, 0.01), np.arange(0.1, 11.8, 0.02) + GPS_LATE, np.arange(0.05, 11.85, 0.025)
     body = at(gps, "v", "beta")
     velocity = {"vx": body["v"] * np.cos(body["beta"]), "vy": body["v"] * np.sin(body["beta"])}
     return {"imu": (imu, at(imu, "r", "ax", "ay")), "gps": (gps, velocity), "drive": (drive, at(drive, "delta_cmd"))}

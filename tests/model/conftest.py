@@ -90,6 +90,6 @@ def config(table: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainingCon
 @pytest.fixture(scope="session")
 def transfer(config: TrainingConfig) -> TrainingConfig:
     return dataclasses.replace(
-        config, lane=config.data, validation_lane=config.data, epoch_batches=5, batch_tasks=8, learning_rate=2e-3,
-        output=config.output.with_name("transfer.npz"),
+        config, lane=config.data, validation_lane=config.data, epochs=20, epoch_batches=5, batch_tasks=8,
+        learning_rate=2e-3, output=config.output.with_name("transfer.npz"),
     )  # fmt: skip

@@ -32,11 +32,11 @@ def drives() -> list[tuple[Samples, Samples]]:
         for side in (1.0, -1.0):
             generator = np.random.default_rng([vehicle, int(side + 1.0)])
             drift = drift_equilibrium(car, side * 18.0, -side * 0.6)
-            holder = HoldDriver(car, drift, wander(6.0, generator, np.array([0.03, 10.0]), 0.3))
+            holder = HoldDriver(car, drift, wander(5.0, generator, np.array([0.03, 10.0]), 0.3))
             effects = draw_effects("held_out", vehicle, seed=77)
-            drive = Drive(car, holder, 1, ROW_PERIOD, dither(6.0, generator), holder.initial_command(), effects)
+            drive = Drive(car, holder, 1, ROW_PERIOD, dither(5.0, generator), holder.initial_command(), effects)
             state = np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
-            table, _ = drive.run(state, 0.0, 6.0, seed=vehicle)
+            table, _ = drive.run(state, 0.0, 5.0, seed=vehicle)
             parts.append(samples_from_log(table, None, vehicle, len(parts)))
         found.append((parts[0], parts[1]))
     return found

@@ -107,6 +107,7 @@ def test_what_all_cars_have_hides_no_cars_own():
         assert ("car_3", "torque_gain_error") in {(term.owner, term.effect) for term in found.terms}
 
 
+@pytest.mark.slow
 def test_a_cluster_finds_what_one_process_finds(tmp_path):
     distributed = pytest.importorskip("distributed", reason="an extra: pip install drift_drake[cluster]")
     run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=3.0)

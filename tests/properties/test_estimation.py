@@ -90,7 +90,7 @@ def test_a_mirrored_case_has_the_mirrored_posterior() -> None:
     assert sigma == pytest.approx(other.leading.deviations["steering_offset"], rel=0.01)
 
 
-@few(10)
+@few(5)
 @given(effects=hypotheses(), order=st.permutations(range(4)))
 def test_the_order_of_runs_does_not_matter(effects: dict[str, float], order: list[int]) -> None:
     runs, names = case(), tuple(effects)
@@ -99,7 +99,7 @@ def test_the_order_of_runs_does_not_matter(effects: dict[str, float], order: lis
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)
 
 
-@few(6)
+@few(3)
 @given(
     effect=st.sampled_from(["rear_stiffness_error", "mass_error", "steering_offset", "torque_gain_error"]),
     share=st.sampled_from([-0.6, 0.6]),

@@ -216,6 +216,7 @@ def test_a_change_after_the_end_leaves_the_time_limit(short: Reference) -> None:
     assert run.table["t"].iloc[-1] < 5.0
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_main_takes_faults_and_tells_them(
     short: Reference, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

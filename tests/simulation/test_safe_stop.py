@@ -12,7 +12,9 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.simulation.closed_loop import ControlConfig
 
 
-@pytest.mark.parametrize("fault", ["dropout:0.5:99", "lost_plans:0.5:99", "nan:0.5:99:0:e"])
+@pytest.mark.parametrize(
+    "fault", ["dropout:0.5:99", pytest.param("lost_plans:0.5:99", marks=pytest.mark.slow), "nan:0.5:99:0:e"]
+)
 def test_a_drifting_car_is_brought_to_a_stop_on_its_lane(short: Reference, fault: str) -> None:
     loop = loop_with(short, fault)
     run = loop.run(loop.initial_context(0))

@@ -1,6 +1,7 @@
 """Cars with effects in states in which one of them shows, for the tests of their physical meaning."""
 
 import math
+from functools import cache
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -67,9 +68,14 @@ def simulate(effects, state, duration, actuation=(0.0, 0.0), parameters=P, settl
 
 
 def driven_car(effects, commands, duration):
-    """Logs at 100 Hz of a noiseless car: truth rows (full_state) and measured columns, under (t, delta, tau) rows."""
+    """Logs each millisecond of a noiseless car: true states and measured columns, under (t, delta, tau) rows."""
+    return _driven_car(make_effects(effects), tuple(commands), duration)
+
+
+@cache
+def _driven_car(effects, commands, duration):
     builder = DiagramBuilder()
-    car = builder.AddNamedSystem("car", Car(P, make_effects(effects), noise=NoiseLevels.none()))
+    car = builder.AddNamedSystem("car", Car(P, effects, noise=NoiseLevels.none()))
     times, *columns = np.array(commands, dtype=float).T
     source = builder.AddNamedSystem("command", TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, columns)))
     builder.Connect(source.get_output_port(), car.GetInputPort("command"))

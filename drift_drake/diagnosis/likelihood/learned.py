@@ -61,7 +61,9 @@ def learned(problem: Problem, before: Sequence[np.ndarray], floor: Sequence[np.n
             (`reduction.errors_of`).
     """
     model = load_model()
-    missing = _missing(problem)
+    used = np.all([run.used for run in problem.runs], axis=0)
+    missing = [name for name, there in zip(NEEDED, used[:STATE_COUNT], strict=False) if not there]
+    missing += ["tau_cmd"] if problem.rim_fed else []
     if missing:
         return Learned(f"The learnt model needs {' and '.join(missing)}, which these logs lack.")
     if any(abs(a - b) > LIKE * abs(b) for a, b in zip(problem.nominal, model.vehicle.constants(), strict=True)):
@@ -95,12 +97,6 @@ def _sentence(share: float, nominal: float, after: float, region: str) -> str:
             f"{after:.3g} noise variances, the nominal car's {nominal:.3g}"
         )
     return f"The learnt model, adapted to the same blocks, {closes}; it is least sure at {region}."
-
-
-def _missing(problem: Problem) -> list[str]:
-    used = np.all([run.used for run in problem.runs], axis=0)
-    out = [name for name, there in zip(NEEDED, used[:STATE_COUNT], strict=False) if not there]
-    return out + (["tau_cmd"] if problem.rim_fed else [])
 
 
 def _mean(parts: Sequence[np.ndarray]) -> float:

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri  # the normal's quantiles; scipy.stats takes half a second to import
 
 from drift_drake.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
 from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing, beliefs_from_data
@@ -30,7 +30,7 @@ LARGEST = 1e6  # of any number in beliefs, in parameters' own scales
 PERIOD = 0.01  # [s]
 REFITS = 3  # Gauss-Newton steps of a rival's fit
 CERTAIN = 1e6  # [nats] at most, where a rival's filter cannot follow at all
-CHANCE = norm.ppf((np.arange(15) + 0.5) / 15)  # draws of what noise does to a log evidence
+CHANCE = ndtri((np.arange(15) + 0.5) / 15)  # draws of what noise does to a log evidence
 
 
 def beliefs_of(answer: Answer) -> tuple[Sensing, list[Belief]]:

@@ -131,148 +131,147 @@ def mapping_from_dict(data: Any, source: str = "mapping") -> RecorderMapping:
     Raises:
         InvalidMappingError: names `source`, the key and the remedy.
     """
-    entries = _entries(data, RecorderMapping, source, "")
+    try:
+        mapping = _mapping(data)
+        _check_names(mapping)
+    except InvalidMappingError as error:
+        raise InvalidMappingError(f"{source}: {error}") from None
+    return mapping
+
+
+def _mapping(data: Any) -> RecorderMapping:
+    entries = _entries(data, RecorderMapping, "")
     for key in ("clocks", "signals", "constants", "formulas"):
         named = entries.get(key, {})
         if key in ("clocks", "signals") and (not isinstance(named, dict) or not named):
-            raise InvalidMappingError(f"{source}: '{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
+            raise InvalidMappingError(f"'{key}' must hold one 'name: {{column: ..., unit: ...}}' line each")
         if not isinstance(named, dict):
-            raise InvalidMappingError(f"{source}: '{key}' must hold 'name: value' lines")
+            raise InvalidMappingError(f"'{key}' must hold 'name: value' lines")
         for name in named:
             if not isinstance(name, str):
-                raise InvalidMappingError(f"{source}: the name {shown(name)} in '{key}' is no text; put it in quotes")
-    clocks = {name: _clock(item, source, f"clocks.{name}") for name, item in entries["clocks"].items()}
+                raise InvalidMappingError(f"the name {shown(name)} in '{key}' is no text; put it in quotes")
+    clocks = {name: _clock(item, f"clocks.{name}") for name, item in entries["clocks"].items()}
     first = next(iter(clocks))
-    signals = {name: _signal(name, item, first, source) for name, item in entries["signals"].items()}
-    constants = {k: _number(v, source, f"constants.{k}") for k, v in entries.get("constants", {}).items()}
+    signals = {name: _signal(name, item, first) for name, item in entries["signals"].items()}
+    constants = {k: _number(v, f"constants.{k}") for k, v in entries.get("constants", {}).items()}
     point = entries.get("measured_point", (0.0, 0.0))
     if not isinstance(point, (list, tuple)) or len(point) != 2:
-        raise InvalidMappingError(f"{source}: measured_point must be [ahead, left] of the centre of gravity, in metres")
-    derive = entries.get("derive", RecorderMapping.derive)
-    if not isinstance(derive, (list, tuple)) or not all(name in DERIVABLE for name in derive):
-        raise InvalidMappingError(f"{source}: derive must be a list of some of {', '.join(DERIVABLE)}")
-    trust = entries.get("trust", [])
-    if not isinstance(trust, (list, tuple)) or not all(name in COLUMNS for name in trust):
-        raise InvalidMappingError(f"{source}: trust must be a list of some of {', '.join(COLUMNS)}")
+        raise InvalidMappingError("measured_point must be [ahead, left] of the centre of gravity, in metres")
+    for key, known in (("derive", DERIVABLE), ("trust", COLUMNS)):
+        names = entries.get(key, ())
+        if not isinstance(names, (list, tuple)) or not all(name in known for name in names):
+            raise InvalidMappingError(f"{key} must be a list of some of {', '.join(known)}")
     moving = None
     if entries.get("moving") is not None:
-        given = _entries(entries["moving"], Moving, source, "moving.")
-        moving = Moving(**{name: _number(q, source, f"moving.{name}", positive=True) for name, q in given.items()})
+        given = _entries(entries["moving"], Moving, "moving.")
+        moving = Moving(**{name: _number(q, f"moving.{name}", positive=True) for name, q in given.items()})
     wheelbase, bandwidth = entries.get("wheelbase"), math.inf
     if "bandwidth" in entries:
-        bandwidth = _number(entries["bandwidth"], source, "bandwidth", positive=True)
-    mapping = RecorderMapping(
+        bandwidth = _number(entries["bandwidth"], "bandwidth", positive=True)
+    return RecorderMapping(
         clocks=clocks,
         signals=signals,
         recorder=str(entries.get("recorder", "")),
-        frame=_choice(entries.get("frame", "iso8855"), FRAMES, source, "frame"),
-        measured_point=(_number(point[0], source, "measured_point"), _number(point[1], source, "measured_point")),
-        wheelbase=None if wheelbase is None else _number(wheelbase, source, "wheelbase", positive=True),
-        derive=tuple(derive),
+        frame=_choice(entries.get("frame", "iso8855"), FRAMES, "frame"),
+        measured_point=(_number(point[0], "measured_point"), _number(point[1], "measured_point")),
+        wheelbase=None if wheelbase is None else _number(wheelbase, "wheelbase", positive=True),
+        derive=tuple(entries.get("derive", RecorderMapping.derive)),
         constants=constants,
         formulas={key: str(value) for key, value in entries.get("formulas", {}).items()},
         bandwidth=bandwidth,
         moving=moving,
-        trust=tuple(trust),
+        trust=tuple(entries.get("trust", ())),
     )
-    _check_names(mapping, source)
-    return mapping
 
 
-def _entries(data: Any, kind: Any, source: str, prefix: str) -> dict[str, Any]:
+def _entries(data: Any, kind: Any, prefix: str) -> dict[str, Any]:
     fields = {field.name: field for field in dataclasses.fields(kind)}
     if not isinstance(data, dict):
         where = f"'{prefix.rstrip('.')}'" if prefix else "the file"
-        raise InvalidMappingError(f"{source}: {where} must hold 'name: value' lines ({', '.join(fields)})")
+        raise InvalidMappingError(f"{where} must hold 'name: value' lines ({', '.join(fields)})")
     for key in data:
         if key not in fields:
-            raise InvalidMappingError(
-                f"{source}: unknown key '{prefix}{str(key)[:60]}'; known keys are {', '.join(fields)}"
-            )
+            raise InvalidMappingError(f"unknown key '{prefix}{str(key)[:60]}'; known keys are {', '.join(fields)}")
     for name, field in fields.items():
         needed = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if needed and name not in data:
-            raise InvalidMappingError(f"{source}: missing '{prefix}{name}'; add a line for it")
+            raise InvalidMappingError(f"missing '{prefix}{name}'; add a line for it")
     return data
 
 
-def _texts(entries: dict[str, Any], names: tuple[str, ...], source: str, prefix: str) -> None:
+def _texts(entries: dict[str, Any], names: tuple[str, ...], prefix: str) -> None:
     for name in names:
         if not isinstance(entries.get(name, ""), str):
-            raise InvalidMappingError(f"{source}: {prefix}{name} is {shown(entries[name])}; give a name, in quotes")
+            raise InvalidMappingError(f"{prefix}{name} is {shown(entries[name])}; give a name, in quotes")
 
 
-def _number(value: Any, source: str, key: str, positive: bool = False) -> float:
+def _number(value: Any, key: str, positive: bool = False) -> float:
     try:
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number) or (positive and number <= 0.0):
         kind = "a positive" if positive else "a finite"
-        raise InvalidMappingError(f"{source}: {key} is {shown(value)}; give {kind} number")
+        raise InvalidMappingError(f"{key} is {shown(value)}; give {kind} number")
     return number
 
 
-def _choice(value: Any, known: tuple[str, ...] | list[str], source: str, key: str) -> str:
+def _choice(value: Any, known: tuple[str, ...] | list[str], key: str) -> str:
     if not isinstance(value, str) or value not in known:
-        raise InvalidMappingError(f"{source}: {key} is {shown(value)}; known are {', '.join(known)}")
+        raise InvalidMappingError(f"{key} is {shown(value)}; known are {', '.join(known)}")
     return str(value)
 
 
-def _clock(data: Any, source: str, key: str) -> Clock:
-    entries = dict(_entries(data, Clock, source, f"{key}."))
-    _texts(entries, ("column",), source, f"{key}.")
+def _clock(data: Any, key: str) -> Clock:
+    entries = dict(_entries(data, Clock, f"{key}."))
+    _texts(entries, ("column",), f"{key}.")
     if dimension(str(entries.get("unit", "s"))) != "time":
-        raise InvalidMappingError(
-            f"{source}: {key}.unit is {shown(entries['unit'])}; give a unit of time: s, ms, us, ns"
-        )
+        raise InvalidMappingError(f"{key}.unit is {shown(entries['unit'])}; give a unit of time: s, ms, us, ns")
     for name in ("blank", "offset"):
         if entries.get(name) is not None:
-            entries[name] = _number(entries[name], source, f"{key}.{name}")
-    _choice(entries.get("epoch", "auto"), EPOCHS, source, f"{key}.epoch")
+            entries[name] = _number(entries[name], f"{key}.{name}")
+    _choice(entries.get("epoch", "auto"), EPOCHS, f"{key}.epoch")
     if not isinstance(entries.get("regular", False), bool):
-        raise InvalidMappingError(f"{source}: {key}.regular is {shown(entries['regular'])}; write true or false")
+        raise InvalidMappingError(f"{key}.regular is {shown(entries['regular'])}; write true or false")
     if entries.get("align") is not None:
-        align = dict(_entries(entries["align"], Align, source, f"{key}.align."))
-        _texts(align, ("signal", "against"), source, f"{key}.align.")
-        align["search"] = _number(align.get("search", Align.search), source, f"{key}.align.search", positive=True)
+        align = dict(_entries(entries["align"], Align, f"{key}.align."))
+        _texts(align, ("signal", "against"), f"{key}.align.")
+        align["search"] = _number(align.get("search", Align.search), f"{key}.align.search", positive=True)
         entries["align"] = Align(**align)
     return Clock(**entries)
 
 
-def _signal(name: str, data: Any, first_clock: str, source: str) -> Signal:
+def _signal(name: str, data: Any, first_clock: str) -> Signal:
     key = f"signals.{name}"
-    entries = {"clock": first_clock, **_entries(data, Signal, source, f"{key}.")}
-    _texts(entries, ("column", "clock"), source, f"{key}.")
-    _choice(entries["unit"], units_of(name), source, f"{key}.unit")
+    entries = {"clock": first_clock, **_entries(data, Signal, f"{key}.")}
+    _texts(entries, ("column", "clock"), f"{key}.")
+    _choice(entries["unit"], units_of(name), f"{key}.unit")
     for number in ("sign", "scale", "offset"):
         if number in entries:
-            entries[number] = _number(entries[number], source, f"{key}.{number}")
+            entries[number] = _number(entries[number], f"{key}.{number}")
     if entries.get("sign", 1.0) not in (1.0, -1.0):
-        raise InvalidMappingError(f"{source}: {key}.sign is {entries['sign']:g}; write 1 or -1 (scale is for factors)")
+        raise InvalidMappingError(f"{key}.sign is {entries['sign']:g}; write 1 or -1 (scale is for factors)")
     if entries.get("frame") is not None:
-        _choice(entries["frame"], FRAMES, source, f"{key}.frame")
+        _choice(entries["frame"], FRAMES, f"{key}.frame")
         if name not in QUANTITIES:
-            raise InvalidMappingError(
-                f"{source}: {key}.frame is for quantities of the log; use 'sign: -1' for '{name}'"
-            )
-    _choice(entries.get("between", "linear"), BETWEEN, source, f"{key}.between")
+            raise InvalidMappingError(f"{key}.frame is for quantities of the log; use 'sign: -1' for '{name}'")
+    _choice(entries.get("between", "linear"), BETWEEN, f"{key}.between")
     turns = name == "omega_r" and dimension(entries["unit"]) == "angular rate"
     if turns and entries.get("radius") is None:
-        raise InvalidMappingError(f"{source}: {key} is in {entries['unit']}; add the wheel's radius in metres")
+        raise InvalidMappingError(f"{key} is in {entries['unit']}; add the wheel's radius in metres")
     if entries.get("radius") is not None:
-        entries["radius"] = _number(entries["radius"], source, f"{key}.radius", positive=True)
+        entries["radius"] = _number(entries["radius"], f"{key}.radius", positive=True)
         if not turns:
-            raise InvalidMappingError(f"{source}: {key}.radius is for an omega_r in rpm or rad/s; take it out")
+            raise InvalidMappingError(f"{key}.radius is for an omega_r in rpm or rad/s; take it out")
     return Signal(**entries)
 
 
-def _check_names(mapping: RecorderMapping, source: str) -> None:
+def _check_names(mapping: RecorderMapping) -> None:
     signals, first = mapping.signals, mapping.first_clock
     for name, signal in signals.items():
         if signal.clock not in mapping.clocks:
             raise InvalidMappingError(
-                f"{source}: signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
+                f"signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
             )
     captured = {"x", "y", "psi"} <= {name for name, signal in signals.items() if signal.clock == first}
     derived = set(mapping.derive) if captured else set()
@@ -282,20 +281,20 @@ def _check_names(mapping: RecorderMapping, source: str) -> None:
         try:
             unknown = sorted(names_in(formula) - known)
         except InvalidFormulaError as error:
-            raise InvalidMappingError(f"{source}: formulas.{name}: {error}") from None
+            raise InvalidMappingError(f"formulas.{name}: {error}") from None
         if unknown:
             raise InvalidMappingError(
-                f"{source}: formulas.{name} reads '{unknown[0]}'; known there are {', '.join(sorted(known))}"
+                f"formulas.{name} reads '{unknown[0]}'; known there are {', '.join(sorted(known))}"
             )
         known.add(name)
     for name, clock in mapping.clocks.items():
         if clock.align is None:
             continue
         if name == first:
-            raise InvalidMappingError(f"{source}: clocks.{name} is the log's own; align the other clocks with it")
+            raise InvalidMappingError(f"clocks.{name} is the log's own; align the other clocks with it")
         if clock.align.signal not in signals or signals[clock.align.signal].clock != name:
             raise InvalidMappingError(
-                f"{source}: clocks.{name}.align.signal is '{clock.align.signal}'; name a signal of that clock"
+                f"clocks.{name}.align.signal is '{clock.align.signal}'; name a signal of that clock"
             )
         here = {key for key, signal in signals.items() if signal.clock == first}
         apart = {"vx", "vy", "r"} & (set(signals) - here)
@@ -303,12 +302,12 @@ def _check_names(mapping: RecorderMapping, source: str) -> None:
         motion = (derived - away) | here
         if clock.align.against not in motion & set(QUANTITIES):
             raise InvalidMappingError(
-                f"{source}: clocks.{name}.align.against is '{clock.align.against}'; "
+                f"clocks.{name}.align.against is '{clock.align.against}'; "
                 f"give one of {', '.join(sorted(motion & set(QUANTITIES)))}"
             )
     missing = [name for name in ("r", "v", "delta_cmd") if name not in known]
     if missing:
         raise InvalidMappingError(
-            f"{source}: nothing gives {', '.join(missing)}; a log needs r, v and delta_cmd "
+            f"nothing gives {', '.join(missing)}; a log needs r, v and delta_cmd "
             "(map columns, derive them from x, y, psi, or write formulas)"
         )

@@ -258,9 +258,11 @@ def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) ->
     if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
         return None
     likeness = float(spearmanr(measured, expected).statistic)
+    if abs(likeness) < least_likeness:
+        return None
     there = float(theilslopes(measured, expected).slope)
     back = float(theilslopes(expected, measured).slope)
-    if abs(likeness) < least_likeness or there * back <= 0.0:
+    if there * back <= 0.0:
         return None
     return float(np.sqrt(there / back)), float(np.sign(there)), abs(likeness)
 

@@ -57,6 +57,7 @@ def test_what_the_calibrations_recordings_differ_by_is_said_of_a_cause_of_that_s
     assert usual_sentences(normal, leading, late_day.search.day.recording_count) == []
 
 
+@pytest.mark.slow
 def test_soft_rear_tyres_are_the_nearest_known_at_least_and_their_interval_holds_the_truth(other_car, diagnosed):
     found = diagnosed(other_car.day({"rear_stiffness_error": -0.35}, 3))
     assert found.answer.verdict != "none"

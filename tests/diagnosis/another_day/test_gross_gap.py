@@ -78,6 +78,7 @@ def narrow(late_day):
     return search
 
 
+@pytest.mark.slow
 def test_a_cause_beyond_its_range_is_followed_and_found(narrow):
     found = judged_by_errors(narrow, PRIORS, lambda _: None)[0].leading
     at = found.names.index("steering_delay")

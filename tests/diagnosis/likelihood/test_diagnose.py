@@ -99,11 +99,6 @@ def test_the_report_is_one_file_that_says_the_verdict_and_what_comes_next(report
         assert outside not in text
 
 
-@needs_browser
-def test_the_report_opens_in_a_browser(report):
-    check_charts(report)
-
-
 def as_verdict(diagnosis, verdict):
     answer = dataclasses.replace(diagnosis.answer, verdict=verdict, causes=[], magnitudes={})
     limits = {"mass_error": {"unit": "-", "least": 0.05, "taken_for": "none"}}
@@ -128,11 +123,11 @@ def test_of_an_unknown_gap_no_corrected_car_is_drawn(diagnosis):
 
 
 @needs_browser
-@pytest.mark.parametrize("verdict", ["none", "unknown"])
-def test_the_reports_of_other_verdicts_open_too(diagnosis, tmp_path, verdict):
-    path = tmp_path / f"{verdict}.html"
-    path.write_text(as_verdict(diagnosis, verdict), encoding="utf-8")
-    check_charts(path)
+def test_the_reports_of_all_verdicts_open_in_a_browser(report, diagnosis, tmp_path):
+    others = [tmp_path / f"{verdict}.html" for verdict in ("none", "unknown")]
+    for path in others:
+        path.write_text(as_verdict(diagnosis, path.stem), encoding="utf-8")
+    check_charts(report, *others)
 
 
 def test_limits_to_first_order_grow_with_the_likeness_to_another_effect():

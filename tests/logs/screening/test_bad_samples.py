@@ -124,7 +124,7 @@ def test_slow_sensors_that_are_interpolated_are_no_fault(case):
     assert screen(dataclasses.replace(run, omega_r=between))[0].bad == ()
 
 
-@pytest.mark.parametrize("corner", [3.0, 8.0])
+@pytest.mark.parametrize("corner", [pytest.param(3.0, marks=pytest.mark.slow), 8.0])
 def test_smoothed_signals_are_no_fault(good_cases, corner):
     b, a = butter(2, corner / 50.0)
     for runs in good_cases.values():

@@ -72,8 +72,10 @@ def test_good_cases_raise_nothing(good_cases):
 
 @pytest.mark.parametrize("lacking", [("beta",), ("x", "y", "psi"), ("ax", "ay"), ("tau_cmd", "omega_r"),
                                      ("x", "y", "psi", "ax", "ay", "beta")])  # fmt: skip
-def test_columns_that_lack_make_no_suspicion(good_cases, lacking):
-    for name, runs in good_cases.items():
+@pytest.mark.parametrize("names", [("nominal", "weak", "slippery"), pytest.param(None, marks=pytest.mark.slow)])
+def test_columns_that_lack_make_no_suspicion(good_cases, names, lacking):
+    for name in names or good_cases:
+        runs = good_cases[name]
         less = [run.without(*lacking) for run in runs]
         assert suspicions(less, VEHICLE) == [], name
         assert suspicions(less[-1:], VEHICLE) == [], name  # a drift alone

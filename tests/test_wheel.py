@@ -66,7 +66,6 @@ def test_the_wheel_holds_every_file_of_the_package(wheel: Path) -> None:
         assert wanted <= set(archive.namelist())
 
 
-@pytest.mark.slow
 def test_light_commands_work_from_the_wheel(installed: Path, tmp_path: Path) -> None:
     version = run(installed, tmp_path, "--version")
     assert (version.returncode, version.stdout[:12]) == (0, "drift-drake "), version.stderr

@@ -22,7 +22,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from drift_drake.arrays import Array
 from drift_drake.control.effects_step import EffectsStepModel
@@ -206,7 +206,7 @@ class Familiar(NamedTuple):
 
     def limit(self, refused: float = REFUSED) -> float:
         """What a further such vehicle exceeds with a probability `refused`."""
-        quantile = float(student.isf(refused, self.vehicles - 1))
+        quantile = -float(stdtrit(self.vehicles - 1, refused))
         return math.exp(self.mean + quantile * self.deviation * math.sqrt(1.0 + 1.0 / self.vehicles))
 
 

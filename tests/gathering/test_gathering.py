@@ -244,7 +244,7 @@ def test_the_command_prints_four_models_and_which_to_drive_with(capsys: pytest.C
     totals = {line.split()[0]: float(line.split()[-1]) for line in lines[1:-1] if "planned" not in line}
     assert list(totals) == ["prior", "Once-OCP", "Once-Info", "Twice-Info"]
     assert totals["Twice-Info"] < totals["Once-Info"] < totals["Once-OCP"] < totals["prior"]
-    assert "inf for the identified car" in lines[-1]  # of drives of 1.2 s none is identified
+    assert "no car was identified" in lines[-1]  # of drives of 1.2 s
 
 
 def test_the_graph_is_drawn(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ class IdentifiedCar(NamedTuple):
 
     def step_model(self) -> EffectsStepModel:
         """What a controller plans with."""
-        return EffectsStepModel(self.vehicle, self.effects)
+        return EffectsStepModel(self.vehicle, self.effects, exact=False)
 
 
 def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:

@@ -107,7 +107,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
             raise InvalidOptionError(
                 f"--monitor {config.monitor} is for --model nominal, not {config.model}; choose watch or slow"
             )
-        model = EffectsStepModel(parameters, Effects())
+        model = EffectsStepModel(parameters, Effects(), exact=False)
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
                       faults=faults, monitor=monitor,
                       policy="watch" if config.monitor == "off" else config.monitor)  # fmt: skip

@@ -29,4 +29,4 @@ def oracle_of(plant: TruePlant, parameters: VehicleParameters, effects: Effects)
     """The step model that knows the car; `parameters`: of the single-track one."""
     if plant == "double_track":
         return DoubleTrackStepModel(CARS["coupe"], effects)
-    return EffectsStepModel(parameters, effects)
+    return EffectsStepModel(parameters, effects, exact=False)

@@ -20,7 +20,7 @@ U_NEXT = np.array([[-0.40, 190.0], [0.05, 20.0], [0.1, 150.0]])
 CURVATURE = np.array([1.0 / 18.0, 0.0, -0.03])
 
 
-def check_jacobians(model: StepModel, x: Array) -> None:
+def check_jacobians(model: StepModel, x: Array, tolerance: float = 1e-6) -> None:
     """Central differences of `step` are the Jacobians of `linearize`, and both give the same value."""
     value, *jacobians = model.linearize(x, U, U_NEXT, CURVATURE)
     np.testing.assert_allclose(value, model.step(x, U, U_NEXT, CURVATURE), rtol=0, atol=1e-12)
@@ -33,7 +33,7 @@ def check_jacobians(model: StepModel, x: Array) -> None:
             high = model.step(*shifted, CURVATURE)
             shifted[which][:, j] -= 2.0 * step
             low = model.step(*shifted, CURVATURE)
-            np.testing.assert_allclose(jacobian[:, :, j], (high - low) / (2.0 * step), rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(jacobian[:, :, j], (high - low) / (2.0 * step), rtol=tolerance, atol=tolerance)
 
 
 def test_nominal_step_agrees_with_an_adaptive_integrator() -> None:
@@ -59,14 +59,15 @@ def with_memory(effects: Effects) -> Array:
     return np.concatenate([X, np.array(memory, dtype=float)], axis=1)
 
 
-def test_effects_jacobians_and_carry_of_the_memory() -> None:
+@pytest.mark.parametrize("exact", [True, False])
+def test_effects_jacobians_and_carry_of_the_memory(exact: bool) -> None:
     effects = make_effects({
         "friction_level": -0.1, "steering_lag": 0.06, "torque_lag": 0.15, "tyre_relaxation": 0.4, "aero_drag": 1.0,
         "longitudinal_load_transfer": 0.45, "tyre_thermal_fade": 0.2})  # fmt: skip
-    model = EffectsStepModel(PARAMETERS, effects)
+    model = EffectsStepModel(PARAMETERS, effects, exact)
     x = with_memory(effects)
     assert x.shape[1] == STATE_SIZE
-    check_jacobians(model, x)
+    check_jacobians(model, x, 1e-6 if exact else 1e-5)
     # A ramp of 0.1 s seen through a lag of T: the road wheel ends T (1 - exp(-0.1 / T)) of the slope behind.
     lag = 0.06
     behind = (U_NEXT[:, 0] - U[:, 0]) / 0.1 * lag * (1.0 - np.exp(-0.1 / lag))

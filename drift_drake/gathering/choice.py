@@ -41,7 +41,7 @@ from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
 # Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
@@ -71,14 +71,15 @@ def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
 
 
 def identified(runs: Sequence[Run], first_guess: VehicleParameters) -> IdentifiedCar | None:
-    """The car that fits the drives best, by the filter's likelihood; None where they are too short or the filter fails.
+    """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no optimum.
 
     Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
     broad priors, and the effects that a driven car may have are fitted with them (`identify`).
     """
     try:
-        found = identify(runs, first_guess, known=(), names=EFFECTS, criterion="likelihood")
-    except (InvalidLogError, np.linalg.LinAlgError):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = identify(runs, first_guess, known=(), names=EFFECTS, criterion="likelihood")
+    except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
     return IdentifiedCar(found.vehicle, found.effects)
 

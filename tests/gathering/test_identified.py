@@ -68,6 +68,18 @@ def test_drives_that_are_too_short_identify_none(driven: list[pd.DataFrame]) -> 
     assert identified(runs_of([table.iloc[:150] for table in driven]), VehicleParameters()) is None
 
 
+def test_a_car_whose_likelihood_has_no_optimum_is_not_identified(
+    driven: list[pd.DataFrame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a 1:10 car's logs, from the starter vehicle."""
+
+    def without_optimum(*_: object, **__: object) -> None:
+        VehicleParameters().replace(mass=np.nan)
+
+    monkeypatch.setattr("drift_drake.gathering.choice.identify", without_optimum)
+    assert identified(runs_of(driven), VehicleParameters()) is None
+
+
 def test_physics_predicts_such_a_car_better_than_what_is_learnt(
     model: BayesianModel, driven: list[pd.DataFrame], car: IdentifiedCar
 ) -> None:

@@ -71,7 +71,7 @@ def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
 
 
 def identified(runs: Sequence[Run], first_guess: VehicleParameters) -> IdentifiedCar | None:
-    """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no optimum.
+    """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
 
     Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
     broad priors, and the effects that a driven car may have are fitted with them (`identify`).

@@ -18,7 +18,6 @@ from drift_drake.vehicle.step_model import StepModel
 FOLLOWED = 2.0
 LOOK = 0.2  # [s] from one plan from a fresh guess to the next
 CHEAPER = 0.9  # of the cost: less is another solution, more may be the same one, less converged
-AT_MOST = 0.4  # [s] for a plan from a fresh guess to hold its dynamics, or it makes room for the next guess
 STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution leads no further
 
 
@@ -49,11 +48,11 @@ class PlanBeside(NamedTuple):
 
     primal: Array
     dual: Array
-    began: float  # [s]
+    turned: float  # 1 where it began with the steering at the other lock, 0 where with the reference's
 
     def vector(self) -> Array:
         """All of it, as a system keeps it."""
-        return np.concatenate([self.primal, self.dual, [self.began]])
+        return np.concatenate([self.primal, self.dual, [self.turned]])
 
 
 class MpcSolution(NamedTuple):
@@ -83,9 +82,9 @@ class Mpc:
     solution followed may slip into one as a transition comes into the horizon or the belief moves. So every `LOOK`
     seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside,
     with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER` times
-    what the other does, and dropped if not, or where they do not hold within `AT_MOST`. Two guesses take turns: the
-    reference's states and inputs; and the same with the steering at the other lock than now, since on a car whose front
-    tyre slides in the drift wanted the reference's inputs lead back to the lock that the steering is at.
+    what the other does, and dropped if not. The guess is the reference's states and inputs. In every other `LOOK`, once
+    that is dropped, and where it does not hold within one, it is the same with the steering at the other lock than now:
+    on a car whose front tyre slides in the drift wanted the reference's inputs lead back to the lock.
 
     Attributes:
         problem: the OCP, a MathematicalProgram.
@@ -182,21 +181,22 @@ class Mpc:
             seconds += sum(iteration.seconds for iteration in other.iterations)
             if other.status == "feasible" and other.cost < CHEAPER * result.cost:
                 return other, None, FOLLOWED, seconds
-            done = other.failed or other.status in ("feasible", "line search failed") or start > beside.began + AT_MOST
-            beside = None if done else PlanBeside(other.z, other.y, beside.began)
-        if beside is None and (look or result.iterations[-1].step < STUCK):
-            guess = PlanBeside(self._fresh_guess(data, start), np.zeros(self.multiplier_count), start)
-            return result, guess, 1.0, seconds
+            done = other.failed or other.status in ("feasible", "line search failed")
+            if done and not beside.turned and math.floor(start / LOOK) % 2:
+                return result, self._fresh_guess(data, True), 1.0, seconds
+            beside = None if done else PlanBeside(other.z, other.y, beside.turned)
+        if look or (beside is None and result.iterations[-1].step < STUCK):
+            return result, self._fresh_guess(data, beside is not None and not beside.turned), 1.0, seconds
         return result, beside, restart, seconds
 
-    def _fresh_guess(self, data: OcpData, start: float) -> Array:
-        """What a plan beside begins with: the reference; in every other `LOOK` with the steering at the other lock."""
+    def _fresh_guess(self, data: OcpData, turned: bool) -> PlanBeside:
+        """What a plan beside begins with: the reference, perhaps with the steering at the other lock."""
         guess = self.problem.first_guess(data)
-        if math.floor(start / LOOK) % 2:
+        if turned:
             x, u, slack = self.problem.unstack(guess)
             u[1:, 0] = -math.copysign(self._steering_limit, data.u_init[0])
             guess = self.problem.stack(x, u, slack)
-        return guess
+        return PlanBeside(guess, np.zeros(self.multiplier_count), float(turned))
 
     def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
         """The data with the lane narrowed, where that is asked for."""

@@ -65,7 +65,7 @@ def test_another_local_optimum_is_found_while_the_worse_one_is_followed(referenc
     followed = [k for k, one in enumerate(found) if one.restart == FOLLOWED]
     assert max(before) > 100.0
     assert len(followed) == 1
-    assert followed[0] * 0.01 < 2.0 * LOOK + 0.2  # two guesses take turns
+    assert followed[0] * 0.01 < LOOK + 0.2  # the other guess does not keep the reference's waiting
     assert found[followed[0]].cost < 12.0
     assert found[-1].cost < 12.0
 
@@ -75,16 +75,16 @@ def test_a_front_tyre_that_slides_at_its_lock_grips_again(references: dict[str, 
 
     From the reference's steering the SQP ends at the lock again; from the other lock it does not.
     """
-    model, command = EffectsStepModel(CAR, draw_effects("wide", 17, 240811)), np.array([-CAR.steering_limit, 352.0])
+    model, command = EffectsStepModel(CAR, draw_effects("wide", 17, 240811)), np.array([-CAR.steering_limit, 263.0])
     mpc = Mpc(model, CAR, references["figure_8"], initial_command=(command[0], command[1]))
-    s, state = 146.0, np.array([-0.449, 10.63, 0.366, 17.37, -0.56, -0.016])
+    s, state = 142.0, np.array([-0.525, 10.73, 0.43, 17.7, -0.526, 0.0])
     x = np.append(state, model.settled(state[:4], command))
     solution = mpc.solve(x, s, 0.0)
     states, inputs, slack = mpc.problem.unstack(solution.primal)
     inputs[:, 0] = command[0]
     solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
     found = []
-    for k in range(1, 61):
+    for k in range(1, 91):
         ahead = model.step(x[None], command[None], command[None], mpc.reference.path.curvature(np.array([s])))[0]
         x, s, t = x + 0.1 * (ahead - x), s + 0.01 * x[1], 0.01 * k
         solution = mpc.solve(x, s, t, solution)

@@ -8,7 +8,7 @@ import tyro
 
 from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
-from drift_drake.logs.table import InvalidLogError, read_case, run_paths
+from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.effects import magnitudes_of
@@ -16,7 +16,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.logs.table import Run
     from drift_drake.model.samples import Samples
 
 NEEDED = ("beta", "omega_r", "tau_cmd")  # beside what every log has
@@ -78,7 +77,7 @@ def run_choose(command: Choose) -> None:
     })  # fmt: skip
 
 
-def check_runs(runs: "list[Run]", logs: Path) -> None:
+def check_runs(runs: list[Run], logs: Path) -> None:
     """Raises InvalidLogError for runs that a learnt model cannot be asked about."""
     for run in runs:
         missing = [name for name in NEEDED if run.column(name) is None]
@@ -94,7 +93,7 @@ def check_runs(runs: "list[Run]", logs: Path) -> None:
             )
 
 
-def samples_of(run: "Run", drive: int) -> "Samples":
+def samples_of(run: Run, drive: int) -> "Samples":
     """A run as samples at 10 Hz; where it is on a path is not asked for."""
     import pandas as pd
 

@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.arrays import Array
 from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, NoPlanError, SolveStatistics
+from drift_drake.control.mpc import FOLLOWED, LOOK, Mpc, MpcSolution, NoPlanError, SolveStatistics
 from drift_drake.control.plan import Plan, no_plan
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.reference.trajectory import Reference
@@ -36,16 +36,19 @@ def test_plans_go_on_from_one_another(mpc: Mpc) -> None:
     np.testing.assert_array_equal(again.primal, second.primal)  # nothing is kept between solves
 
 
+def plan_with(mpc: Mpc, s: float, x: Array, steering: Array | float) -> MpcSolution:
+    """A solution from a state whose steering is this one [26] instead, as if it had slipped there."""
+    solution = mpc.solve(x, s, 0.0)
+    states, inputs, slack = mpc.problem.unstack(solution.primal)
+    inputs[:, 0] = steering
+    return solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
+
+
 def planned_in_place(
     mpc: Mpc, s: float, x: Array, steering: Array, command: tuple[float, float]
 ) -> list[SolveStatistics]:
     """What 60 plans say, all at one place with one command in force, that start from a plan with this steering [26]."""
-    held = np.tile(command, (26, 1))
-    solution = mpc.solve(x, s, 0.0)
-    states, inputs, slack = mpc.problem.unstack(solution.primal)
-    inputs[:, 0] = steering
-    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
-    found = []
+    held, solution, found = np.tile(command, (26, 1)), plan_with(mpc, s, x, steering), []
     for k in range(60):
         solution = mpc.solve(x, s, 0.01 * k, solution._replace(plan=Plan(0.01 * k, held)))
         found.append(solution.statistics)
@@ -79,11 +82,7 @@ def test_a_front_tyre_that_slides_at_its_lock_grips_again(references: dict[str, 
     mpc = Mpc(model, CAR, references["figure_8"], initial_command=(command[0], command[1]))
     s, state = 142.0, np.array([-0.525, 10.73, 0.43, 17.7, -0.526, 0.0])
     x = np.append(state, model.settled(state[:4], command))
-    solution = mpc.solve(x, s, 0.0)
-    states, inputs, slack = mpc.problem.unstack(solution.primal)
-    inputs[:, 0] = command[0]
-    solution = solution._replace(primal=mpc.problem.stack(states, inputs, slack), dual=np.zeros(mpc.multiplier_count))
-    found = []
+    solution, found = plan_with(mpc, s, x, command[0]), []
     for k in range(1, 91):
         ahead = model.step(x[None], command[None], command[None], mpc.reference.path.curvature(np.array([s])))[0]
         x, s, t = x + 0.1 * (ahead - x), s + 0.01 * x[1], 0.01 * k

@@ -1,6 +1,7 @@
 """`drift-drake choose` as a user calls it."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -61,7 +62,13 @@ def test_logs_too_short_identify_no_car(logs: Path, tmp_path: Path, capsys: pyte
         (lambda table: table.iloc[::2], "the rows of run run_0 are 0.02 s apart; the learnt model takes rows 0.01 s"),
     ],
 )
-def test_a_log_that_cannot_be_asked_is_said_so(change, said, logs, tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_a_log_that_cannot_be_asked_is_said_so(
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    said: str,
+    logs: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     path = tmp_path / "run_0.csv"
     change(pd.read_csv(logs / "run_0.csv")).to_csv(path, index=False)
     assert main(["choose", str(path)]) == BAD_INPUT

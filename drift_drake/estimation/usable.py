@@ -3,11 +3,13 @@
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from drift_drake.logs.driving import driven, reversing, slowest, spans
-from drift_drake.logs.screening.screened import screened
+from drift_drake.logs.screening.screened import Screened, screened
+from drift_drake.logs.screening.suspicions import Suspicion, suspicions_of
 from drift_drake.logs.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -22,14 +24,40 @@ ROUNDING = 1e-6  # [s]
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
+class Admitted(NamedTuple):
+    """What an estimator is given of runs."""
+
+    runs: list[Run]  # the parts that it can use
+    doubts: list[Suspicion]  # units, signs and clocks that seem wrong
+    warnings: list[str]  # of the doubts, of bad samples and of what is left out
+
+
+def admit(runs: Sequence[Run], vehicle: VehicleParameters) -> Admitted:
+    """`usable` parts and `suspicions` of runs that are screened once.
+
+    Raises:
+        InvalidLogError: too little is left.
+    """
+    clean, found = screened(runs)
+    doubts = suspicions_of(clean, vehicle)
+    kept, left_out = _parts(runs, clean, vehicle)
+    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *found, *left_out])
+
+
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
     """Runs without bad samples, cut where they spin, reverse, stand or freeze, each part a run of its own; warnings.
 
     Raises:
         InvalidLogError: too little is left.
     """
-    clean, warnings = screened(runs)
+    clean, found = screened(runs)
+    kept, left_out = _parts(runs, clean, vehicle)
+    return kept, found + left_out
+
+
+def _parts(runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
     kept: list[Run] = []
+    warnings: list[str] = []
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
         frozen = one.mask(LONGEST_FILLED / run.period)

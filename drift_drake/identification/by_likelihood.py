@@ -47,7 +47,7 @@ def identify_by_likelihood(
     """Calibrates a car on usable runs; see `identify.identify`.
 
     Raises:
-        InvalidLogError: no run is long enough for rows to be held out.
+        InvalidLogError: no run is long enough for rows to be held out, or the likelihood has no peak.
     """
     longest = max(len(run) * run.period for run in runs)
     if longest < LEAST_LONGEST - 1e-6:
@@ -77,6 +77,7 @@ def identify_by_likelihood(
         kept, dropped = refit_without(problem, kept, least), [*dropped, *least]
     # Stated values, intervals, tolerances and the file are of one fit: the last.
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
+    check_peak(case, covariance)
     row_weight, everyday = everyday_misfit(kept)
     free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
     prior = np.array([p.prior for p in parameters.values()])
@@ -99,6 +100,15 @@ def identify_by_likelihood(
     )
     tell("done", 1.0)
     return Identification(calibration, new_vehicle, new_effects, sum(len(run) for run in runs))
+
+
+def check_peak(case: str, covariance: np.ndarray) -> None:
+    """Raises InvalidLogError where the likelihood has no peak, so that nothing is known of the parameters."""
+    if not np.isfinite(covariance).all():
+        raise InvalidLogError(
+            f"{case}: the likelihood has no peak, since the filter loses the car on these logs; name what is known of "
+            "it (--known mass), give a first guess nearer to it, or choose --criterion prediction"
+        )
 
 
 def first_guess(problem: Problem, names: Sequence[str], effects: Effects, share: float = FIRST_SHARE) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
-from drift_drake.estimation.usable import part_of, seen_effects, usable
+from drift_drake.estimation.usable import admit, part_of, seen_effects
 from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction
@@ -23,7 +23,6 @@ from drift_drake.identification.calibration import Calibration, Identification, 
 from drift_drake.identification.estimate import Trust, check_effect_names
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.options import EFFECTS, KNOWN, Criterion
-from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -67,9 +66,7 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
-    doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
-    runs, warnings = usable(runs, vehicle)
-    warnings = doubts + warnings
+    runs, _, warnings = admit(runs, vehicle)
     lacks_beta = any(run.beta is None for run in runs)
     if criterion == "prediction" and lacks_beta:
         raise InvalidLogError(f"{case}: column beta is missing; prediction needs it, choose --criterion likelihood")

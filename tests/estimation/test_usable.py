@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.estimation.usable import LEAST_PART, usable
+from drift_drake.estimation.usable import LEAST_PART, admit, usable
 from drift_drake.logs.driving import driven, reversing, slowest
+from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -42,6 +43,15 @@ def test_a_good_run_is_left_as_it_is():
     assert len(kept) == 1
     assert len(kept[0]) == len(run)
     assert warnings == []
+
+
+def test_what_is_admitted_is_usable_and_not_suspect():
+    runs = [gentle(), dataclasses.replace(changed(gentle(), "beta", 400, 500, 1.5), name="run_1")]
+    runs = [dataclasses.replace(run, v=3.6 * run.v) for run in runs]
+    admitted, (kept, warnings), doubts = admit(runs, CAR), usable(runs, CAR), suspicions(runs, CAR)
+    assert [(part.name, len(part)) for part in admitted.runs] == [(part.name, len(part)) for part in kept]
+    assert admitted.doubts == doubts != []
+    assert admitted.warnings == [doubt.sentence for doubt in doubts] + warnings
 
 
 def test_spins_and_standstill_are_cut_and_told_with_their_times():

@@ -10,7 +10,7 @@ from browser import check_charts, needs_browser
 from drift_drake.drives.command import Simulate
 from drift_drake.drives.simulate import simulate_drive
 from drift_drake.estimation.problem import make_problem
-from drift_drake.identification.by_likelihood import stretched
+from drift_drake.identification.by_likelihood import check_peak, stretched
 from drift_drake.identification.estimate import mean_square
 from drift_drake.identification.identify import identify
 from drift_drake.identification.report import report_html
@@ -32,6 +32,12 @@ def test_what_was_known_stays_within_its_tolerance(identified):
     p = identified.calibration.parameters["mass"]
     assert p.kind == "known"
     assert p.deviation <= p.prior * (1.0 + 1e-9)
+
+
+def test_a_likelihood_without_a_peak_is_refused_with_what_to_do():
+    check_peak("day", np.eye(2))
+    with pytest.raises(InvalidLogError, match=r"day: the likelihood has no peak.*--known mass.*--criterion prediction"):
+        check_peak("day", np.array([[1.0, 0.0], [0.0, np.nan]]))
 
 
 def test_a_known_parameter_that_came_out_elsewhere_is_doubted(identified):

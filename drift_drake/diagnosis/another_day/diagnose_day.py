@@ -31,9 +31,8 @@ from drift_drake.estimation.prior import Interval
 from drift_drake.estimation.reduction import STATES, Reduction
 from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.unknowns import magnitudes
-from drift_drake.estimation.usable import seen_effects, usable
+from drift_drake.estimation.usable import admit, seen_effects
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
-from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -84,9 +83,7 @@ def diagnose_day(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
-    doubts = suspicions(runs, vehicle)
-    runs, warnings = usable(runs, vehicle)
-    warnings = [doubt.sentence for doubt in doubts] + warnings
+    runs, doubts, warnings = admit(runs, vehicle)
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)

@@ -97,12 +97,10 @@ def with_vehicle(
     with ended_at_once():
         from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
         from drift_drake.diagnosis.shared.where import region_names, region_of
-        from drift_drake.estimation.usable import usable
+        from drift_drake.estimation.usable import admit
         from drift_drake.identification.calibration import CarTrust, read_trust
-        from drift_drake.logs.screening.suspicions import suspicions
 
-    doubts = [doubt.sentence for doubt in suspicions(runs, vehicle)]
-    kept, warnings = usable(runs, vehicle)
+    kept, doubts, warnings = admit(runs, vehicle)
     names, grip = region_names(), vehicle.friction * vehicle.gravity
     seconds = np.zeros(len(names))
     for run in kept:
@@ -114,10 +112,8 @@ def with_vehicle(
     else:
         detection, more = limits_by_filter(kept, vehicle, own, stated_noise(command.logs), trust.options())
     regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
-    return dataclasses.replace(
-        checked, remarks=list(dict.fromkeys([*doubts, *checked.remarks, *warnings, *more])), regions=regions,
-        detection=detection,
-    )  # fmt: skip
+    remarks = [*(doubt.sentence for doubt in doubts), *checked.remarks, *warnings, *more]
+    return dataclasses.replace(checked, remarks=list(dict.fromkeys(remarks)), regions=regions, detection=detection)
 
 
 def sentences(checked: Checked) -> list[str]:

@@ -43,8 +43,7 @@ from drift_drake.estimation.regression import (
     solve_equations,
     summed_equations,
 )
-from drift_drake.estimation.usable import MOST_SECONDS, part_of, seen_effects, usable
-from drift_drake.logs.screening.suspicions import suspicions
+from drift_drake.estimation.usable import MOST_SECONDS, admit, part_of, seen_effects
 from drift_drake.logs.table import Run
 from drift_drake.standard_output import Progress
 from drift_drake.threads import one_blas_thread
@@ -302,8 +301,7 @@ def diagnose(
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
-    doubts = suspicions(runs, vehicle)
-    runs, unusable = usable(runs, vehicle)
+    runs, doubts, doubted = admit(runs, vehicle)
     runs, left_out = part_of(runs, most_seconds)
     names, unseen = seen_effects(runs, catalogue)
     problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
@@ -319,7 +317,7 @@ def diagnose(
         "learned": dataclasses.asdict(learned(problem, before, floor)),
         "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
     }
-    warnings = [*(doubt.sentence for doubt in doubts), *unusable, *left_out, *unseen, *misfits]
+    warnings = [*doubted, *left_out, *unseen, *misfits]
     warnings += judged.warnings(problem)
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)

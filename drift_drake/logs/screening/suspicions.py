@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.logs.screening.relations import KINDS, Relation, Windows, relations, windows_of
-from drift_drake.logs.screening.screened import screen
+from drift_drake.logs.screening.screened import Screened, screened
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -103,9 +103,14 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
     reported where no known mistake explains it. A case that is mirrored as a whole looks like a car. Bad samples are
     left out first.
     """
-    windows = windows_of([screen(run)[0].run for run in runs])
+    return suspicions_of(screened(runs)[0], vehicle)
+
+
+def suspicions_of(clean: Sequence[Screened], vehicle: VehicleParameters) -> list[Suspicion]:
+    """`suspicions` of runs that have been screened."""
+    windows = windows_of([one.run for one in clean])
     found, windows = contradictions(windows, lambda windows: relations(windows, vehicle), mistakes(vehicle))
-    return found + disagreements([run.name for run in runs], windows, vehicle)
+    return found + disagreements([one.run.name for one in clean], windows, vehicle)
 
 
 def contradictions(

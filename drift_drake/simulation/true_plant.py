@@ -20,8 +20,8 @@ def effects_on(plant: TruePlant, drawn: Effects) -> Effects:
     return drawn if plant == "single_track" else drawn._replace(**dict.fromkeys(NOT_OF_THIS_CAR, 0.0))
 
 
-def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath) -> PathPlant | None:
-    """The plant on a path: the double-track coupe; None for `Car`'s own, of the simulator's equations."""
+def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath | None) -> PathPlant | None:
+    """The plant on a path, or on none: the double-track coupe; None for `Car`'s own, of the simulator's equations."""
     return None if plant == "single_track" else DoubleTrackPlant(CARS["coupe"], effects, path)
 
 

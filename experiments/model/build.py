@@ -1,11 +1,13 @@
 """Makes the learnt model from nothing: drives, rounds of lane drives, and the training after each.
 
     python -m experiments.model.build --output runs/model
+    python -m experiments.model.build --output runs/broad --population broad --start runs/model/model_1.npz --rounds 1
 
 1. `drives`: the training vehicles' drives, and the validation and held-out vehicles' (`experiments.model.drives`).
 2. `plain`: one plain training on windows of these. It plans the first round of lane drives; nothing else is left of it.
 3. `lane_K`: lane drives of every vehicle, planned by the model so far (`experiments.gathering.lane_drives`).
 4. `model_K`: meta-training on all drives (`drift-drake train`); after the first round from where the last one ended.
+   With `start` there is no plain training, and the first round is planned and gone on with by that model.
 5. `quality`: beside the shipped model on held-out vehicles (`experiments.model.quality`).
 
 What is done is listed in build.json with its seconds and is not done again: start again to go on. The same seed gives
@@ -19,7 +21,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -35,6 +37,7 @@ from experiments.model import drives, quality
 POINTS = "100"  # that the models that are compared have adapted to
 STATES = ("r", "v", "beta", "omega_r")
 UNLIMITED = 1e9  # [s] a limit of time would make the model depend on the machine
+WATCHED = {"train": "validation", "broad": "broad_validation"}  # population to train on: the one watched meanwhile
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +47,10 @@ class BuildConfig:
     output: Path = Path("runs/model")
     """Run folder; one that holds some stages of the same build is gone on with."""
     seed: int = 0
+    population: Literal["train", "broad"] = "train"
+    """Of the vehicles to train on; broad: wide and double-track ones, too."""
+    start: Path | None = None
+    """A model to go on from; without, one is trained from nothing."""
     train: int = 360
     """Vehicles to train on."""
     validation: int = 20
@@ -75,16 +82,18 @@ def stages(config: BuildConfig) -> list[Stage]:
     """All stages, in order."""
     table = config.output / "drives"
     plain = config.output / "plain.npz"
+    population, watched = config.population, WATCHED[config.population]
+    vehicles = dict.fromkeys((*WATCHED, *WATCHED.values()), 0) | {population: config.train, watched: config.validation}
 
     def drive() -> None:
         drives.main(drives.DrivesConfig(
-            config.seed, config.train, config.validation, held_out=config.held_out, wide=config.held_out,
-            samples=config.samples, run_on=config.run_on, output=table,
+            config.seed, held_out=config.held_out, wide=config.held_out, samples=config.samples, run_on=config.run_on,
+            output=table, **vehicles,
         ))  # fmt: skip
 
     def trained(output: Path, recipe: Recipe = "transfer", **changes: Any) -> None:
-        lanes = {"lane": table / "train_lane_phases.npz", "validation_lane": table / "validation_lane.npz"}
-        tables: dict[str, Any] = {"data": table / "train_phases.npz", "validation": table / "validation.npz"}
+        lanes = {"lane": table / f"{population}_lane_phases.npz", "validation_lane": table / f"{watched}_lane.npz"}
+        tables: dict[str, Any] = {"data": table / f"{population}_phases.npz", "validation": table / f"{watched}.npz"}
         tables |= lanes if recipe == "transfer" else {"lane": None, "validation_lane": None}
         options = tables | {
             "output": output,
@@ -94,19 +103,19 @@ def stages(config: BuildConfig) -> list[Stage]:
         }
         run_train(Train(TrainingConfig(**(options | changes)), recipe))
 
-    out = [Stage("drives", drive), Stage("plain", partial(trained, plain, "windows", epochs=config.plain_epochs))]
-    before = plain
+    out, before = [Stage("drives", drive)], config.start or plain
+    if config.start is None:
+        out.append(Stage("plain", partial(trained, plain, "windows", epochs=config.plain_epochs)))
     for k in range(config.rounds):
         lane = lane_drives.LaneDrivesConfig(
-            config.seed, round=k, train=config.train, validation=config.validation, checkpoint=before,
-            run_on=config.run_on, output=table,
-        )  # fmt: skip
+            config.seed, round=k, checkpoint=before, run_on=config.run_on, output=table, **vehicles
+        )
         first = {"epochs": config.first_epochs}
         later = {"epochs": config.later_epochs, "start": before, "learning_rate": 1e-3, "decay": 0.9925}
         model = config.output / f"model_{k}.npz"
         out += [
             Stage(f"lane_{k}", partial(lane_drives.main, lane)),
-            Stage(f"model_{k}", partial(trained, model, **(later if k else first))),
+            Stage(f"model_{k}", partial(trained, model, **(first if before == plain else later))),
         ]
         before = model
     return [*out, Stage("quality", lambda: write_json(config.output / "quality.json", compared(config, before)))]
@@ -133,6 +142,7 @@ def do_stages(config: Any, todo: Sequence[Stage]) -> dict[str, float]:
     """
     path = config.output / "build.json"
     asked = {key: value for key, value in dataclasses.asdict(config).items() if key not in ("output", "run_on")}
+    asked = {key: str(value) if isinstance(value, Path) else value for key, value in asked.items()}
     record = json.loads(path.read_text()) if is_done(path) else {"config": asked, "seconds": {}}
     differ = [key for key, value in asked.items() if record["config"].get(key) != value]
     if differ:

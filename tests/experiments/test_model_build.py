@@ -50,6 +50,23 @@ def test_each_round_is_planned_by_the_model_before_and_trained_from_it(
     assert "over the shipped model's: r 1.10, v 1.00" in capsys.readouterr().out
 
 
+def test_a_model_to_start_from_plans_the_first_round_and_is_gone_on_with(
+    calls: list[tuple[str, Any]], tmp_path: Path
+) -> None:
+    start, output = tmp_path / "made.npz", tmp_path / "broad"
+    build.main(build.BuildConfig(output=output, population="broad", start=start, train=6, validation=3, rounds=1))
+    assert [name for name, _ in calls] == ["drives", "lane", "train", "quality"]
+    driven, lane, trained = (call for _, call in calls[:3])
+    for config in (driven, lane):
+        assert (config.train, config.validation, config.broad, config.broad_validation) == (0, 0, 6, 3)
+    assert lane.checkpoint == trained.config.start == start
+    assert trained.config.data == output / "drives" / "broad_phases.npz"
+    assert trained.config.validation_lane == output / "drives" / "broad_validation_lane.npz"
+    assert trained.config.epochs == build.BuildConfig().later_epochs
+    with pytest.raises(build.OtherBuildError, match="another start"):
+        build.main(build.BuildConfig(output=output, population="broad", train=6, validation=3, rounds=1))
+
+
 def test_stages_that_are_done_are_not_done_again(
     calls: list[tuple[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

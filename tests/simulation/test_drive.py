@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from drift_drake.model.samples import DECIMATION, load_samples, samples_from_log
 from drift_drake.reference.equilibrium import drift_equilibrium
 from drift_drake.simulation.drive import Drive, DriveLimits
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.model.drives import drive_vehicle
+from experiments.model import drives
 
 CAR = VehicleParameters()
 
@@ -66,9 +67,24 @@ def test_a_drive_ends_at_its_limits(hold: tuple[Drive, np.ndarray]) -> None:
     assert len(table) < 3
 
 
+def test_every_third_broad_vehicle_is_a_double_track_car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plants: list[Any] = []
+    real = drives.Drive
+    monkeypatch.setattr(drives, "SCHEDULE", (("manual", 1.0),))
+    monkeypatch.setattr(drives, "MIN_SAMPLES", 2)
+    monkeypatch.setattr(drives, "Drive", lambda *given, **more: plants.append(more["plant"]) or real(*given, **more))
+    for index in range(3):
+        drives.drive_vehicle(tmp_path, "broad", index, seed=5, wanted=5)
+    assert [plant is not None for plant in plants] == [False, False, True]
+    about = [json.loads((tmp_path / "broad" / f"vehicle_{i:02d}" / "drives.json").read_text()) for i in range(3)]
+    # Only the training distribution lacks this effect; the double-track car has a load transfer of its own.
+    assert [q["effects"]["cg_shift"] != 0.0 for q in about] == [False, True, True]
+    assert [q["effects"]["lateral_load_transfer"] != 0.0 for q in about] == [True, True, False]
+
+
 @pytest.mark.slow
 def test_a_vehicle_is_driven_in_every_way_until_enough_samples_are_there(tmp_path: Path) -> None:
-    drive_vehicle(tmp_path, "train", 0, seed=5, wanted=250)
+    drives.drive_vehicle(tmp_path, "train", 0, seed=5, wanted=250)
     folder = tmp_path / "train" / "vehicle_00"
     samples, phases = load_samples(folder / "samples.npz"), load_samples(folder / "phases.npz")
     about = json.loads((folder / "drives.json").read_text())

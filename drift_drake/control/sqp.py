@@ -19,6 +19,7 @@ from drift_drake.control.products import Iterate, Rows, along, iterate, largest,
 from drift_drake.control.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
 
 SUFFICIENT_DECREASE, HALF, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
+CONVERGING = 10  # iterations from a plan that was nearly right, after which little is left to gain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,6 +59,12 @@ class SqpOptions:
             long_qp=8 if method == "stagewise" else np.inf,
             least_share=0.1,
         )
+
+    @classmethod
+    def converging(cls, tolerance: float, method: QpMethod = "stagewise") -> "SqpOptions":
+        """The same iterations until the residuals are within the tolerance, ten at most, however long they take."""
+        options = cls.real_time(CONVERGING, method)
+        return dataclasses.replace(options, tolerance=tolerance, defect_tolerance=None, long_qp=np.inf)
 
 
 _NONE = np.empty(0)  # gradient of no cost

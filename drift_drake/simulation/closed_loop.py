@@ -57,6 +57,7 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
+    tolerance: float | None = None  # of a plan's residuals, to show what convergence brings; without, real time
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     screening: bool = True  # of readings, by what a car can do and by what the model predicts
     patience: float = 0.5  # [s] of age of the plan in force, after which the car is stopped on its lane; 0 for never
@@ -69,6 +70,8 @@ class ControlConfig:
                 f"control.delay is {self.delay:g} s: no plan would ever come into force; give at most two periods "
                 f"({2.0 * self.period:g} s)"
             )
+        if self.tolerance is not None and not 0.0 < self.tolerance < math.inf:
+            raise ValueError(f"control.tolerance is {self.tolerance:g}: give a number above 0, or leave it out")
         if not 0.0 <= self.patience < math.inf:
             raise ValueError(f"control.patience is {self.patience:g} s; give a time above 0 s, or 0 for never")
 
@@ -172,10 +175,12 @@ class ClosedLoop:
         if controller is not None:
             return ControllerSystem(controller, control.horizon, control.period, control.delay)
         assert learners.model is not None
+        options = SqpOptions.real_time(control.iterations, control.qp)
+        if control.tolerance is not None:
+            options = SqpOptions.converging(control.tolerance, control.qp)
         mpc = Mpc(
-            learners.model, self.parameters, self.reference, control.horizon, control.weights,
-            SqpOptions.real_time(control.iterations, control.qp), control.delay, self.initial_command,
-            learners.tightening,
+            learners.model, self.parameters, self.reference, control.horizon, control.weights, options, control.delay,
+            self.initial_command, learners.tightening,
         )  # fmt: skip
         return MpcController(mpc, control.period, learners.theta_size or effects_size)
 

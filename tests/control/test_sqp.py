@@ -143,6 +143,17 @@ def test_a_second_iteration_is_made_where_the_defect_asks_for_it(references: dic
     assert (again.status, len(again.iterations)) == ("feasible", 1)
 
 
+def test_to_convergence_iterations_go_on_until_the_residuals_are_small(references: dict[str, Reference]) -> None:
+    exact, guess = posed(references)
+    options = SqpOptions.converging(1e-4)
+    result = LineSearchSqp(exact.problem, options).solve(guess)
+    assert (result.status, options.gauss_newton) == ("converged", True)
+    assert len(LineSearchSqp(exact.problem, SqpOptions.real_time(10)).solve(guess).iterations) < len(result.iterations)
+    assert result.cost == pytest.approx(exact.solve(guess).cost, rel=1e-5)
+    never = LineSearchSqp(exact.problem, dataclasses.replace(options, tolerance=1e-14)).solve(guess)
+    assert (never.status, len(never.iterations)) == ("iterations", 10)
+
+
 def test_in_real_time_a_qp_of_two_attempts_is_the_last(
     references: dict[str, Reference], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,10 +4,10 @@ Both the learnt model and the car that the drives identify (`identified`) predic
 each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
 on nearly all cars that follow its equations (little more than the sensors' noise is left). The learnt model is believed
 where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
-model knows the car: the learnt model's prior then adapts while it drives, since what a lane has taught it of such a car
-leads it astray in a drift, and what its belief leaves over is taken for an offset. Nor is any model believed on logs
-that contradict themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were
-measured on (`doubts`).
+model knows the car: the prior of the model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`)
+then adapts while it drives, since what a lane has taught the learnt one of such a car leads it astray in a drift. Nor is
+any model believed on logs that contradict themselves, on drives too gentle to ask by, or on a car of another size than
+those that the limits were measured on (`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
@@ -119,7 +119,7 @@ class Choice(NamedTuple):
         follows = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": "no model knows this car: let the learnt one adapt with an offset as it drives, or gather more",
+            "neither": "no model knows this car: let the broad one adapt as it drives, or gather more",
         }
         if self.doubts:
             return f"no model is believed on these drives: {'; '.join(self.doubts)}"

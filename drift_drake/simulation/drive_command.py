@@ -12,7 +12,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
-from drift_drake.model.checkpoint import load_model
+from drift_drake.model.checkpoint import broad_checkpoint, load_model
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
 from drift_drake.monitoring.live_page import shown_while
@@ -48,10 +48,10 @@ class ClosedLoopConfig:
     """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
     model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
-    model: Literal["nominal", "prior", "online", "offset_free"] = "nominal"
+    model: Literal["nominal", "prior", "online", "offset_free", "broad"] = "nominal"
     """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
-    coupe) as it is, adapting as it drives, or adapting with what its belief leaves over as an offset, for a car that it
-    does not know."""
+    coupe) as it is, adapting as it drives, or adapting with what its belief leaves over as an offset; or the shipped
+    model of more kinds of cars, adapting, for a car that the others do not know."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -90,7 +90,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     model: StepModel = NominalStepModel(parameters)
     adapter: BayesianAdapter | None = None
     if config.model != "nominal":
-        learnt = load_model()
+        learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
         adapter = BayesianAdapter(learnt, offset_time=offset_time) if config.model != "prior" else None
@@ -100,7 +100,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:
         raise InvalidOptionError(
-            "--monitor forget is for a model that learns, online or offset_free; choose watch or slow"
+            "--monitor forget is for a model that learns (online, offset_free or broad); choose watch or slow"
         )
     if config.monitor in CORRECTING:
         if config.model != "nominal":

@@ -24,6 +24,7 @@ LABELS = {
     "twice_info": "Twice-Info",
     "online": "prior, adapting",
     "offset_free": "prior, adapting, with an offset",
+    "broad": "prior of more kinds of cars, adapting",
     "twice_online": "Twice-Info, adapting",
     "identified": "identified car",
     "chosen": "chosen by the drives",

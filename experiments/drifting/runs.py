@@ -2,10 +2,11 @@
 
 Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
-while it drives), `offset_free` (the same, and what is left over taken for an offset), `twice_online` (Twice-Info,
+while it drives), `offset_free` (the same, and what is left over taken for an offset), `broad` (the same as `online`, of
+the model that is trained on more kinds of cars), `twice_online` (Twice-Info,
 adapting while it drives), `identified` (the nominal equations with what
 Twice-Info's two drives identify), `chosen` (of Twice-Info and the identified car the one that predicts these drives
-better; `offset_free` where neither knows the car) and `oracle` (the true car with its true effects). All else,
+better; `broad` where neither knows the car) and `oracle` (the true car with its true effects). All else,
 the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once for each noise seed,
 and shared by the models that need it.
 """
@@ -26,7 +27,7 @@ from drift_drake.gathering.choice import Believed, IdentifiedCar, Usual, usual_f
 from drift_drake.gathering.config import Recipe
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, load_model
+from drift_drake.model.checkpoint import BayesianModel, broad_checkpoint, load_model
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -40,7 +41,7 @@ from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.settings import keep_settings
 
-Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free", "broad",
                 "twice_online", "identified", "chosen", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
@@ -48,7 +49,7 @@ BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
     "identified": "identified", "chosen": "identified",
 }  # fmt: skip
-ADAPTING = ("online", "offset_free", "twice_online")
+ADAPTING = ("online", "offset_free", "broad", "twice_online")
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -220,7 +221,8 @@ class Believing(NamedTuple):
         """(columns of the experiment's table, what is believed) after what the gathering has taught."""
         if model == "nominal" or model == "oracle":
             return {}, model
-        belief, labels = self.learnt.prior(), dict[str, Any]()
+        learnt = load_model(broad_checkpoint()) if model == "broad" else self.learnt
+        belief, labels = learnt.prior(), dict[str, Any]()
         if model in BELIEFS:
             assert taught is not None
             wanted = "twice_info" if BELIEFS[model] == "identified" else BELIEFS[model]
@@ -231,10 +233,10 @@ class Believing(NamedTuple):
             if BELIEFS[model] == "identified":
                 return self._of_drives(model, taught, labels)
         offset_time = OFFSET_TIME if model == "offset_free" else None
-        return labels, Learnt(self.learnt, belief, model in ADAPTING, self.path_step, offset_time)
+        return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
-        """The same for `identified` and `chosen`; `offset_free` where no car was identified or none is known."""
+        """The same for `identified` and `chosen`; `broad` where no car was identified or none is known."""
         believed: Believed = "neither"
         found = taught.findings
         if found is not None and self.usual is not None:
@@ -246,7 +248,7 @@ class Believing(NamedTuple):
             return labels, found.car
         if believed == "learnt":
             return labels, Learnt(self.learnt, taught.best, path_step=self.path_step)
-        return labels, self("offset_free", None)[1]
+        return labels, self("broad", None)[1]
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:

@@ -125,7 +125,9 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
         labels, believes = believing("chosen", told)
         assert (labels["believed"], labels["refused"]) == (found, found == "neither")
         assert believes == car if found == "identified" else isinstance(believes, Learnt)
-        assert found != "neither" or (isinstance(believes, Learnt) and believes.adapting and believes.offset_time)
+        assert found != "neither" or (
+            isinstance(believes, Learnt) and believes.adapting and believes.model is not learnt
+        )
         assert believing("identified", told)[1] == car
 
 

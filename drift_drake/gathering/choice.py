@@ -5,9 +5,9 @@ each fifth of a second. The identified car is believed where it predicts better 
 on nearly all cars that follow its equations (little more than the sensors' noise is left). The learnt model is believed
 where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
 model knows the car: the prior of the model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`)
-then adapts while it drives, since what a lane has taught the learnt one of such a car leads it astray in a drift. Nor is
-any model believed on logs that contradict themselves, on drives too gentle to ask by, or on a car of another size than
-those that the limits were measured on (`doubts`).
+then adapts while it drives, since what a lane has taught the learnt one of such a car leads it astray in a drift. Nor
+is any model believed on logs that contradict themselves, on drives too gentle to ask by, or on a car of another size
+than those that the limits were measured on (`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.

@@ -3,13 +3,11 @@
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from drift_drake.logs.driving import driven, reversing, slowest, spans
 from drift_drake.logs.screening.screened import Screened, screened
-from drift_drake.logs.screening.suspicions import Suspicion, suspicions_of
 from drift_drake.logs.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -24,26 +22,6 @@ ROUNDING = 1e-6  # [s]
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
-class Admitted(NamedTuple):
-    """What an estimator is given of runs."""
-
-    runs: list[Run]  # the parts that it can use
-    doubts: list[Suspicion]  # units, signs and clocks that seem wrong
-    warnings: list[str]  # of the doubts, of bad samples and of what is left out
-
-
-def admit(runs: Sequence[Run], vehicle: VehicleParameters) -> Admitted:
-    """`usable` parts and `suspicions` of runs that are screened once.
-
-    Raises:
-        InvalidLogError: too little is left.
-    """
-    clean, found = screened(runs)
-    doubts = suspicions_of(clean, vehicle)
-    kept, left_out = _parts(runs, clean, vehicle)
-    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *found, *left_out])
-
-
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
     """Runs without bad samples, cut where they spin, reverse, stand or freeze, each part a run of its own; warnings.
 
@@ -51,11 +29,14 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
         InvalidLogError: too little is left.
     """
     clean, found = screened(runs)
-    kept, left_out = _parts(runs, clean, vehicle)
+    kept, left_out = usable_parts(runs, clean, vehicle)
     return kept, found + left_out
 
 
-def _parts(runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
+def usable_parts(
+    runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters
+) -> tuple[list[Run], list[str]]:
+    """`usable` of runs that have been screened: `clean`."""
     kept: list[Run] = []
     warnings: list[str] = []
     for one in clean:

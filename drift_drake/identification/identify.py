@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.estimation.admitted import admit
 from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.estimation.problem import filter_case, make_problem
 from drift_drake.estimation.unknowns import FIELDS, OWN, folded
-from drift_drake.estimation.usable import admit, part_of, seen_effects
+from drift_drake.estimation.usable import part_of, seen_effects
 from drift_drake.estimation.windows import stride_of, windowed
 from drift_drake.identification.by_likelihood import identify_by_likelihood
 from drift_drake.identification.by_prediction import PredictionFit, fit_by_prediction

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.estimation.usable import LEAST_PART, admit, usable
+from drift_drake.estimation.admitted import admit
+from drift_drake.estimation.usable import LEAST_PART, usable
 from drift_drake.logs.driving import driven, reversing, slowest
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run

@@ -26,12 +26,13 @@ from drift_drake.diagnosis.another_day.posterior import (
 )
 from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
+from drift_drake.estimation.admitted import admit
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.prior import Interval
 from drift_drake.estimation.reduction import STATES, Reduction
 from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.unknowns import magnitudes
-from drift_drake.estimation.usable import admit, seen_effects
+from drift_drake.estimation.usable import seen_effects
 from drift_drake.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.standard_output import Progress

@@ -97,7 +97,7 @@ def with_vehicle(
     with ended_at_once():
         from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
         from drift_drake.diagnosis.shared.where import region_names, region_of
-        from drift_drake.estimation.usable import admit
+        from drift_drake.estimation.admitted import admit
         from drift_drake.identification.calibration import CarTrust, read_trust
 
     kept, doubts, warnings = admit(runs, vehicle)

@@ -22,6 +22,7 @@ from drift_drake.diagnosis.shared.posterior import (
     read_constants,
 )
 from drift_drake.diagnosis.shared.where import find_gap
+from drift_drake.estimation.admitted import admit
 from drift_drake.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.estimation.freeform import applied, misfit, responses, traced
 from drift_drake.estimation.prior import TWO_SIDED, Interval, bounds
@@ -43,7 +44,7 @@ from drift_drake.estimation.regression import (
     solve_equations,
     summed_equations,
 )
-from drift_drake.estimation.usable import MOST_SECONDS, admit, part_of, seen_effects
+from drift_drake.estimation.usable import MOST_SECONDS, part_of, seen_effects
 from drift_drake.logs.table import Run
 from drift_drake.standard_output import Progress
 from drift_drake.threads import one_blas_thread

@@ -1,0 +1,30 @@
+"""What an estimator is given of runs: usable parts, and doubts of units, signs and clocks."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from drift_drake.estimation.usable import usable_parts
+from drift_drake.logs.screening.screened import screened
+from drift_drake.logs.screening.suspicions import Suspicion, suspicions_of
+from drift_drake.logs.table import Run
+from drift_drake.vehicle.parameters import VehicleParameters
+
+
+class Admitted(NamedTuple):
+    """What an estimator is given of runs."""
+
+    runs: list[Run]  # the parts that it can use
+    doubts: list[Suspicion]  # units, signs and clocks that seem wrong
+    warnings: list[str]  # of the doubts, of bad samples and of what is left out
+
+
+def admit(runs: Sequence[Run], vehicle: VehicleParameters) -> Admitted:
+    """`usable` parts and `suspicions` of runs that are screened once.
+
+    Raises:
+        InvalidLogError: too little is left.
+    """
+    clean, found = screened(runs)
+    doubts = suspicions_of(clean, vehicle)
+    kept, left_out = usable_parts(runs, clean, vehicle)
+    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *found, *left_out])

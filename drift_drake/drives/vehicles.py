@@ -4,7 +4,7 @@ Each effect of `TRAINING` is drawn for every vehicle from the distribution state
 held-out vehicles come from the same distributions under other seeds. `WIDE` stretches each of them and adds effects
 that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution. "broad" is a
 training population for a model of more cars: of three vehicles one of `TRAINING`, one of `WIDE`, and one of `WIDE` to
-be put on another car than the nominal equations' (`experiments.model.drives.true_plant`).
+be put on another car than the nominal equations' (`experiments.model.drives.plant_kind`).
 """
 
 from typing import Literal, NamedTuple

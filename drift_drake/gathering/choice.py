@@ -119,7 +119,8 @@ class Choice(NamedTuple):
         follows = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": "no model knows this car: let that of more kinds of cars adapt (--model broad), or gather more",
+            "neither": "no model knows this car: let the model of more kinds of cars adapt as it drives "
+            "(drift-drake drive --model broad), or gather more",
         }
         if self.doubts:
             return f"no model is believed on these drives: {'; '.join(self.doubts)}"

@@ -57,7 +57,7 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
-    tolerance: float | None = None  # of a plan's residuals, to show what convergence brings; without, real time
+    tolerance: float | None = None  # of a plan's residuals, in place of `iterations`: to show what convergence brings
     tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
     screening: bool = True  # of readings, by what a car can do and by what the model predicts
     patience: float = 0.5  # [s] of age of the plan in force, after which the car is stopped on its lane; 0 for never

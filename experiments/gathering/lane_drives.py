@@ -36,7 +36,7 @@ from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
 from drift_drake.simulation.true_plant import effects_on, plant_of
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.model.drives import join_vehicles, true_plant
+from experiments.model.drives import join_vehicles, plant_kind
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
 # inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.
@@ -128,8 +128,8 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
     parameters, model = VehicleParameters(), load_model(options.checkpoint)
-    true = true_plant(population, index)
-    effects = effects_on(true, draw_effects(population, index, options.seed))
+    plant = plant_kind(population, index)
+    effects = effects_on(plant, draw_effects(population, index, options.seed))
     generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
     chosen = iter(1 + generator.choice(len(pool) - 1, len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
@@ -150,7 +150,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
             low = [-parameters.steering_limit, parameters.torque_min]
             high = [parameters.steering_limit, parameters.torque_max]
             trajectory = trajectory._replace(u=np.clip(trajectory.u + shake[: config.steps + 1], low, high))
-        drive = execution(trajectory, effects, parameters, config, plant_of(true, effects, lane(config).path))
+        drive = execution(trajectory, effects, parameters, config, plant_of(plant, effects, lane(config).path))
         table, ending = drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, int(generator.integers(2**31)))
         endings[ending] = endings.get(ending, 0) + 1
         for phase in range(DECIMATION):

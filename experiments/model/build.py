@@ -165,9 +165,12 @@ def main(config: BuildConfig) -> None:
 
     Raises:
         OtherBuildError: the folder holds another build, or none can be made.
+        InvalidCheckpointError: there is no model to start from in that file.
     """
     if config.rounds < 1:
         raise OtherBuildError(f"--rounds {config.rounds}: give 1 or more; without lane drives a model learns no drift")
+    if config.start is not None:
+        load_model(config.start)  # now, not after an hour of drives
     seconds = do_stages(config, stages(config))
     result = json.loads((config.output / "quality.json").read_text())
     ratios = ", ".join(f"{state} {ratio:.2f}" for state, ratio in result["ratio"].items() if math.isfinite(ratio))

@@ -137,7 +137,7 @@ def _join(output: Path, population: str, folders: list[Path]) -> dict[str, Any]:
     }
 
 
-def true_plant(population: Population, index: int) -> TruePlant:
+def plant_kind(population: Population, index: int) -> TruePlant:
     """What the vehicle's effects are put on: every third broad one is a double-track car."""
     return "double_track" if population in BROAD and index % KINDS == KINDS - 1 else "single_track"
 
@@ -152,7 +152,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
     if is_done(folder / "samples.npz"):
         return
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, plant = VehicleParameters(), true_plant(population, index)
+    parameters, plant = VehicleParameters(), plant_kind(population, index)
     effects = effects_on(plant, draw_effects(population, index, seed))
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index, DRIVING_STREAM])
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]

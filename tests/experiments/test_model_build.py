@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from drift_drake.model.checkpoint import InvalidCheckpointError, broad_checkpoint
 from experiments.model import build
 
 
@@ -53,7 +54,7 @@ def test_each_round_is_planned_by_the_model_before_and_trained_from_it(
 def test_a_model_to_start_from_plans_the_first_round_and_is_gone_on_with(
     calls: list[tuple[str, Any]], tmp_path: Path
 ) -> None:
-    start, output = tmp_path / "made.npz", tmp_path / "broad"
+    start, output = broad_checkpoint(), tmp_path / "broad"
     build.main(build.BuildConfig(output=output, population="broad", start=start, train=6, validation=3, rounds=1))
     assert [name for name, _ in calls] == ["drives", "lane", "train", "quality"]
     driven, lane, trained = (call for _, call in calls[:3])
@@ -65,6 +66,13 @@ def test_a_model_to_start_from_plans_the_first_round_and_is_gone_on_with(
     assert trained.config.epochs == build.BuildConfig().later_epochs
     with pytest.raises(build.OtherBuildError, match="another start"):
         build.main(build.BuildConfig(output=output, population="broad", train=6, validation=3, rounds=1))
+
+
+def test_a_model_to_start_from_that_is_not_there_is_said_at_once(calls: list[tuple[str, Any]], tmp_path: Path) -> None:
+    with pytest.raises(InvalidCheckpointError, match=r"nowhere\.npz: no such file"):
+        build.main(build.BuildConfig(output=tmp_path / "broad", start=tmp_path / "nowhere.npz"))
+    assert calls == []
+    assert not (tmp_path / "broad").exists()
 
 
 def test_stages_that_are_done_are_not_done_again(

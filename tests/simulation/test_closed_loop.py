@@ -187,6 +187,12 @@ def test_a_delay_after_which_no_plan_would_come_into_force_is_refused() -> None:
         ControlConfig(period=0.01, delay=0.03)
 
 
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, np.inf])
+def test_a_tolerance_that_no_plan_reaches_is_refused(tolerance: float) -> None:
+    with pytest.raises(ValueError, match="give a number above 0, or leave it out"):
+        ControlConfig(tolerance=tolerance)
+
+
 def test_the_true_car_may_be_a_double_track_one(short: Reference) -> None:
     """Believing in the nearest single-track car, the controller drives it, less well than that car."""
     car = CARS["coupe"]

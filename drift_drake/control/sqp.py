@@ -33,7 +33,6 @@ class SqpOptions:
     exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
     defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
     long_qp: float = np.inf  # iterations of a QP, after more than which no further SQP iteration is made
-    least_share: float = HALF  # that a step which is too long is shortened to by interpolation, a half at most
 
     @classmethod
     def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
@@ -41,10 +40,10 @@ class SqpOptions:
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
-        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). Two things bound the time of
-        a solve. No iteration follows a QP that took both of its attempts or more than 8 interior-point iterations (3 as
-        a rule, more than 8 in one of 1,000). And steps are shortened by up to ten times at once; to convergence halves
-        lead there in fewer iterations, since the merit function has kinks.
+        tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). To bound the time
+        of a solve, no iteration follows a QP that took both of its attempts or more than 8 interior-point iterations (3
+        as a rule, more than 8 in one of 1,000). Steps are halved: shortened to as little as a tenth at once they took
+        less time, and plans fell behind the car (one of four starts beside the reference spun).
 
         OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
         thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.
@@ -57,7 +56,6 @@ class SqpOptions:
             exact_merit=True,
             defect_tolerance=0.01,
             long_qp=8 if method == "stagewise" else np.inf,
-            least_share=0.1,
         )
 
     @classmethod
@@ -128,11 +126,6 @@ class _Step(NamedTuple):
     extra_cost: float
     penalty: float
     qp: QpSolution
-
-
-def _share(expected: float, change: float, least: float) -> float:
-    """Of a step, what to try next: the minimiser of the parabola through what is known (3.57), from `least` to half."""
-    return min(max(0.5 * expected / (expected - change), least), HALF) if expected < change < np.inf else HALF
 
 
 class LineSearchSqp:
@@ -238,7 +231,7 @@ class LineSearchSqp:
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
                 y = point.y + step * (qp.y - point.y)
                 return _Step(step, trials, trial, y, residual, extra_cost, penalty, qp)
-            step *= _share(decrease * step, trial_merit - merit, options.least_share)
+            step *= HALF
         return _Step(0.0, trials, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
 
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:

@@ -10,7 +10,7 @@ from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
 from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.control.qp import QpWorkspace
-from drift_drake.control.sqp import LineSearchSqp, SqpOptions, _share
+from drift_drake.control.sqp import LineSearchSqp, SqpOptions
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
@@ -173,17 +173,6 @@ def test_in_real_time_a_long_qp_is_the_last(references: dict[str, Reference]) ->
     for most, count in ((first - 1, 1), (first, 2)):
         result = LineSearchSqp(exact.problem, dataclasses.replace(options, long_qp=most)).solve(guess)
         assert len(result.iterations) == count
-
-
-def test_a_step_that_is_too_long_is_shortened_to_the_minimum_of_the_parabola() -> None:
-    """Through a value and a slope of -2 at the start and a value of 3 at the end: 5 t^2 - 2 t is least at 0.2."""
-    assert _share(-2.0, 3.0, 0.1) == pytest.approx(0.2)
-    assert _share(-2.0, 100.0, 0.1) == 0.1
-    assert _share(-2.0, -0.1, 0.1) == 0.5
-    assert _share(-2.0, 3.0, 0.5) == 0.5
-    assert _share(0.0, 0.0, 0.1) == 0.5  # no parabola
-    for nothing in (np.inf, np.nan):
-        assert _share(-2.0, nothing, 0.1) == 0.5
 
 
 def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[str, Reference]) -> None:

@@ -172,6 +172,17 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "closed_loop.svg" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("seed", [1, 13, 21])
+def test_the_start_beside_the_reference_is_left_behind(
+    seed: int, short: Reference, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seeds that spun within 2 s while real-time steps were shortened to a tenth at once."""
+    monkeypatch.setattr(drive_command, "figure_8", lambda _: short)
+    run = run_closed_loop(ClosedLoopConfig(seed=seed, model="online"))
+    assert run.outcome == "completed"
+    assert run.table["e"][run.table["t"] > 2.0].abs().max() < 0.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 5, 6, 7, 13, 19])
 def test_the_nominal_car_stays_on_its_lane_while_the_belief_moves(seed: int) -> None:

@@ -33,6 +33,7 @@ class SqpOptions:
     exact_merit: bool = False  # keep the penalty at or above the multipliers from the first iteration on
     defect_tolerance: float | None = None  # of the dynamics after a step: good enough, no further iteration is made
     long_qp: float = np.inf  # iterations of a QP, after more than which no further SQP iteration is made
+    short_step: float = 0.0  # share of the QP's step, after less than which none is made either
 
     @classmethod
     def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
@@ -42,8 +43,9 @@ class SqpOptions:
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
         tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). To bound the time
         of a solve, no iteration follows a QP that took both of its attempts or more than 8 interior-point iterations (3
-        as a rule, more than 8 in one of 1,000). Steps are halved: shortened to as little as a tenth at once they took
-        less time, and plans fell behind the car (one of four starts beside the reference spun).
+        as a rule, more than 8 in one of 1,000), nor a step halved four times or more, after which the next is as short.
+        Steps are halved: shortened to as little as a tenth at once they took less time, and plans fell behind the car
+        (one of four starts beside the reference spun).
 
         OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
         thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.
@@ -56,13 +58,14 @@ class SqpOptions:
             exact_merit=True,
             defect_tolerance=0.01,
             long_qp=8 if method == "stagewise" else np.inf,
+            short_step=0.1,
         )
 
     @classmethod
     def converging(cls, tolerance: float, method: QpMethod = "stagewise") -> "SqpOptions":
         """The same iterations until the residuals are within the tolerance, ten at most, however long they take."""
         options = cls.real_time(CONVERGING, method)
-        return dataclasses.replace(options, tolerance=tolerance, defect_tolerance=None, long_qp=np.inf)
+        return dataclasses.replace(options, tolerance=tolerance, defect_tolerance=None, long_qp=np.inf, short_step=0.0)
 
 
 _NONE = np.empty(0)  # gradient of no cost
@@ -189,8 +192,8 @@ class LineSearchSqp:
             if options.defect_tolerance is not None:
                 if largest(residual) <= options.defect_tolerance:
                     status, last = "feasible", True
-                # In real time a long QP is all the work that one solve may do.
-                last = last or qp.second_attempt or qp.iterations > options.long_qp
+                # In real time a long QP, or line search, is all the work that one solve may do.
+                last = last or qp.second_attempt or qp.iterations > options.long_qp or step < options.short_step
             if last:
                 bent = rows_times(self._hessian, z)
                 cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost

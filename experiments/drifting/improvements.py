@@ -2,13 +2,14 @@
 
     python -m experiments.drifting.improvements --vehicle-seed 890417 --vehicles 8
 
-The same vehicles for all rungs of the ladder, one attempt each; what is switched is what needs no training. Written:
-config.json, a folder of runs a rung, runs.csv, numbers.json, report.md, improvements.png. The vehicles are driven one
-after the other, all rungs of each, so that what is done is balanced; broken off, it goes on where it was (give --out).
+The same attempts for all rungs of the ladder; what is switched is what needs no training. Written: config.json, a
+folder of runs a rung, runs.csv, numbers.json, report.md, improvements.png. The vehicles are driven one after the other,
+all rungs of each, so that what is done is balanced; broken off, it goes on where it was (give --out).
 """
 
 import dataclasses
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -26,7 +27,7 @@ from drift_drake.model.checkpoint import load_model, paper_checkpoint
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table
-from experiments.drifting.report import LABELS, completion_table, summarise
+from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
 from experiments.drifting.runs import BELIEFS, Model, ModelsConfig, open_folder, run_models
 from experiments.made import write_report
 from experiments.settings import keep_settings
@@ -41,6 +42,7 @@ class ImprovementsConfig:
     vehicles: int = 6
     first: int = 0  # index of the first vehicle of the population
     population: Population = "held_out"
+    noise_seeds: int = 1  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
     models: tuple[Model, ...] = (*PREDICTING, "online", "twice_online")
     """Of each rung, as far as it changes them."""
@@ -134,7 +136,7 @@ def rung_config(config: ImprovementsConfig, rung: Rung, checkpoint: Path | None,
     """What `figure_8` would be asked for, with its runs in a folder of the rung's own."""
     return ModelsConfig(
         checkpoint=checkpoint, gathering=rung.gathering, path_step=rung.path_step, models=rung.models,
-        vehicles=config.vehicles, first=config.first, population=config.population, noise_seeds=1,
+        vehicles=config.vehicles, first=config.first, population=config.population, noise_seeds=config.noise_seeds,
         vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
     )  # fmt: skip
 
@@ -179,22 +181,30 @@ def _cell(entry: dict[str, Any]) -> str:
     return f"{said}, {round(entry['completed'] * entry['runs'])} of {entry['runs']}"
 
 
-def markdown(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
+def steps_table(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model) -> str:
+    """Each rung less the one before, as far as they have the model, as Markdown; empty with fewer than two."""
+    having, of_model = [rung for rung in rungs if model in rung.models], runs[runs["model"] == model]
+    rows = [(rung.what, *pair_of(of_model, "rung", rung.name, before.name)) for before, rung in pairwise(having)]
+    return f"### {LABELS[model]}: each less the one before\n\n{differences_table(rows)}" if rows else ""
+
+
+def markdown(rungs: Sequence[Rung], runs: pd.DataFrame, summary: dict[str, dict[str, Any]]) -> str:
     """The report."""
-    parts = [medians_table(rungs, summary)]
+    models = dict.fromkeys(model for rung in rungs for model in rung.models)
+    parts = [medians_table(rungs, summary), *filter(None, (steps_table(rungs, runs, model) for model in models))]
     parts += [f"### {rung.what}\n\n{completion_table(summary[rung.name])}" for rung in rungs]
     return "\n\n".join(parts) + "\n"
 
 
 @styled
 def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_info") -> Any:
-    """RMS e of each vehicle by rung; crosses at the right: not completed, behind all others."""
+    """RMS e of each attempt by rung; crosses at the right: not completed, behind all others."""
     rungs = [rung for rung in rungs if model in rung.models]
     figure = new_figure(7.5, 0.7 + 0.45 * len(rungs))
     axes = figure.subplots()
     behind = 1.5 * float(runs["rms_e"].where(runs["completed"]).max())
     for row, rung in enumerate(rungs):
-        group = runs[(runs["rung"] == rung.name) & (runs["model"] == model)].sort_values("vehicle")
+        group = runs[(runs["rung"] == rung.name) & (runs["model"] == model)].sort_values(["vehicle", "noise_seed"])
         shift = np.linspace(-0.25, 0.25, len(group)) if len(group) > 1 else np.zeros(1)
         done, y = group["completed"].to_numpy(dtype=bool), row + shift
         axes.plot(group["rms_e"][done], y[done], "o", color=RUNS[0], markersize=4)
@@ -205,7 +215,7 @@ def picture(rungs: Sequence[Rung], runs: pd.DataFrame, model: Model = "twice_inf
             axes.plot([median] * 2, [row - 0.35, row + 0.35], color=INK)
     axes.set_yticks(range(len(rungs)), [rung.what for rung in rungs])
     axes.invert_yaxis()
-    axes.set(xscale="log", xlabel=f"RMS e with {LABELS[model]} [m], a mark a vehicle, x: not completed, line: median")
+    axes.set(xscale="log", xlabel=f"RMS e with {LABELS[model]} [m], a mark an attempt, x: not completed, line: median")
     return figure
 
 
@@ -222,7 +232,7 @@ def main(config: ImprovementsConfig) -> None:
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_ladder(runs)
     write_json(folder / "numbers.json", summary)
-    report = markdown(rungs, summary)
+    report = markdown(rungs, runs, summary)
     write_report(folder, report, config)
     pictured = "twice_info" if "twice_info" in config.models else config.models[0]
     write_figure(picture(rungs, runs, pictured), folder / "improvements.png")

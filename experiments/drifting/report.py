@@ -182,30 +182,39 @@ def over_oracle_table(runs: pd.DataFrame) -> str:
 
 
 def ordering_table(runs: pd.DataFrame) -> str:
-    """Each of the paper's models less each that the paper ranks below it, as Markdown; empty with fewer than two.
-
-    Shares of runs with 95 % intervals by vehicle, and on how many of the vehicles where one is ahead it is the better
-    one by the median of its attempts' RMS e (a run that was not completed is infinitely far off).
-    """
-    scores = runs.assign(drifted=held(runs), ranked=runs["rms_e"].where(runs["completed"], np.inf))
+    """Each of the paper's models less each that the paper ranks below it (`differences_table`); empty with fewer."""
     present = [model for model in RANKED if (runs["model"] == model).any()]
+    pairs = [(model, below) for better, model in enumerate(present) for below in present[:better]]
+    rows = [(f"{LABELS[model]} less {LABELS[below]}", *pair_of(runs, "model", model, below)) for model, below in pairs]
+    return f"{differences_table(rows)}\n\n" if rows else ""
+
+
+def pair_of(runs: pd.DataFrame, column: str, one: str, other: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The runs of two values of a column."""
+    return runs[runs[column] == one], runs[runs[column] == other]
+
+
+def differences_table(rows: Sequence[tuple[str, pd.DataFrame, pd.DataFrame]]) -> str:
+    """Runs less other runs of the same attempts, a labelled pair a row, as Markdown.
+
+    Shares of runs with 95 % intervals by vehicle, and on how many of the vehicles where one is ahead it is the first by
+    the median of its attempts' RMS e (a run that was not completed is infinitely far off).
+    """
     lines = ["| | runs completed | drifts held throughout | less RMS e on |", "| --- | --- | --- | --- |"]
-    for better, model in enumerate(present):
-        for below in present[:better]:
-            of_two = scores[scores["model"].isin((model, below))]
-            cells = [_more(of_two, model, flag) for flag in ("completed", "drifted")]
-            errors = of_two.groupby(["vehicle", "model"])["ranked"].median().unstack()
-            ahead, behind = ((errors[a] < errors[b]).sum() for a, b in ((model, below), (below, model)))
-            label = f"{LABELS[model]} less {LABELS[below]}"
-            lines.append(f"| {label} | {' | '.join(cells)} | {ahead} of {ahead + behind} vehicles |")
-    return "\n".join(lines) + "\n\n" if len(present) > 1 else ""
+    for label, *pair in rows:
+        first, second = (runs.assign(drifted=held(runs), ranked=runs["rms_e"].where(runs["completed"], np.inf))
+                         for runs in pair)  # fmt: skip
+        cells = [_more(first, second, flag) for flag in ("completed", "drifted")]
+        a, b = (scores.groupby("vehicle")["ranked"].median() for scores in (first, second))
+        ahead, behind = int((a < b).sum()), int((b < a).sum())
+        lines.append(f"| {label} | {' | '.join(cells)} | {ahead} of {ahead + behind} vehicles |")
+    return "\n".join(lines)
 
 
-def _more(of_two: pd.DataFrame, model: str, flag: str) -> str:
-    """By how much a model's share of runs with a flag is above the other's."""
-    sign = np.where(of_two["model"] == model, 1.0, -1.0)
-    # Both models have the same attempts, so that the mean of the signed flags is half the difference of the shares.
-    signed = of_two.assign(signed=2.0 * sign * of_two[flag])
+def _more(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> str:
+    """By how much the first runs' share with a flag is above the second's."""
+    # Both have the same attempts, so that the mean of the signed flags is half the difference of the shares.
+    signed = pd.concat([first.assign(signed=2.0 * first[flag]), second.assign(signed=-2.0 * second[flag])])
     low, high = by_vehicle(signed, "signed", lambda values: float(np.mean(values)))
     return f"{signed['signed'].mean():+.0%} ({low:+.0%} to {high:+.0%})"
 

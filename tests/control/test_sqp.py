@@ -175,6 +175,14 @@ def test_in_real_time_a_long_qp_is_the_last(references: dict[str, Reference]) ->
         assert len(result.iterations) == count
 
 
+def test_in_real_time_a_short_step_is_the_last(references: dict[str, Reference]) -> None:
+    exact, guess = posed(references)
+    options = SqpOptions.real_time(2)
+    for share, count in ((1.1, 1), (1.0, 2)):  # the first step from this guess is a whole one
+        result = LineSearchSqp(exact.problem, dataclasses.replace(options, short_step=share)).solve(guess)
+        assert len(result.iterations) == count
+
+
 def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[str, Reference]) -> None:
     """Its penalty is at least the largest multiplier from the first iteration on, as theorem 17.3 asks."""
     exact, guess = posed(references)

@@ -28,6 +28,7 @@ from experiments.drifting.improvements import (
     names_between,
     of_models,
     picture,
+    steps_table,
     summarise_ladder,
 )
 from experiments.drifting.runs import ModelsConfig
@@ -111,7 +112,21 @@ def test_the_table_counts_failures_and_leaves_out_what_cannot_change() -> None:
     table = medians_table(rungs, summarise_ladder(made_up(rungs))).splitlines()
     assert table[2] == "| as in the paper | 0.50, 2 of 3 | 0.50, 2 of 3 | 0.50, 2 of 3 | 0.50, 2 of 3 |"
     assert table[4].endswith("|  |  |  | 0.70, 3 of 3 |")
-    assert "### as in the paper" in markdown(rungs, summarise_ladder(made_up(rungs)))
+    report = markdown(rungs, made_up(rungs), summarise_ladder(made_up(rungs)))
+    assert "### as in the paper" in report
+    assert "### Once-OCP: each less" not in report
+
+
+def test_each_rung_is_held_against_the_one_before_vehicle_by_vehicle() -> None:
+    rungs = ladder()[:3]
+    _, _, _, _, second, third = steps_table(rungs, made_up(rungs), "twice_info").splitlines()
+    # Of three vehicles the first spins on the first rung; completed runs are 0.1 m farther off with each rung.
+    label, completed, drifted, ahead = second.strip("| ").split(" | ")
+    assert label == rungs[1].what
+    assert completed == drifted
+    assert completed.startswith("+33% (+0% to +")
+    assert ahead == "1 of 3 vehicles"
+    assert third.endswith("| +0% (+0% to +0%) | +0% (+0% to +0%) | 0 of 3 vehicles |")
 
 
 def test_some_models_need_some_rungs_alone() -> None:

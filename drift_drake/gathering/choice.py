@@ -140,7 +140,7 @@ def learnt_errors(model: BayesianStepModel, runs: Sequence[WindowedRun]) -> Arra
 
 def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
     commands = np.stack([run.delta, run.tau], axis=1)
-    lagged = lagged_commands(run.period * np.arange(len(commands)), commands)
+    lagged = lagged_commands(run.period * np.arange(len(commands)), commands, model.lag)
     x = np.concatenate([run.start_y[run.starts, :STATE_COUNT], np.zeros((len(run.starts), 2)), lagged[run.starts]], 1)
     out = np.empty((len(x), HORIZONS, STATE_COUNT))
     for h, ahead in enumerate(predicted_windows(model, x, commands, run.starts, run.stride_rows, HORIZONS)):

@@ -16,6 +16,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 if TYPE_CHECKING:
+    from drift_drake.arrays import Array
     from drift_drake.model.samples import Samples
 
 NEEDED = ("beta", "omega_r", "tau_cmd")  # beside what every log has
@@ -50,18 +51,23 @@ def run_choose(command: Choose) -> None:
     with ended_at_once():
         from drift_drake.gathering.choice import ask, usual_for
         from drift_drake.model.checkpoint import load_model
-        from drift_drake.model.quality import learn
+        from drift_drake.model.lag_bank import with_likeliest_lag
+        from drift_drake.model.quality import adapted
+        from drift_drake.model.samples import concatenate
 
     model = load_model(command.checkpoint)
-    usual, belief = usual_for(model), model.prior()
+    usual = usual_for(model)
     if usual is None:
         raise InvalidOptionError(
             f"{command.checkpoint}: what is usual for this model is not known; measure it with 'python -m "
             "experiments.gathering.lane_trust', or leave --checkpoint out"
         )
-    for number, run in enumerate(runs):
-        belief = learn(model, belief, samples_of(run, number))
-    found = ask(model, belief, runs, first_guess)
+
+    def samples_of_all(lag: "Array") -> "Samples":
+        return concatenate([samples_of(run, number, lag) for number, run in enumerate(runs)])
+
+    model = with_likeliest_lag(model, samples_of_all)
+    found = ask(model, adapted(model, samples_of_all(model.lag)), runs, first_guess)
     choice = usual.choice(found)
     print(choice.sentence(), file=said_to(command.json))
     if command.out is not None:
@@ -93,11 +99,11 @@ def check_runs(runs: list[Run], logs: Path) -> None:
             )
 
 
-def samples_of(run: Run, drive: int) -> "Samples":
-    """A run as samples at 10 Hz; where it is on a path is not asked for."""
+def samples_of(run: Run, drive: int, lag: "Array") -> "Samples":
+    """A run as samples at 10 Hz, its lagged commands behind lags [2] [s]; where it is on a path is not asked for."""
     import pandas as pd
 
     from drift_drake.model.samples import samples_from_log
 
     columns = {name: run.column(name) for name in ("t", "r", "v", "beta", "omega_r", "delta_cmd", "tau_cmd")}
-    return samples_from_log(pd.DataFrame(columns).assign(e=0.0, dphi=0.0), None, 0, drive)
+    return samples_from_log(pd.DataFrame(columns).assign(e=0.0, dphi=0.0), None, 0, drive, lag=lag)

@@ -136,6 +136,8 @@ class GatheringConfig(LaneDrive):
     """A replanned drive ends where what is still promised falls below this share of what it has taught; 0 for never."""
     bounded: bool = True  # speed, wheel spin and sideslip of plans
     fixed_alpha: bool = False  # the same weight of the information in later rounds
+    # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
+    learn_lags: bool = True
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     max_iterations: int = 80
     tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
@@ -188,7 +190,7 @@ def as_in_paper(config: GatheringConfig) -> GatheringConfig:
     """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded."""
     return dataclasses.replace(
         config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
-        path_step="euler",
+        path_step="euler", learn_lags=False,
     )  # fmt: skip
 
 

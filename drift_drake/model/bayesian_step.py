@@ -18,8 +18,8 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import CommandLag, lag_factors
-from drift_drake.model.compiled_step import TIME_STEP, curved_steps, linearized_steps, steps, trapezoid_path
+from drift_drake.model.command_lag import LAG, LAGGED, CommandLag, lag_factors
+from drift_drake.model.compiled_step import TIME_STEP, Lags, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.features import (
     MEAN_COUNT,
     STATE_COUNT,
@@ -48,10 +48,16 @@ def euler_step(x: Array, u: Array, curvature: Array, nominal: Constants) -> Arra
     return h
 
 
-def residual(x: Array, u: Array, x_next: Array, nominal: Constants) -> Array:
-    """y [..., 4] = x_{k+1} - h(x_k, u_k) of the learnt states: what the last layer is fitted to."""
-    state = np.zeros((*np.shape(x)[:-1], 6))
-    state[..., :STATE_COUNT] = np.asarray(x)[..., :STATE_COUNT]
+def residual(x: Array, u: Array, x_next: Array, nominal: Constants, lag: Array = LAG) -> Array:
+    """y [..., 4] = x_{k+1} - h(x_k, u_k) of the learnt states: what the last layer is fitted to.
+
+    u_k is what a typical car would have to be given (`command_lag`): the command [..., 2], if the lags [s] are typical.
+    """
+    x, share = np.asarray(x), LAG / lag
+    state = np.zeros((*x.shape[:-1], 6))
+    state[..., :STATE_COUNT] = x[..., :STATE_COUNT]
+    if (share != 1.0).any():
+        u = share * u + (1.0 - share) * x[..., LAGGED]
     h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal)
     return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
 
@@ -63,7 +69,7 @@ def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x
         x, x_next: states and lagged commands at both ends of a step [..., 8]; u, u_next: commands there [..., 2].
     """
     phi = features(model.network, network_inputs(x, u, u_next))
-    return phi, residual(x, u, x_next, model.vehicle.constants())
+    return phi, residual(x, u, x_next, model.vehicle.constants(), model.lag)
 
 
 class BayesianStepModel(StepModel):
@@ -81,12 +87,14 @@ class BayesianStepModel(StepModel):
         theta: Array,
         nominal: Constants,
         path_step: PathStep = "trapezoid",
+        lag: Array = LAG,
     ) -> None:
-        """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
+        """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h.
+        lag: of steering and torque [s], of which a `network` for others than typical ones is told."""
         self._mean: MeanFunction | ExpandedMean = MeanFunction(network, theta)
         self.expansions = Expansions(network)
         self._nominal = nominal
-        self._lag = lag_factors(TIME_STEP)
+        self.lag, self._lag = lag, Lags(*lag_factors(TIME_STEP, lag), LAG / lag)
         self._trapezoid = path_step == "trapezoid"
         self._offset = np.zeros(STATE_COUNT)
 
@@ -110,7 +118,7 @@ class BayesianStepModel(StepModel):
         return other
 
     def observer(self, period: float) -> LeafSystem:
-        return CommandLag(period)
+        return CommandLag(period, self.lag)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """x_{k+1} [n, 8] for states x [n, 8], inputs at both ends of the step [n, 2] and path curvature [n] [1/m]."""

@@ -11,6 +11,8 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line, shown
+from drift_drake.model.command_lag import LAG, as_of_typical_car
+from drift_drake.model.compiled_step import TIME_STEP
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -51,6 +53,16 @@ class BayesianModel:
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
     # z [n, 10] of some drifting samples that it was trained on: where predictions are wanted of it.
     drifts: Array | None = None
+    lag: Array = dataclasses.field(default_factory=LAG.copy)  # [s] of steering and torque, of the car at hand
+
+    def with_lag(self, lag: Array) -> "BayesianModel":
+        """The model of a car with other lags of steering and torque [2] [s] (`command_lag`)."""
+        typical = None if np.array_equal(lag, LAG) else as_of_typical_car(lag, TIME_STEP)
+        drifts = self.drifts
+        if drifts is not None:
+            drifts = self.network.told(drifts)
+            drifts = drifts if typical is None else np.asarray(np.linalg.solve(typical, drifts.T).T, dtype=float)
+        return dataclasses.replace(self, network=self.network._replace(typical=typical), drifts=drifts, lag=lag)
 
     def prior(self) -> Posterior:
         """The belief before any data of the vehicle at hand."""
@@ -59,20 +71,22 @@ class BayesianModel:
         return from_precision(self.prior_mean, precision, self.sigma)
 
     def content_hash(self) -> str:
-        """SHA-256 of the model's numbers."""
+        """SHA-256 of the model's numbers; the lags of the car at hand are none of them."""
         digest, network = hashlib.sha256(), self.network
         if network.nominal is not None and self.vehicle.tyre == "brush":  # the tyre that is not said
             numbers: Any = network.nominal[: Constants._fields.index("tyre")]
             network = network._replace(nominal=numbers)
-        for values in (*network, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
+        trained = network[: Network._fields.index("typical")]
+        for values in (*trained, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
             digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
         return digest.hexdigest()
 
     def save(self, path: str | Path) -> None:
-        """Writes the checkpoint. Weights trained in single precision are stored so; nothing is lost."""
+        """Writes the checkpoint. Weights trained in single precision are stored so; nothing but the lags is lost."""
         arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in WEIGHTS}
-        if self.drifts is not None:
-            arrays["drifts"] = self.drifts.astype(np.float32)
+        drifts = self.with_lag(LAG).drifts
+        if drifts is not None:
+            arrays["drifts"] = drifts.astype(np.float32)
         with replacing(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,

@@ -4,6 +4,13 @@ Road wheel and engine follow their commands with a lag that is as long as the mo
 u_{k+1}) alone, as the paper's, cannot tell which part of an earlier command is still to come; that, and not the car's
 parameters, was most of its error in a drift. The lags here are a typical car's: how the car at hand differs from it is
 for the last layer to learn. No sensor is needed, for the commands are known.
+
+A car whose lags are others, T in place of `LAG`, moves as a typical car does that is given the commands
+
+    w = a + LAG / T (u - a),   a the commands u behind lags of T,
+
+since a is then what w is behind a typical car's lags. So a network that knows typical cars alone serves any lags: it is
+told of (w, a) in place of (u, a) (`as_of_typical_car`). Which lags the car at hand has, its drives say (`lag_bank`).
 """
 
 from typing import Any
@@ -12,26 +19,43 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-Array = NDArray[np.floating[Any]]
+from drift_drake.arrays import Array
 
+Numbers = NDArray[np.floating[Any]]
 LAG = np.array([0.05, 0.10])  # [s] of steering and torque: the middle of the training population's
 LAGGED = slice(6, 8)  # where the lagged commands stand in the learnt model's state
 
 
-def lag_factors(dt: float | Array) -> tuple[Array, Array, Array]:
+def lag_factors(dt: float | Numbers, lag: Numbers = LAG) -> tuple[Array, Array, Array]:
     """(c, c_now, c_next), each [..., 2], of lagged(t + dt) = c lagged(t) + c_now u(t) + c_next u(t + dt).
 
-    Exact for commands that are linear over the step dt [s].
+    Exact for commands that are linear over the step dt [s]; lag: of steering and torque [s].
     """
-    ratio = np.asarray(dt)[..., None] / LAG
+    ratio = np.asarray(dt, dtype=float)[..., None] / lag
     keep = np.exp(-ratio)
     by_next = 1.0 - (1.0 - keep) / ratio
     return keep, 1.0 - keep - by_next, by_next
 
 
-def lagged_commands(t: Array, u: Array) -> Array:
+def as_of_typical_car(lag: Numbers, dt: float) -> Array:
+    """What a typical car's z [10] (`features`) is of that of a car with other lags, as a matrix [10, 10] times z.
+
+    Args:
+        lag: of steering and torque [s]; dt: the step [s].
+    """
+    share, rest = np.diag(LAG / lag), np.diag(1.0 - LAG / lag)
+    keep, by_now, by_next = (np.diag(factor) for factor in lag_factors(dt, lag))
+    matrix = np.eye(10)
+    now, after, lagged = slice(4, 6), slice(6, 8), slice(8, 10)
+    matrix[now, now], matrix[now, lagged] = share, rest
+    matrix[after, after] = share + rest @ by_next
+    matrix[after, now], matrix[after, lagged] = rest @ by_now, rest @ keep
+    return matrix
+
+
+def lagged_commands(t: Numbers, u: Numbers, lag: Numbers = LAG) -> Array:
     """Lagged commands [K, 2] of a log's commands u [K, 2] at times t [K] [s]; settled at the first."""
-    keep, by_now, by_next = lag_factors(np.diff(t))
+    keep, by_now, by_next = lag_factors(np.diff(t), lag)
     drive = by_now * u[:-1] + by_next * u[1:]
     out = np.empty(np.shape(u))
     out[0] = u[0]
@@ -48,10 +72,11 @@ class CommandLag(LeafSystem):
     do so anew after a command that is not finite.
     """
 
-    def __init__(self, period: float = 0.01) -> None:
+    def __init__(self, period: float = 0.01, lag: Array = LAG) -> None:
+        """Args: period: of the ticks [s]; lag: of steering and torque [s]."""
         LeafSystem.__init__(self)
         self._period = period
-        self._factors = lag_factors(period)
+        self._factors = lag_factors(period, lag)
         self._command = self.DeclareVectorInputPort("command", 2)
         held = self.DeclareDiscreteState(np.full(5, np.nan))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)

@@ -72,25 +72,37 @@ def _trapezoid_point(x: Any, x_next: Any, k: Any, by_state: Any, by_next: Any) -
     return e + TIME_STEP * v * sin_mid, dphi_next
 
 
+class Lags(NamedTuple):
+    """Of a car's steering and torque, each factor [2]: see `command_lag`."""
+
+    keep: Array
+    by_now: Array
+    by_next: Array
+    share: Array  # of the command in what a typical car would have to be given
+
+
 class _Slopes(NamedTuple):
-    """Derivatives at one point."""
+    """Derivatives at one point, and the commands that a typical car would have to be given there."""
 
     by_x: Array  # [6, 6], of the nominal car's rates
     by_u: Array  # [6, 2]
     path_by_x: Array  # [2, 6], of the trapezoid
     path_by_next: Array  # [2, 4]
+    command: Array  # [2]
 
 
 @jitable
 def _no_slopes() -> Any:
-    return _Slopes(np.empty((6, 6)), np.empty((6, 2)), np.zeros((2, 6)), np.zeros((2, 4)))
+    return _Slopes(np.empty((6, 6)), np.empty((6, 2)), np.zeros((2, 6)), np.zeros((2, 4)), np.empty(2))
 
 
 @jitable
 def _step_point(point: Any, g: Any, p: Any, lag: Any, trapezoid: Any, rates: Any, slopes: Any,
                 x_next: Any) -> None:  # fmt: skip
     """Writes x_{k+1} [8] for a point [13] and the learnt part g [4]; `rates` [6] is scratch."""
-    linearize_point(point[:6], point[8:10], point[12], p, rates, slopes.by_x, slopes.by_u)
+    for i in range(2):
+        slopes.command[i] = lag.share[i] * point[8 + i] + (1.0 - lag.share[i]) * point[6 + i]
+    linearize_point(point[:6], slopes.command, point[12], p, rates, slopes.by_x, slopes.by_u)
     for i in range(6):
         x_next[i] = 0.0 if i == 3 else point[i] + TIME_STEP * rates[i]
         if i < STATE_COUNT:
@@ -98,11 +110,11 @@ def _step_point(point: Any, g: Any, p: Any, lag: Any, trapezoid: Any, rates: Any
     if trapezoid:
         x_next[4], x_next[5] = _trapezoid_point(point, x_next, point[12], slopes.path_by_x, slopes.path_by_next)
     for i in range(2):
-        x_next[6 + i] = lag[0][i] * point[6 + i] + lag[1][i] * point[8 + i] + lag[2][i] * point[10 + i]
+        x_next[6 + i] = lag.keep[i] * point[6 + i] + lag.by_now[i] * point[8 + i] + lag.by_next[i] * point[10 + i]
 
 
 @compiled
-def steps(points: Array, g: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool, x_next: Array) -> None:
+def steps(points: Array, g: Array, p: Constants, lag: Lags, trapezoid: bool, x_next: Array) -> None:
     """`_step_point` at all points [n, 13]."""
     slopes, rates = _no_slopes(), np.empty(6)
     for n in range(len(points)):
@@ -121,14 +133,15 @@ def _linearized_point(point: Any, g: Any, by_z: Any, p: Any, lag: Any, trapezoid
                 out[i, j] = TIME_STEP * slopes.by_x[i, j]
             out[i, i] += 1.0
             for j in range(2):
-                out[i, 8 + j] = TIME_STEP * slopes.by_u[i, j]
+                by_command = TIME_STEP * slopes.by_u[i, j]
+                out[i, 8 + j], out[i, 6 + j] = lag.share[j] * by_command, (1.0 - lag.share[j]) * by_command
     for i in range(STATE_COUNT):
         for j in range(STATE_COUNT):
             out[i, j] += by_z[i, j]
         for j in range(4):
             out[i, 8 + j] += by_z[i, STATE_COUNT + j]
         for j in range(2):
-            out[i, 6 + j] = by_z[i, STATE_COUNT + 4 + j]
+            out[i, 6 + j] += by_z[i, STATE_COUNT + 4 + j]
     if trapezoid:
         for i in range(2):
             for j in range(12):
@@ -137,11 +150,11 @@ def _linearized_point(point: Any, g: Any, by_z: Any, p: Any, lag: Any, trapezoid
                     total += slopes.path_by_next[i, m] * out[m, j]
                 out[4 + i, j] = total
     for i in range(2):
-        out[6 + i, 6 + i], out[6 + i, 8 + i], out[6 + i, 10 + i] = lag[0][i], lag[1][i], lag[2][i]
+        out[6 + i, 6 + i], out[6 + i, 8 + i], out[6 + i, 10 + i] = lag.keep[i], lag.by_now[i], lag.by_next[i]
 
 
 @compiled
-def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: tuple[Any, Any, Any], trapezoid: bool,
+def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: Lags, trapezoid: bool,
                      x_next: Array, jacobian: Array) -> None:  # fmt: skip
     """`steps`, and the derivatives by (x, u, u_next) [n, 8, 12]; by_z: the learnt part's [n, 4, 10]."""
     slopes, rates = _no_slopes(), np.empty(6)
@@ -150,7 +163,7 @@ def linearized_steps(points: Array, g: Array, by_z: Array, p: Constants, lag: tu
 
 
 @compiled
-def curved_steps(points: Array, g: Array, by_z: Array, weights: Array, p: Constants, lag: tuple[Any, Any, Any],
+def curved_steps(points: Array, g: Array, by_z: Array, weights: Array, p: Constants, lag: Lags,
                  trapezoid: bool, sizes: Array, bent: Array, by_g: Array) -> None:  # fmt: skip
     """Second derivatives by (x, u, u_next) [n, 12, 12] of weights [n, 8] times the step, the learnt part linear.
 

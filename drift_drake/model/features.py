@@ -44,6 +44,12 @@ class Network(NamedTuple):
     w_out: Array  # [4, 128, 16]
     b_out: Array  # [4, 16]
     nominal: Constants | None = None  # the car whose tyres are asked; none: the paper's z alone
+    # [10, 10], a typical car's z of the z of a car with other lags (`command_lag`); none: the lags are typical.
+    typical: Array | None = None
+
+    def told(self, z: Array) -> Array:
+        """z [..., 10] as it would be of a typical car."""
+        return z if self.typical is None else z @ self.typical.T
 
 
 def input_scaling(physical: bool) -> tuple[Array, Array]:
@@ -94,7 +100,7 @@ def output_rows(network: Network) -> Array:
 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
-    return feature_outputs(network, hidden_layers(network, all_inputs(z, network.nominal))[1])
+    return feature_outputs(network, hidden_layers(network, all_inputs(network.told(z), network.nominal))[1])
 
 
 class MeanFunction:
@@ -143,12 +149,12 @@ class MeanFunction:
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 10]."""
-        h2 = self._forward(all_inputs(z, self.network.nominal))[1]
+        h2 = self._forward(all_inputs(self.network.told(z), self.network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
-        inputs, by_physics = inputs_and_jacobian(z, self.network.nominal)
+        inputs, by_physics = inputs_and_jacobian(self.network.told(z), self.network.nominal)
         h1, h2, g2, g1 = self._forward(inputs)
         _through_tanh(h2, self._w3[:, None], g2)
         np.matmul(g2.reshape(-1, HIDDEN_COUNT), self._w2_t, out=g1.reshape(-1, HIDDEN_COUNT))
@@ -156,6 +162,8 @@ class MeanFunction:
         by_inputs = (g1.reshape(-1, HIDDEN_COUNT) @ self._w1_t).reshape(STATE_COUNT, len(z), -1)
         jacobian = np.zeros((len(z), STATE_COUNT, INPUT_COUNT))
         _gather(by_inputs, _NO_PHYSICS if by_physics is None else by_physics, jacobian)
+        if self.network.typical is not None:
+            jacobian = jacobian @ self.network.typical
         return h2 @ self._w3.T + self._b3, jacobian
 
 
@@ -196,7 +204,8 @@ class FeatureExpansion:
     """
 
     def __init__(self, network: Network, z: Array) -> None:
-        inputs, self._by_physics = inputs_and_jacobian(z, network.nominal)
+        self._told = network.told(z)
+        inputs, self._by_physics = inputs_and_jacobian(self._told, network.nominal)
         self._network, self.z = network, z
         self._h1, self._h2 = hidden_layers(network, inputs)
         self.phi = feature_outputs(network, self._h2)
@@ -217,6 +226,8 @@ class FeatureExpansion:
         first[:, : len(by_inputs)] = by_inputs[:INPUT_COUNT]
         if self._by_physics is not None:
             first += _rows_times(np.ascontiguousarray(np.swapaxes(self._by_physics, 1, 2)), by_inputs[INPUT_COUNT:])
+        if network.typical is not None:
+            first = network.typical.T @ first
         return first, _rows_times(first * (1.0 - self._h1**2)[:, None], network.w2)
 
     def second(self, weights: Array) -> Array:
@@ -227,7 +238,8 @@ class FeatureExpansion:
         found = _bent(second, -2.0 * self._h2 * by_h2) + _bent(first, -2.0 * self._h1 * by_h1)
         if network.nominal is not None:
             by_inputs = by_h1 @ network.w1.T / network.input_scale
-            found += physical_curvature(self.z, by_inputs[:, INPUT_COUNT:], network.nominal)
+            bent = physical_curvature(self._told, by_inputs[:, INPUT_COUNT:], network.nominal)
+            found += bent if network.typical is None else network.typical.T @ bent @ network.typical
         return found
 
 

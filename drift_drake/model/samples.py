@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line
-from drift_drake.model.command_lag import lagged_commands
+from drift_drake.model.command_lag import LAG, lagged_commands
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import replacing
 from drift_drake.vehicle.bicycle import INPUTS, STATES
@@ -145,16 +145,18 @@ class CurvatureLookup(Protocol):
 
 
 def samples_from_log(
-    table: pd.DataFrame, path: CurvatureLookup | None, vehicle: int, drive: int, phase: int = 0
+    table: pd.DataFrame, path: CurvatureLookup | None, vehicle: int, drive: int, phase: int = 0, lag: Array = LAG
 ) -> Samples:
     """Every tenth row of a log, from row `phase` on, as samples.
 
     Args:
         table: rows 0.01 s apart with t, the six measured states, s, delta_cmd and tau_cmd.
         path: that e, dphi and s refer to; None for a straight one (of no curvature).
+        lag: of steering and torque [s], which the lagged commands are behind.
     """
     commands = table[[f"{name}_cmd" for name in INPUTS]].to_numpy()
-    states = np.concatenate([table[list(STATES)].to_numpy(), lagged_commands(table["t"].to_numpy(), commands)], axis=1)
+    lagged = lagged_commands(table["t"].to_numpy(), commands, lag)
+    states = np.concatenate([table[list(STATES)].to_numpy(), lagged], axis=1)
     states, commands = states[phase::DECIMATION], commands[phase::DECIMATION]
     count = max(0, len(states) - 1)
     if path is None:

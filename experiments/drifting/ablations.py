@@ -134,8 +134,9 @@ def driven_samples(path: Path) -> Samples:
 
 
 def all_beliefs(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dict[Attempt, dict[str, Posterior]]:
-    """What is believed of each vehicle in each learnt variant."""
+    """What is believed of each vehicle in each learnt variant, all of them of typical lags."""
     wanted = frozenset({"twice_info"})
+    config = dataclasses.replace(config, gathering=dataclasses.replace(config.gathering, learn_lags=False))
     weighted = config.gathered(wanted, learnt, folder)
     (folder / "full_weight").mkdir(exist_ok=True)
     full = config.gathered(
@@ -150,8 +151,8 @@ def all_beliefs(config: DriftConfig, learnt: BayesianModel, folder: Path) -> dic
         attempt: {
             "prior": prior,
             "online": prior,
-            "twice_info": weighted[attempt].best,
-            "twice_info_full": full[attempt].best,
+            "twice_info": weighted[attempt].after(learnt)[1],
+            "twice_info_full": full[attempt].after(learnt)[1],
             "own_drift": learn(learnt, prior, samples[attempt]),
             "own_drift_flat": learn(learnt, flat, samples[attempt]),
         }

@@ -73,7 +73,7 @@ def ladder(between: Sequence[str] = ()) -> list[Rung]:
         between: names of the models between the two.
     """
     change = dataclasses.replace
-    paper, shipped = as_in_paper(GatheringConfig()), GatheringConfig()
+    paper, shipped = as_in_paper(GatheringConfig()), change(GatheringConfig(), learn_lags=False)
     bounded = change(paper, bounded=True, ends_straight=True)
     weighed = change(bounded, fixed_alpha=False)
     for_drifts = change(weighed, objective_later="drifts")
@@ -92,6 +92,8 @@ def ladder(between: Sequence[str] = ()) -> list[Rung]:
         Rung("model", "the shipped model, the paper's gathering", PREDICTING, "shipped", paper, "trapezoid"),
         Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "online", "twice_online"), "shipped",
              shipped, "trapezoid"),
+        Rung("lags", "+ the lags that make the drives likeliest", (*PREDICTING[2:], "twice_online"), "shipped",
+             GatheringConfig(), "trapezoid"),
     ]  # fmt: skip
 
 

@@ -225,7 +225,7 @@ class Believing(NamedTuple):
         if model in BELIEFS:
             assert taught is not None
             wanted = "twice_info" if BELIEFS[model] == "identified" else BELIEFS[model]
-            belief = taught.beliefs.get(wanted, taught.beliefs.get("once_info", belief))
+            learnt, belief = taught.after(learnt, wanted)
             labels["second_plan"] = "twice_info" in taught.beliefs or wanted != "twice_info"
             if taught.surprise is not None and self.usual is not None:
                 labels["refused"] = taught.surprise > self.usual.surprise.limit()
@@ -246,7 +246,7 @@ class Believing(NamedTuple):
         if found is not None and found.car is not None and (model == "identified" or believed == "identified"):
             return labels, found.car
         if believed == "learnt":
-            return labels, Learnt(self.learnt, taught.best, path_step=self.path_step)
+            return labels, Learnt(*taught.after(self.learnt), path_step=self.path_step)
         return labels, self("broad", None)[1]
 
 

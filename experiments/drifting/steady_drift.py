@@ -114,7 +114,7 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
     }
     rows = []
     for vehicle, seed in config.attempts():
-        twice = step_model(learnt, gathered[vehicle, seed].best)
+        twice = step_model(*gathered[vehicle, seed].after(learnt))
         states = shared | {
             "twice_info": steady_drift(twice, start),
             "true": steady_drift(EffectsStepModel(parameters, config.effects(vehicle)), start),

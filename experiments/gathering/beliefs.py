@@ -1,5 +1,5 @@
-"""What the gathering of each attempt has taught, in a file an attempt: beliefs, the first drive's surprise, and the car
-that both informative drives identify."""
+"""What the gathering of each attempt has taught, in a file an attempt: beliefs, lags, the first drive's surprise, and
+the car that both informative drives identify. Plans are made with what is believed of a car of typical lags."""
 
 import dataclasses
 import json
@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Findings, IdentifiedCar, ask, runs_of, squared_distances
 from drift_drake.gathering.config import GatheringConfig, lane
-from drift_drake.gathering.gather import drive_samples, gather, learn_drive
+from drift_drake.gathering.gather import drive_samples, gather, learn_drive, learn_with_lags
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
@@ -42,11 +43,17 @@ class Taught:
         float | None
     )  # mean squared distance of the first informative drive (`gathering.choice`); None without one
     findings: Findings | None = None  # of the informative drives, where the car that they identify was wanted
+    lags: dict[str, Array] = dataclasses.field(default_factory=dict)  # [s] of steering and torque, with each belief
 
-    @property
-    def best(self) -> Posterior:
-        """After the second informative drive; after the first where no second plan was feasible."""
-        return self.beliefs.get("twice_info", self.beliefs["once_info"])
+    def after(self, learnt: BayesianModel, wanted: str = "twice_info") -> tuple[BayesianModel, Posterior]:
+        """(the model with the lags that were found, what it believes) after a kind of gathering.
+
+        After the first informative drive where no second plan was feasible, and the prior without any.
+        """
+        for name in (wanted, "once_info"):
+            if name in self.beliefs:
+                return learnt.with_lag(self.lags.get(name, learnt.lag)), self.beliefs[name]
+        return learnt, learnt.prior()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +73,7 @@ class GatherJob:
 def gather_beliefs(job: GatherJob) -> Taught:
     """What is believed of a vehicle after each kind of gathering; no "twice_info" where no second plan was feasible."""
     learnt, config, prior = job.learnt, job.config, job.learnt.prior()
-    seed, beliefs = job.attempt[1], {}
+    seed, beliefs, lags = job.attempt[1], dict[str, Posterior](), dict[str, Array]()
 
     def drive(trajectory: Trajectory, drive_seed: int, before: Posterior) -> pd.DataFrame:
         plant = plant_of(job.plant, job.effects, lane(config).path)
@@ -77,20 +84,29 @@ def gather_beliefs(job: GatherJob) -> Taught:
         beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed, prior), config)
     if not job.wanted & {"once_info", "twice_info", "identified"}:
         return Taught(beliefs, None)
+
+    def told(name: str, tables: Sequence[pd.DataFrame], typical: Posterior) -> None:
+        """Keeps what is believed after drives, with the lags that they show."""
+        beliefs[name] = typical
+        if config.learn_lags:
+            found, beliefs[name] = learn_with_lags(learnt, tables, config)
+            lags[name] = found.lag
+
     driven = [drive(job.info, seed, prior)]
     surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
-    beliefs["once_info"] = once = learn_drive(learnt, prior, driven[0], config)
+    once = learn_drive(learnt, prior, driven[0], config)
+    told("once_info", driven, once)
     if job.wanted & {"twice_info", "identified"}:
         try:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
-            return Taught(beliefs, surprise)
+            return Taught(beliefs, surprise, lags=lags)
         driven.append(drive(second, SECOND_ROUND + seed, once))
-        beliefs["twice_info"] = learn_drive(learnt, once, driven[1], config)
-    taught = Taught(beliefs, surprise)
+        told("twice_info", driven, learn_drive(learnt, once, driven[1], config))
+    taught = Taught(beliefs, surprise, lags=lags)
     if "identified" not in job.wanted:
         return taught
-    return dataclasses.replace(taught, findings=ask(learnt, taught.best, runs_of(driven), learnt.vehicle))
+    return dataclasses.replace(taught, findings=ask(*taught.after(learnt), runs_of(driven), learnt.vehicle))
 
 
 def gather_all(
@@ -121,6 +137,7 @@ def gather_all(
                 for name, belief in taught.beliefs.items()
                 for field, value in belief._asdict().items()
             }
+            arrays |= {f"{name}.lag": lag for name, lag in taught.lags.items()}
             arrays["surprise"] = np.nan if taught.surprise is None else taught.surprise
             arrays["findings"] = "" if taught.findings is None else json.dumps(_plain(taught.findings))
             write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
@@ -138,10 +155,11 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
             raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
         names = {key.split(".")[0] for key in stored.files if "." in key}
         beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
+        lags = {key.split(".")[0]: stored[key] for key in stored.files if key.endswith(".lag")}
         surprise, text = float(stored["surprise"]), str(stored["findings"])
         wanted = frozenset(str(name) for name in stored["wanted"])
     findings = _findings(json.loads(text), path) if text else None
-    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, findings)
+    return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, findings, lags)
 
 
 def _plain(findings: Findings) -> dict[str, Any]:

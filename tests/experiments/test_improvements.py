@@ -78,8 +78,8 @@ def test_checkpoints_between_the_two_are_rungs_of_their_own(tmp_path: Path) -> N
     assert load_model(found["tyres"]).content_hash() == load_model(paper_checkpoint()).content_hash()
     assert load_model(found["tyres"]).drifts is not None
     rungs = ladder(list(names_between(config)))
-    assert [rung.name for rung in rungs][-4:] == ["memory", "tyres", "model", "shipped"]
-    assert (rungs[-4].gathering, rungs[-4].path_step) == (rungs[-1].gathering, rungs[-1].path_step)
+    assert [rung.name for rung in rungs][-5:] == ["memory", "tyres", "model", "shipped", "lags"]
+    assert (rungs[-5].gathering, rungs[-5].path_step) == (rungs[-2].gathering, rungs[-2].path_step)
 
 
 @pytest.mark.parametrize(

@@ -5,18 +5,29 @@ import pytest
 
 from drift_drake.gathering.information import StageInformation, UpdatedInformation
 from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, euler_step, residual
-from drift_drake.model.command_lag import LAG, LAGGED
+from drift_drake.model.command_lag import LAG, LAGGED, as_of_typical_car
 from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import StepModel
 
 CAR = VehicleParameters().constants()
+OTHER_LAG = np.array([0.2, 0.03])
 
 
-@pytest.fixture(scope="module", params=["z alone", "with physical inputs"])
+@pytest.fixture(scope="module", params=["z alone", "with physical inputs", "of other lags"])
 def network(request, random_network: Network, physical_network: Network) -> Network:
+    if request.param == "of other lags":
+        return physical_network._replace(typical=as_of_typical_car(OTHER_LAG, 0.1))
     return random_network if request.param == "z alone" else physical_network
+
+
+def lag_of(network: Network) -> np.ndarray:
+    return LAG if network.typical is None else OTHER_LAG
+
+
+def model_of(network: Network, theta: np.ndarray, path_step: PathStep = "trapezoid") -> BayesianStepModel:
+    return BayesianStepModel(network, theta, CAR, path_step, lag_of(network))
 
 
 @pytest.fixture(scope="module")
@@ -38,31 +49,45 @@ def horizon(count: int = 45) -> tuple[np.ndarray, ...]:
 
 def test_step_is_euler_of_the_nominal_car_plus_the_learnt_part(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon()
-    step = BayesianStepModel(network, theta, CAR, path_step="euler").step(x, u, u_next, curvature)
-    expected = x[:, :6] + 0.1 * derivatives(x[:, :6], u, curvature, CAR)
+    step = model_of(network, theta, "euler").step(x, u, u_next, curvature)
+    given = x[:, LAGGED] + LAG / lag_of(network) * (u - x[:, LAGGED])  # to a car of typical lags
+    expected = x[:, :6] + 0.1 * derivatives(x[:, :6], given, curvature, CAR)
     expected[:, 3] = 0.0
-    np.testing.assert_allclose(euler_step(x[:, :6], u, curvature, CAR), expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(euler_step(x[:, :6], given, curvature, CAR), expected, rtol=0, atol=1e-12)
     learnt = np.sum(theta * features(network, network_inputs(x, u, u_next)), axis=-1)
     expected[:, :4] += learnt
     np.testing.assert_allclose(step[:, :6], expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(residual(x, u, step, CAR), learnt, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(residual(x, u, step, CAR, lag_of(network)), learnt, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
 def test_the_lagged_commands_run_after_the_commands(network: Network, theta: np.ndarray, path_step: PathStep) -> None:
     x, u, u_next, curvature = horizon()
-    step = BayesianStepModel(network, theta, CAR, path_step=path_step).step(x, u, u_next, curvature)
+    step = model_of(network, theta, path_step).step(x, u, u_next, curvature)
     lagged, fine = x[:, LAGGED], 10_000
-    for k in range(fine):  # implicit midpoint steps of LAG d lagged/dt = command - lagged
+    for k in range(fine):  # implicit midpoint steps of lag d lagged/dt = command - lagged
         command = u + (k + 0.5) / fine * (u_next - u)
-        ratio = 0.1 / fine / LAG
+        ratio = 0.1 / fine / lag_of(network)
         lagged = ((1.0 - 0.5 * ratio) * lagged + ratio * command) / (1.0 + 0.5 * ratio)
     np.testing.assert_allclose(step[:, LAGGED], lagged, rtol=1e-7, atol=1e-9)
 
 
+def test_a_car_of_other_lags_is_a_typical_one_given_other_commands(
+    physical_network: Network, theta: np.ndarray
+) -> None:
+    """The same states, road wheel and engine torque at both ends of the step: the same motion."""
+    x, u, u_next, curvature = horizon()
+    other = physical_network._replace(typical=as_of_typical_car(OTHER_LAG, 0.1))
+    step = model_of(other, theta).step(x, u, u_next, curvature)
+    given, given_next = (a + LAG / OTHER_LAG * (c - a) for a, c in ((x[:, LAGGED], u), (step[:, LAGGED], u_next)))
+    typical = model_of(physical_network, theta).step(x, given, given_next, curvature)
+    np.testing.assert_allclose(step[:, :6], typical[:, :6], rtol=0, atol=1e-12)
+    assert np.abs(step[:, :4] - model_of(physical_network, theta).step(x, u, u_next, curvature)[:, :4]).max() > 0.01
+
+
 @pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
 def test_jacobians_equal_finite_differences(network: Network, theta: np.ndarray, path_step: PathStep) -> None:
-    model = BayesianStepModel(network, theta, CAR, path_step=path_step)
+    model = model_of(network, theta, path_step)
     x, u, u_next, curvature = horizon()
     value, a, b, b_next = model.linearize(x, u, u_next, curvature)
     np.testing.assert_allclose(value, model.step(x, u, u_next, curvature), rtol=0, atol=1e-13)
@@ -84,7 +109,7 @@ def test_jacobians_equal_finite_differences(network: Network, theta: np.ndarray,
 def test_the_weighted_curvature_is_the_weighted_jacobians_derivative(
     network: Network, theta: np.ndarray, path_step: PathStep
 ) -> None:
-    model = BayesianStepModel(network, theta, CAR, path_step=path_step)
+    model = model_of(network, theta, path_step)
     x, u, u_next, curvature = horizon()
     weights = np.random.default_rng(8).normal(size=(45, 8)) / np.array([1, 10, 1, 10, 1, 1, 1, 100])
     variables, scales = np.hstack([x, u, u_next]), np.array([1, 10, 1, 10, 1, 1, 1, 100, 1, 100, 1, 100.0])
@@ -100,7 +125,7 @@ def test_the_weighted_curvature_is_the_weighted_jacobians_derivative(
 
 def test_the_expanded_model_is_the_same(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon()
-    model = BayesianStepModel(network, theta, CAR)
+    model = model_of(network, theta)
     np.testing.assert_allclose(
         model.expanded().step(x, u, u_next, curvature), model.step(x, u, u_next, curvature), rtol=0, atol=1e-12
     )
@@ -117,7 +142,7 @@ def test_the_expanded_model_is_the_same(network: Network, theta: np.ndarray) -> 
 def test_second_derivatives_with_a_cost_are_the_sum(network: Network, theta: np.ndarray, updated: bool) -> None:
     """Whether the cost's features are the model's own or taken by themselves."""
     x, u, u_next, curvature = horizon(9)
-    model, weights = BayesianStepModel(network, theta, CAR), np.random.default_rng(8).normal(size=(9, 8))
+    model, weights = model_of(network, theta), np.random.default_rng(8).normal(size=(9, 8))
     kind = UpdatedInformation if updated else StageInformation
     apart = kind(network, 0.1 * np.eye(64), 1.7).expansion(x, u, u_next)
     own = kind(network, 0.1 * np.eye(64), 1.7, model.expansions).expansion(x, u, u_next)
@@ -129,18 +154,18 @@ def test_second_derivatives_with_a_cost_are_the_sum(network: Network, theta: np.
 
 def test_another_theta_changes_the_step_and_not_the_first_model(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon(10)
-    model = BayesianStepModel(network, theta, CAR)
+    model = model_of(network, theta)
     before = model.step(x, u, u_next, curvature)
     np.testing.assert_array_equal(
         model.with_theta(2.0 * theta).step(x, u, u_next, curvature),
-        BayesianStepModel(network, 2.0 * theta, CAR).step(x, u, u_next, curvature),
+        model_of(network, 2.0 * theta).step(x, u, u_next, curvature),
     )
     np.testing.assert_array_equal(model.step(x, u, u_next, curvature), before)
 
 
 def test_an_offset_moves_the_learnt_states_and_what_follows_from_them(network: Network, theta: np.ndarray) -> None:
     x, u, u_next, curvature = horizon(10)
-    model, offset = BayesianStepModel(network, theta, CAR), np.array([0.02, -0.05, 0.01, 0.1])
+    model, offset = model_of(network, theta), np.array([0.02, -0.05, 0.01, 0.1])
     moved = model.with_theta(np.append(theta.ravel(), offset))
     difference = moved.step(x, u, u_next, curvature) - model.step(x, u, u_next, curvature)
     np.testing.assert_allclose(difference[:, :4], np.tile(offset, (10, 1)), atol=1e-12)

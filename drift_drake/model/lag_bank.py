@@ -1,0 +1,57 @@
+"""Which lags of steering and torque a car has, asked of its drives: a bank of them, weighed by their evidence.
+
+Under each pair of lags (`command_lag`) the learnt model is a Bayesian linear regression of its own, whose evidence,
+what it expected of the samples before it had learnt from them, is in closed form (Bishop 2006, section 3.5.1). The last
+layer cannot learn a lag far from a typical car's: its features are of commands as a typical car follows them.
+"""
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from drift_drake.arrays import Array
+from drift_drake.model.bayesian_step import regression_points
+from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.model.command_lag import LAG
+from drift_drake.model.posterior import Posterior, update_all
+from drift_drake.model.samples import Samples
+
+STEERING = (0.02, 0.03, float(LAG[0]), 0.07, 0.1, 0.15, 0.2, 0.25, 0.3)  # [s]
+TORQUE = (0.02, 0.03, 0.05, 0.075, float(LAG[1]), 0.15, 0.2, 0.3)
+
+
+def log_evidence(before: Posterior, after: Posterior, sigma: Array, y: Array, weight: Array) -> float:
+    """Log density [nat] of residuals y [n, 4] under the belief before them, less what does not depend on the features.
+
+    A sample that counts with a weight w [4] enters by the w-th power of its density, as it does in the posterior.
+    """
+    told = np.sum(weight * (y / sigma) ** 2)
+    quadratic = [np.sum(belief.q * belief.mean / sigma[:, None]) for belief in (before, after)]
+    volume = [np.linalg.slogdet(belief.covariance)[1] for belief in (before, after)]
+    return float(0.5 * (volume[1] - volume[0] - told - quadratic[0] + quadratic[1]))
+
+
+def evidence_of_lags(
+    model: BayesianModel, samples_of: Callable[[Array], Samples], steering: tuple[float, ...] = STEERING,
+    torque: tuple[float, ...] = TORQUE,
+) -> dict[tuple[float, float], float]:  # fmt: skip
+    """`log_evidence` by (steering, torque) lag [s].
+
+    Args:
+        samples_of: the drives' samples, their lagged commands behind lags [2] [s].
+    """
+    found, prior = {}, model.prior()
+    for pair in product(steering, torque):
+        under = model.with_lag(np.array(pair))
+        samples = samples_of(under.lag)
+        phi, y = regression_points(under, samples.x, samples.u, samples.u_next, samples.x_next)
+        after = update_all(prior, model.sigma, phi, y, model.sample_weight)
+        found[pair] = log_evidence(prior, after, model.sigma, y, model.sample_weight)
+    return found
+
+
+def with_likeliest_lag(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> BayesianModel:
+    """The model with the lags under which its drives are likeliest; see `evidence_of_lags`."""
+    evidence = evidence_of_lags(model, samples_of)
+    return model.with_lag(np.array(max(evidence, key=lambda pair: evidence[pair])))

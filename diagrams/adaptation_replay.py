@@ -26,8 +26,7 @@ from drift_drake.logs.table import InvalidLogError, Run, read_run
 from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.command_lag import CommandLag, lagged_commands
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import TIME_STEP, CommandLag, lagged_commands
 from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
 from drift_drake.model.posterior import covariance_norms, state_norms
 from drift_drake.pictures.graph import draw_graph

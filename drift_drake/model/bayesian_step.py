@@ -11,6 +11,7 @@ have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
   0.091 to 0.012 rad (`experiments.model.quality`). The closed loop uses this one.
 """
 
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -18,8 +19,8 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import LAG, LAGGED, CommandLag, lag_factors
-from drift_drake.model.compiled_step import TIME_STEP, Lags, curved_steps, linearized_steps, steps, trapezoid_path
+from drift_drake.model.command_lag import LAG, LAGGED, TIME_STEP, CommandLag, lag_factors
+from drift_drake.model.compiled_step import Lags, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.features import (
     MEAN_COUNT,
     STATE_COUNT,
@@ -31,6 +32,7 @@ from drift_drake.model.features import (
     OfFeatures,
     features,
     network_inputs,
+    of_lags,
     places_of_inputs,
 )
 from drift_drake.vehicle.bicycle import linearize
@@ -72,6 +74,13 @@ def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x
     return phi, residual(x, u, x_next, model.vehicle.constants(), model.lag)
 
 
+@cache
+def lags_of(*lag: float) -> Lags:
+    """The factors of a step under lags of steering and torque [s]."""
+    pair = np.array(lag)
+    return Lags(*lag_factors(TIME_STEP, pair), LAG / pair)
+
+
 class BayesianStepModel(StepModel):
     """One step of the learnt car over the arrays of a horizon, for one theta.
 
@@ -94,20 +103,25 @@ class BayesianStepModel(StepModel):
         self._mean: MeanFunction | ExpandedMean = MeanFunction(network, theta)
         self.expansions = Expansions(network)
         self._nominal = nominal
-        self.lag, self._lag = lag, Lags(*lag_factors(TIME_STEP, lag), LAG / lag)
+        self.lag, self._lag = lag, lags_of(*lag)
         self._trapezoid = path_step == "trapezoid"
         self._offset = np.zeros(STATE_COUNT)
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
         """The model with another theta [4, 16] or [64] (the features and work arrays are shared).
 
-        Four numbers more [68] are an offset of the learnt states over a step, beside what theta says of it.
+        Four numbers more [68] are an offset of the learnt states over a step, beside what theta says of it; two more
+        [70] the lags of steering and torque [s].
         """
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
-        last_layer, offset = np.split(np.ravel(theta), [MEAN_COUNT])
+        last_layer, offset, lag = np.split(np.ravel(theta), [MEAN_COUNT, MEAN_COUNT + STATE_COUNT])
         other._mean = self._mean.with_theta(last_layer.reshape(STATE_COUNT, -1))
         other._offset = offset if offset.size else np.zeros(STATE_COUNT)
+        if lag.size and not np.array_equal(lag, self.lag):
+            other.lag, other._lag = lag, lags_of(*lag)
+            other._mean = other._mean.with_network(of_lags(self._mean.network, lag))
+            other.expansions = Expansions(other._mean.network)
         return other
 
     def expanded(self) -> "BayesianStepModel":

@@ -11,8 +11,7 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError, one_line, shown
-from drift_drake.model.command_lag import LAG, as_of_typical_car
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import LAG
 from drift_drake.model.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -21,6 +20,7 @@ from drift_drake.model.features import (
     STATE_COUNT,
     Network,
     input_scaling,
+    of_lags,
 )
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
 from drift_drake.plain_files import check_file, parse_json
@@ -57,12 +57,12 @@ class BayesianModel:
 
     def with_lag(self, lag: Array) -> "BayesianModel":
         """The model of a car with other lags of steering and torque [2] [s] (`command_lag`)."""
-        typical = None if np.array_equal(lag, LAG) else as_of_typical_car(lag, TIME_STEP)
-        drifts = self.drifts
+        network, drifts = of_lags(self.network, lag), self.drifts
         if drifts is not None:
             drifts = self.network.told(drifts)
-            drifts = drifts if typical is None else np.asarray(np.linalg.solve(typical, drifts.T).T, dtype=float)
-        return dataclasses.replace(self, network=self.network._replace(typical=typical), drifts=drifts, lag=lag)
+            if network.typical is not None:
+                drifts = np.asarray(np.linalg.solve(network.typical, drifts.T).T, dtype=float)
+        return dataclasses.replace(self, network=network, drifts=drifts, lag=lag)
 
     def prior(self) -> Posterior:
         """The belief before any data of the vehicle at hand."""

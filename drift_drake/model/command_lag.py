@@ -22,6 +22,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.arrays import Array
 
 Numbers = NDArray[np.floating[Any]]
+TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
 LAG = np.array([0.05, 0.10])  # [s] of steering and torque: the middle of the training population's
 LAGGED = slice(6, 8)  # where the lagged commands stand in the learnt model's state
 
@@ -67,39 +68,41 @@ def lagged_commands(t: Numbers, u: Numbers, lag: Numbers = LAG) -> Array:
 class CommandLag(LeafSystem):
     """Runs the lags along the commands in force.
 
-    Input port: command [2]. Output port: lagged_command [2], (delta, tau) now.
-    State in the Context, each `period`: time, lagged commands and command of the last tick. The lags start settled, and
+    Input port: command [2]. Output port: lagged_command [2 K], (delta, tau) now behind each pair of lags.
+    State in the Context, each `period`: time, command and lagged commands of the last tick. The lags start settled, and
     do so anew after a command that is not finite.
     """
 
     def __init__(self, period: float = 0.01, lag: Array = LAG) -> None:
-        """Args: period: of the ticks [s]; lag: of steering and torque [s]."""
+        """Args: period: of the ticks [s]; lag: of steering and torque [2], or K of such pairs [K, 2] [s]."""
         LeafSystem.__init__(self)
         self._period = period
-        self._factors = lag_factors(period, lag)
+        self._factors = tuple(np.atleast_2d(factor) for factor in lag_factors(period, lag))
+        size = self._factors[0].size
         self._command = self.DeclareVectorInputPort("command", 2)
-        held = self.DeclareDiscreteState(np.full(5, np.nan))
+        held = self.DeclareDiscreteState(np.full(3 + size, np.nan))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self.DeclareVectorOutputPort(
             "lagged_command",
-            2,
+            size,
             self._calc_lagged,
             prerequisites_of_calc={self._command.ticket(), self.discrete_state_ticket(held), self.time_ticket()},
         )
 
     def _now(self, context: Context) -> Array:
-        """(time, lagged commands, command) at this tick."""
+        """(time, command, lagged commands) at this tick."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if t - held[0] < 0.5 * self._period:
             return held
         command = self._command.Eval(context)
-        if not np.isfinite(held).all():  # the first tick, or after a broken command
-            return np.concatenate([[t], command, command])
         keep, by_now, by_next = self._factors
-        return np.concatenate([[t], keep * held[1:3] + by_now * held[3:] + by_next * command, command])
+        if not np.isfinite(held).all():  # the first tick, or after a broken command
+            return np.concatenate([[t], command, np.tile(command, len(keep))])
+        lagged = keep * held[3:].reshape(-1, 2) + by_now * held[1:3] + by_next * command
+        return np.concatenate([[t], command, lagged.ravel()])
 
     def _calc_lagged(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._now(context)[1:3])
+        output.SetFromVector(self._now(context)[3:])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         discrete.set_value(self._now(context))

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.arrays import Array
+from drift_drake.model.command_lag import TIME_STEP
 from drift_drake.model.features import STATE_COUNT
 from drift_drake.vehicle.bicycle import linearize_point
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
 
-TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
 PLACE_IN_Z = (0, 1, 2, 3, -1, -1, 8, 9, 4, 5, 6, 7)  # of each of (x, u, u_next); none of e and dphi
 
 

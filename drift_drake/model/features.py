@@ -8,14 +8,14 @@ both or neither. The output layers are linear, so theta folds into them: for the
 become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
-from drift_drake.model.command_lag import LAGGED
+from drift_drake.model.command_lag import LAG, LAGGED, TIME_STEP, as_of_typical_car
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_curvature, with_physical_inputs
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
@@ -50,6 +50,16 @@ class Network(NamedTuple):
     def told(self, z: Array) -> Array:
         """z [..., 10] as it would be of a typical car."""
         return z if self.typical is None else z @ self.typical.T
+
+
+def of_lags(network: Network, lag: Array) -> Network:
+    """A network that is told of a car with other lags of steering and torque [2] [s]."""
+    return network._replace(typical=_typical(*lag))
+
+
+@cache
+def _typical(*lag: float) -> Array | None:
+    return None if np.array_equal(lag, LAG) else as_of_typical_car(np.array(lag), TIME_STEP)
 
 
 def input_scaling(physical: bool) -> tuple[Array, Array]:
@@ -129,6 +139,13 @@ class MeanFunction:
         other = object.__new__(MeanFunction)
         other.__dict__.update(self.__dict__)
         other._fold(theta)
+        return other
+
+    def with_network(self, network: Network) -> "MeanFunction":
+        """The same with a network that differs in its lags alone (`of_lags`)."""
+        other = object.__new__(MeanFunction)
+        other.__dict__.update(self.__dict__)
+        other.network = network
         return other
 
     def _forward(self, inputs: Array) -> tuple[Array, ...]:
@@ -282,6 +299,10 @@ class ExpandedMean:
     def with_theta(self, theta: Array) -> "ExpandedMean":
         """The same features under another theta [4, 16]."""
         return ExpandedMean(self._expansions, theta)
+
+    def with_network(self, network: Network) -> "ExpandedMean":
+        """The same with a network that differs in its lags alone (`of_lags`)."""
+        return ExpandedMean(Expansions(network), self.theta)
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 10]."""

@@ -19,6 +19,9 @@ from drift_drake.model.samples import Samples
 
 STEERING = (0.02, 0.03, float(LAG[0]), 0.07, 0.1, 0.15, 0.2, 0.25, 0.3)  # [s]
 TORQUE = (0.02, 0.03, 0.05, 0.075, float(LAG[1]), 0.15, 0.2, 0.3)
+_COARSE = product((0.02, 0.05, 0.1, 0.15, 0.2, 0.3), (0.03, 0.1, 0.2))
+BANK = np.array([LAG, *(pair for pair in _COARSE if pair != tuple(LAG))])
+"""[18, 2] [s], for learning while driving; a typical car's first. What is between two the last layer takes."""
 
 
 def log_evidence(before: Posterior, after: Posterior, sigma: Array, y: Array, weight: Array) -> float:

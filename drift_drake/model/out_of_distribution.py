@@ -18,7 +18,7 @@ from drift_drake.arrays import Array
 from drift_drake.model.adapter import MEASURED_COUNT
 from drift_drake.model.bayesian_step import regression_points
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import TIME_STEP
 from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.model.posterior import Posterior, mahalanobis, predict
 

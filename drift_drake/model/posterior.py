@@ -49,7 +49,17 @@ def from_precision(mean: Array, precision: Array, sigma: Array) -> Posterior:
 
 
 def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
-    """One sample more: eq. (5), the four states one after the other.
+    """One sample more: eq. (5). See `update_and_density`."""
+    return update_and_density(posterior, sigma, phi, y, weight)[0]
+
+
+def update_and_density(
+    posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0
+) -> tuple[Posterior, float]:
+    """(the belief after one sample more, eq. (5); the log density [nat] of the sample by the belief before).
+
+    The four states come one after the other. Of the density what does not depend on the belief is left out; a sample
+    that counts with a weight enters by that power of its density.
 
     The covariance is updated in Joseph's form, (I - K h^T) P (I - K h^T)^T + K K^T with K = P h / (1 + h^T P h) and h
     the features of one state, zero elsewhere, which equals eq. (5a) and keeps P symmetric and positive definite under
@@ -59,20 +69,47 @@ def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Arr
         sigma: noise scales [4]; phi: features [4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [4];
             weight: of the sample, for each state or for all.
     """
-    weight = np.broadcast_to(weight, np.shape(sigma))
-    phi, y = np.sqrt(weight)[:, None] * phi, np.sqrt(weight) * y / sigma
-    covariance, shape = posterior.covariance, posterior.mean.shape
-    mean = (posterior.mean / sigma[:, None]).ravel()
-    for i, h in enumerate(phi):
-        own = slice(i * shape[1], (i + 1) * shape[1])
-        p_h = np.einsum("fg,g->f", covariance[:, own], h)
-        gain = p_h / (1.0 + np.sum(h * p_h[own]))
-        mean = mean + gain * (y[i] - np.sum(mean[own] * h))
+    root = np.sqrt(np.broadcast_to(weight, np.shape(sigma)))
+    phi, y = root[:, None] * phi, root * y / sigma
+    mean, covariance = posterior.mean / sigma[:, None], posterior.covariance.copy()
+    density = _take_in(mean.ravel(), covariance, phi, y)
+    return Posterior(mean * sigma[:, None], covariance, posterior.q + y[:, None] * phi), density
+
+
+@compiled
+def _take_in(mean: Array, covariance: Array, phi: Array, y: Array) -> float:
+    """Updates theta / sigma's mean [64] and covariance by the weighted features [4, 16] and residuals of one sample."""
+    states, width = phi.shape
+    count, density = states * width, 0.0
+    p_h, gain, reduced_h = np.empty(count), np.empty(count), np.empty(count)
+    reduced = np.empty((count, count))
+    for i in range(states):
+        h, own = phi[i], i * width
+        for f in range(count):
+            p_h[f] = 0.0
+            for g in range(width):
+                p_h[f] += covariance[f, own + g] * h[g]
+        variance, innovation = 1.0, y[i]
+        for g in range(width):
+            variance += h[g] * p_h[own + g]
+            innovation -= mean[own + g] * h[g]
+        density -= 0.5 * (np.log(variance) + innovation * innovation / variance)
+        for f in range(count):
+            gain[f] = p_h[f] / variance
+            mean[f] += gain[f] * innovation
         # With A = P - K p_h^T, Joseph's form is A - (A h) K^T + K K^T.
-        reduced = covariance - gain[:, None] * p_h
-        reduced_h = np.einsum("fg,g->f", reduced[:, own], h)
-        covariance = _symmetric(reduced + (gain - reduced_h)[:, None] * gain)
-    return Posterior(mean.reshape(shape) * sigma[:, None], covariance, posterior.q + y[:, None] * phi)
+        for f in range(count):
+            reduced_h[f] = 0.0
+            for g in range(count):
+                reduced[f, g] = covariance[f, g] - gain[f] * p_h[g]
+            for g in range(width):
+                reduced_h[f] += reduced[f, own + g] * h[g]
+        for f in range(count):
+            for g in range(f + 1):
+                one = reduced[f, g] + (gain[f] - reduced_h[f]) * gain[g]
+                other = reduced[g, f] + (gain[g] - reduced_h[g]) * gain[f]
+                covariance[f, g] = covariance[g, f] = 0.5 * (one + other)
+    return density
 
 
 def update_all(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:

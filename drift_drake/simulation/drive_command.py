@@ -13,6 +13,7 @@ from drift_drake.control.interior_point import attempt
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.checkpoint import broad_checkpoint, load_model
+from drift_drake.model.lag_bank import BANK
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
 from drift_drake.monitoring.live_page import shown_while
@@ -93,7 +94,8 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
-        adapter = BayesianAdapter(learnt, offset_time=offset_time) if config.model != "prior" else None
+        lags = BANK if config.control.tightening == 0.0 else None
+        adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=lags) if config.model != "prior" else None
     effects = config.effects()
     plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]

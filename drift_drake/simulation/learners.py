@@ -2,12 +2,12 @@
 
 from typing import NamedTuple
 
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from drift_drake.control.controller import Controller, MpcController
 from drift_drake.control.tightening import LaneTightening
 from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.features import MEAN_COUNT, STATE_COUNT
+from drift_drake.model.command_lag import CommandLag
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.vehicle.step_model import StepModel
 
@@ -18,8 +18,10 @@ def lane_tightening(
     """What narrows the lane by `kappa` standard deviations of the adapter's belief; None where it is not narrowed.
 
     Raises:
-        ValueError: a detector, or a tightened lane, without an adapter.
+        ValueError: a detector, or a tightened lane, without an adapter, or with one of several pairs of lags.
     """
+    if adapter is not None and len(adapter.lags) > 1 and (kappa > 0.0 or detector is not None):
+        raise ValueError("a lane is tightened, and a detector judges, under one pair of lags; give the adapter one")
     if adapter is None:
         for what, wanted in (("the lane is tightened", kappa > 0.0), ("a detector judges", detector is not None)):
             if wanted:
@@ -39,9 +41,7 @@ class Learners(NamedTuple):
     @property
     def theta_size(self) -> int:
         """Length of what the adapter gives the model; 0 without one."""
-        if self.adapter is None:
-            return 0
-        return MEAN_COUNT if self.adapter.offset_time is None else MEAN_COUNT + STATE_COUNT
+        return 0 if self.adapter is None else self.adapter.GetOutputPort("parameters").size()
 
     def connect(
         self,
@@ -78,8 +78,7 @@ class Learners(NamedTuple):
         self._connect_observer(builder, controller, ports)
 
     def _connect_belief(self, builder: DiagramBuilder, controller: MpcController, adapter: BayesianAdapter) -> None:
-        believed = adapter.GetOutputPort("posterior_mean" if adapter.offset_time is None else "parameters")
-        builder.Connect(believed, controller.GetInputPort("theta"))
+        builder.Connect(adapter.GetOutputPort("parameters"), controller.GetInputPort("theta"))
         if self.tightening is not None:
             covariance = adapter.GetOutputPort("posterior_covariance")
             builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
@@ -91,17 +90,24 @@ class Learners(NamedTuple):
         self, builder: DiagramBuilder, controller: MpcController, ports: dict[str, OutputPort | None]
     ) -> None:
         """Adds the observer of the model's own states, for a model that has any; `ports`: that it may ask for."""
-        observer = None if self.model is None else self.model.observer(controller.period)
+        observer: LeafSystem | None
+        if self.adapter is not None:
+            observer = CommandLag(controller.period, self.adapter.lags)
+        else:
+            observer = None if self.model is None else self.model.observer(controller.period)
         if observer is None:
             return
         builder.AddNamedSystem("observer", observer)
         for name, port in ports.items():
             if port is not None and observer.HasInputPort(name):
                 builder.Connect(port, observer.GetInputPort(name))
-        builder.Connect(observer.get_output_port(), controller.GetInputPort("memory"))
-        for learner in (self.adapter, self.detector):
-            if learner is not None:
-                builder.Connect(observer.get_output_port(), learner.GetInputPort("lagged_command"))
+        memory = observer.get_output_port()
+        if self.adapter is not None:
+            builder.Connect(memory, self.adapter.GetInputPort("lagged_command"))
+            memory = self.adapter.GetOutputPort("memory")
+        builder.Connect(memory, controller.GetInputPort("memory"))
+        if self.detector is not None:
+            builder.Connect(memory, self.detector.GetInputPort("lagged_command"))
 
 
 def check_planner(learners: Learners, controller: Controller | None) -> None:

@@ -13,8 +13,7 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.model.command_lag import lag_factors
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import TIME_STEP, lag_factors
 from drift_drake.model.features import Network
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, MIN_SPEED, static_loads
 from drift_drake.vehicle.parameters import Constants

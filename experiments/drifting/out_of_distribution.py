@@ -23,7 +23,7 @@ from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import run_jobs
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import TIME_STEP
 from drift_drake.model.out_of_distribution import (
     WINDOW,
     NullDistribution,

@@ -27,6 +27,7 @@ from drift_drake.gathering.config import Recipe
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, broad_checkpoint, load_model
+from drift_drake.model.lag_bank import BANK
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
@@ -49,6 +50,7 @@ BELIEFS: dict[str, str] = {
     "identified": "identified", "chosen": "identified",
 }  # fmt: skip
 ADAPTING = ("online", "offset_free", "broad", "twice_online")
+LEARNING_LAGS = ("online", "offset_free", "broad")  # while driving; the others have them from their gathering
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -107,6 +109,7 @@ class Learnt(NamedTuple):
     adapting: bool = False
     path_step: PathStep = "trapezoid"
     offset_time: float | None = None  # [s] of the adapter's offset
+    lags: bool = False  # the actuators' lags are learnt as it drives
 
 
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
@@ -147,7 +150,8 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         model = step_model(believes.model, believes.belief, believes.path_step)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
-            adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time)
+            lags = BANK if believes.lags and control.tightening == 0.0 else None
+            adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time, lags=lags)
     else:
         if isinstance(believes, IdentifiedCar):
             model = believes.step_model()
@@ -197,7 +201,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
                           config.plant)  # fmt: skip
-    believing = Believing(learnt, config.path_step, usual_for(learnt))
+    believing = Believing(learnt, config.path_step, usual_for(learnt), config.gathering.learn_lags)
     jobs = []
     for vehicle, seed in config.attempts():
         for model in config.models:
@@ -215,6 +219,7 @@ class Believing(NamedTuple):
     learnt: BayesianModel
     path_step: PathStep
     usual: Usual | None  # what is usual for the learnt model, if that was measured
+    learn_lags: bool = True
 
     def __call__(self, model: Model, taught: Taught | None) -> tuple[dict[str, Any], Believes]:
         """(columns of the experiment's table, what is believed) after what the gathering has taught."""
@@ -232,7 +237,8 @@ class Believing(NamedTuple):
             if BELIEFS[model] == "identified":
                 return self._of_drives(model, taught, labels)
         offset_time = OFFSET_TIME if model == "offset_free" else None
-        return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time)
+        lags = self.learn_lags and model in LEARNING_LAGS
+        return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same for `identified` and `chosen`; `broad` where no car was identified or none is known."""

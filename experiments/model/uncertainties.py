@@ -13,7 +13,7 @@ import numpy as np
 
 from drift_drake.model.bayesian_step import euler_step
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.compiled_step import TIME_STEP
+from drift_drake.model.command_lag import TIME_STEP
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import Posterior, predict
 from drift_drake.safe_files import write_figure

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.model.adapter import BayesianAdapter, adapt
+from drift_drake.model.adapter import BayesianAdapter, adapt, adapt_bank
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import LAGGED
@@ -69,7 +69,8 @@ def test_outputs_equal_the_plain_functions(
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
     parameters = adapter.GetOutputPort("parameters").Eval(context)
     np.testing.assert_array_equal(parameters[:64], adapter.GetOutputPort("posterior_mean").Eval(context))
-    np.testing.assert_allclose(parameters[64:], offset, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(parameters[64:68], offset, rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(parameters[68:], learner.lag)
 
 
 def test_a_cloned_context_replays_to_the_bit(replay: tuple[Diagram, BayesianAdapter]) -> None:
@@ -130,7 +131,7 @@ def consistent_rows(model: BayesianModel, count: int) -> list[np.ndarray]:
 def test_without_a_time_there_is_no_offset(learner: BayesianModel) -> None:
     rows = [row + 0.01 * k for k, row in enumerate(consistent_rows(learner, 3))]
     adapter, context = stepped(learner, rows)
-    np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[64:], 0.0)
+    np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[64:68], 0.0)
 
 
 @pytest.mark.parametrize("place", [1, 8])
@@ -189,5 +190,65 @@ def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, re
     for k in (2, 3):  # the samples that end when it is first not trusted, and after
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, x_next = (np.concatenate([row[:6], row[9:11]]) for row in (now, then))
-        posterior, _ = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, DEAF_TO_NOTHING)
+        found = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, DEAF_TO_NOTHING)
+        assert found is not None
+        posterior = found.posterior
     np.testing.assert_allclose(adapter.posterior(context).mean, posterior.mean, rtol=1e-7, atol=1e-10)
+
+
+def test_a_bank_believes_the_lags_that_the_samples_are_likeliest_under(
+    learner: BayesianModel, record: PiecewisePolynomial
+) -> None:
+    """Each pair of lags learns as an adapter of its own would; evidence is the sum of their densities."""
+    lags = np.array([[0.05, 0.1], [0.2, 0.1], [0.02, 0.3]])
+    adapter = BayesianAdapter(learner, threshold=DEAF_TO_NOTHING, lags=lags)
+    context = adapter.CreateDefaultContext()
+    np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[68:], lags[0])
+    generator = np.random.default_rng(2)
+    lagged = [record.value(t)[9:11, 0] + np.array([0.05, 20.0]) * generator.normal(size=(3, 2)) for t in TIMES[:9]]
+    beliefs, evidence = [learner.prior()] * 3, np.zeros(3)
+    for k, t in enumerate(TIMES[:9]):
+        now = record.value(t)[:, 0]
+        for name, rows in PORTS[:2]:
+            adapter.GetInputPort(name).FixValue(context, now[rows])
+        adapter.GetInputPort("lagged_command").FixValue(context, lagged[k].ravel())
+        context.SetDiscreteState(adapter.EvalUniquePeriodicDiscreteUpdate(context))
+        if k == 0:
+            continue
+        then = record.value(TIMES[k - 1])[:, 0]
+        for i, lag in enumerate(lags):
+            x = np.append(then[:6], lagged[k - 1][i])
+            found = adapt(learner.with_lag(lag), beliefs[i], x, then[7:9], now[7:9], now[:6], DEAF_TO_NOTHING)
+            assert found is not None
+            beliefs[i], evidence[i] = found.posterior, evidence[i] + found.density
+    best = int(np.argmax(evidence))
+    assert adapter.believed(context) == best
+    np.testing.assert_allclose(adapter.posterior(context).mean, beliefs[best].mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[68:], lags[best])
+    np.testing.assert_array_equal(adapter.GetOutputPort("memory").Eval(context), lagged[-1][best])
+    assert adapter.HasDirectFeedthrough(
+        adapter.GetInputPort("lagged_command").get_index(), adapter.GetOutputPort("memory").get_index()
+    )
+    assert not any(
+        adapter.HasDirectFeedthrough(i, adapter.GetOutputPort("parameters").get_index())
+        for i in range(adapter.num_input_ports())
+    )
+    adapter.set_posterior(context, learner.prior())
+    assert adapter.believed(context) == 0
+
+
+def test_a_bank_refuses_what_none_of_its_models_expects(learner: BayesianModel) -> None:
+    """A spike; what one of them expects is no spike."""
+    lags, rows = np.array([[0.05, 0.1], [0.2, 0.1]]), consistent_rows(learner, 2)
+    models, prior = [learner.with_lag(lag) for lag in lags], learner.prior()
+    x, u, lagged = rows[0][:6], rows[0][8:], np.array([rows[0][LAGGED], [0.3, 20.0]])
+    for factor, taken in ((0.0, True), (1.0, False)):
+        spike = rows[1][:6] + factor * np.array([40.0, 0.0, 4.0, 0.0, 0.0, 0.0])
+        found = adapt_bank(models, [prior, prior], x, lagged, u, u, spike, 8.0)
+        assert (found is not None) == taken
+    expected_by_other = adapt(models[1], prior, np.append(x, lagged[1]), u, u, rows[1][:6], 8.0)
+    found = adapt_bank(models, [prior, prior], x, lagged, u, u, rows[1][:6], 8.0)
+    assert found is not None
+    assert len(found) == 2
+    if expected_by_other is not None:
+        np.testing.assert_array_equal(found[1].posterior.mean, expected_by_other.posterior.mean)

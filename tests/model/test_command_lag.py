@@ -146,3 +146,17 @@ def test_a_broken_command_does_not_stay_in_the_lags() -> None:
     assert np.isnan(found[1][0])
     np.testing.assert_array_equal(found[2], [0.2, 100.0])  # settled
     np.testing.assert_allclose(found[3], lagged_commands(TIMES[:2], np.array([[0.2, 100.0], [0.3, 100.0]]))[1])
+
+
+def test_several_pairs_of_lags_run_side_by_side() -> None:
+    lags = np.array([[0.05, 0.1], [0.2, 0.03]])
+    bank, alone = CommandLag(PERIOD, lags), [CommandLag(PERIOD, lag) for lag in lags]
+    contexts = [system.CreateDefaultContext() for system in (bank, *alone)]
+    for k in range(5):
+        found = []
+        for system, context in zip((bank, *alone), contexts, strict=True):
+            context.SetTime(PERIOD * k)
+            system.GetInputPort("command").FixValue(context, np.array([0.1 * k, 100.0 - 20.0 * k]))
+            found.append(np.array(system.GetOutputPort("lagged_command").Eval(context)))
+            context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+        np.testing.assert_array_equal(found[0], np.concatenate(found[1:]))

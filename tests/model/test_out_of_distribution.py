@@ -87,7 +87,8 @@ def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physi
         x, x_next = rows[k, STATES], rows[k + 1, STATES]
         u, u_next = rows[k, 7:9], rows[k + 1, 7:9]
         distances.append(squared_distance(learner, belief, x, u, u_next, x_next))
-        belief, _ = adapt(learner, belief, x, u, u_next, x_next)
+        found = adapt(learner, belief, x, u, u_next, x_next)
+        belief = belief if found is None else found.posterior
         simulator.AdvanceTo(times[k + 1] + 0.05 if k + 1 < TICKS else times[-1])
         simulator.AdvancePendingEvents()
         assert detector.GetOutputPort("distance").Eval(mine)[0] == pytest.approx(distances[-1], rel=1e-6)

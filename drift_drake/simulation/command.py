@@ -36,8 +36,8 @@ class ClosedLoopDrive:
     """The true car: the vehicle file's, or a coupe on four tyres with the vehicle file's effects."""
     model: Literal["nominal", "prior", "online", "offset_free", "broad"] = "nominal"
     """What the controller believes: the vehicle file; the shipped learnt model (about the coupe) as it is, adapting as
-    it drives, or adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars,
-    adapting, for a car that the others do not know."""
+    it drives (the actuators' lags, too), or adapting with what its belief leaves over as an offset; or the shipped
+    model of more kinds of cars, adapting, for a car that the others do not know."""
     seed: int = 0
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()

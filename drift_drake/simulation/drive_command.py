@@ -51,8 +51,8 @@ class ClosedLoopConfig:
     reference: Literal["figure_8", "loops"] = "figure_8"
     model: Literal["nominal", "prior", "online", "offset_free", "broad"] = "nominal"
     """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
-    coupe) as it is, adapting as it drives, or adapting with what its belief leaves over as an offset; or the shipped
-    model of more kinds of cars, adapting, for a car that the others do not know."""
+    coupe) as it is, adapting as it drives (the actuators' lags, too), or adapting with what its belief leaves over as
+    an offset; or the shipped model of more kinds of cars, adapting, for a car that the others do not know."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""

@@ -2,12 +2,12 @@
 
 Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
-while it drives), `offset_free` (the same, and what is left over taken for an offset), `broad` (the same as `online`, of
-the model that is trained on more kinds of cars), `twice_online` (Twice-Info, adapting while it drives), `identified`
-(the nominal equations with what Twice-Info's two drives identify), `chosen` (of Twice-Info and the identified car the
-one that predicts these drives better; `broad` where neither knows the car) and `oracle` (the true car with its true
-effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once
-for each noise seed, and shared by the models that need it.
+while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset), `broad`
+(the same as `online`, of the model that is trained on more kinds of cars), `twice_online` (Twice-Info, adapting while
+it drives), `identified` (the nominal equations with what Twice-Info's two drives identify), `chosen` (of Twice-Info and
+the identified car the one that predicts these drives better; `broad` where neither knows the car) and `oracle` (the
+true car with its true effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a
+vehicle is gathered once for each noise seed, and shared by the models that need it.
 """
 
 import dataclasses

@@ -56,7 +56,7 @@ class BayesianModel:
     lag: Array = dataclasses.field(default_factory=LAG.copy)  # [s] of steering and torque, of the car at hand
 
     def with_lag(self, lag: Array) -> "BayesianModel":
-        """The model of a car with other lags of steering and torque [2] [s] (`command_lag`)."""
+        """The model of a car with another pair of lags of steering and torque [s] (`command_lag`)."""
         network, drifts = of_lags(self.network, lag), self.drifts
         if drifts is not None:
             drifts = self.network.told(drifts)

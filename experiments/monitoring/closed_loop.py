@@ -25,6 +25,7 @@ from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import Run, make_run
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
+from drift_drake.model.lag_bank import BANK
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, Policy, events_of
 from drift_drake.monitoring.monitor import Monitor, make_monitor
@@ -114,7 +115,7 @@ def closed_loop(
     adapter = None
     if online:
         learnt = load_model()
-        model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt)
+        model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
         effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)

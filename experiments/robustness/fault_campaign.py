@@ -24,6 +24,7 @@ from drift_drake.drives.vehicles import draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
+from drift_drake.model.lag_bank import BANK
 from drift_drake.model.quality import step_model
 from drift_drake.pictures.style import RUNS, new_figure, save, styled
 from drift_drake.reference.trajectory import Reference, figure_8
@@ -131,7 +132,7 @@ def run(job: Job) -> dict[str, Any]:
     if job.model != "nominal":
         learnt = load_model()
         model = step_model(learnt, learnt.prior(), "trapezoid")
-        adapter = BayesianAdapter(learnt) if job.model == "online" else None
+        adapter = BayesianAdapter(learnt, lags=BANK) if job.model == "online" else None
     control = job.control if job.guarded else dataclasses.replace(job.control, screening=False, patience=0.0)
     faults = [parse_fault(FAULTS[job.fault])] if FAULTS[job.fault] else []
     loop = ClosedLoop(parameters, course(job.distance), model, effects, control=control, adapter=adapter, faults=faults)

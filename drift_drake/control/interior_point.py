@@ -18,7 +18,7 @@ from drift_drake.vehicle.compilation import compiled
 TO_THE_BOUNDARY = 0.995  # share of the way to it that a step takes
 FLOOR = 0.1  # of the tolerance: the least complementarity that is aimed at
 # (least distance from a bound, complementarity, iterations): near the solution as a rule, else from far within.
-STARTS = ((1e-2, 1e-2, 12), (1e2, 1e4, 40))
+STARTS = ((1e-2, 1e-2, 10), (1e2, 1e4, 40))
 FIRST_ATTEMPT = STARTS[0][2]  # iterations, of which a solution with more has taken the second start
 
 

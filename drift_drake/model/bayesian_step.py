@@ -19,7 +19,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import LAG, LAGGED, TIME_STEP, CommandLag, lag_factors
+from drift_drake.model.command_lag import LAG, TIME_STEP, CommandLag, lag_factors
 from drift_drake.model.compiled_step import Lags, curved_steps, linearized_steps, steps, trapezoid_path
 from drift_drake.model.features import (
     MEAN_COUNT,
@@ -32,7 +32,6 @@ from drift_drake.model.features import (
     OfFeatures,
     features,
     network_inputs,
-    of_lags,
     places_of_inputs,
 )
 from drift_drake.vehicle.bicycle import linearize
@@ -50,16 +49,13 @@ def euler_step(x: Array, u: Array, curvature: Array, nominal: Constants) -> Arra
     return h
 
 
-def residual(x: Array, u: Array, x_next: Array, nominal: Constants, lag: Array = LAG) -> Array:
+def residual(x: Array, u: Array, x_next: Array, nominal: Constants) -> Array:
     """y [..., 4] = x_{k+1} - h(x_k, u_k) of the learnt states: what the last layer is fitted to.
 
-    u_k is what a typical car would have to be given (`command_lag`): the command [..., 2], if the lags [s] are typical.
+    u_k is what a typical car would have to be given (`command_lag`): the command [..., 2], if the lags are typical.
     """
-    x, share = np.asarray(x), LAG / lag
-    state = np.zeros((*x.shape[:-1], 6))
-    state[..., :STATE_COUNT] = x[..., :STATE_COUNT]
-    if (share != 1.0).any():
-        u = share * u + (1.0 - share) * x[..., LAGGED]
+    state = np.zeros((*np.shape(x)[:-1], 6))
+    state[..., :STATE_COUNT] = np.asarray(x)[..., :STATE_COUNT]
     h = euler_step(state, u, np.zeros(state.shape[:-1]), nominal)
     return np.asarray(x_next)[..., :STATE_COUNT] - h[..., :STATE_COUNT]
 
@@ -70,12 +66,13 @@ def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x
     Args:
         x, x_next: states and lagged commands at both ends of a step [..., 8]; u, u_next: commands there [..., 2].
     """
-    phi = features(model.network, network_inputs(x, u, u_next))
-    return phi, residual(x, u, x_next, model.vehicle.constants(), model.lag)
+    z = network_inputs(x, u, u_next)
+    given = model.network.told(z)[..., STATE_COUNT : STATE_COUNT + 2]
+    return features(model.network, z), residual(x, given, x_next, model.vehicle.constants())
 
 
 @cache
-def lags_of(*lag: float) -> Lags:
+def _lags_of(lag: tuple[float, float]) -> Lags:
     """The factors of a step under lags of steering and torque [s]."""
     pair = np.array(lag)
     return Lags(*lag_factors(TIME_STEP, pair), LAG / pair)
@@ -96,16 +93,19 @@ class BayesianStepModel(StepModel):
         theta: Array,
         nominal: Constants,
         path_step: PathStep = "trapezoid",
-        lag: Array = LAG,
     ) -> None:
-        """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h.
-        lag: of steering and torque [s], of which a `network` for others than typical ones is told."""
+        """Args: theta: last-layer parameters [4, 16], as a rule the posterior mean; nominal: the car inside h."""
         self._mean: MeanFunction | ExpandedMean = MeanFunction(network, theta)
         self.expansions = Expansions(network)
         self._nominal = nominal
-        self.lag, self._lag = lag, lags_of(*lag)
+        self._lag = _lags_of(network.lag)
         self._trapezoid = path_step == "trapezoid"
         self._offset = np.zeros(STATE_COUNT)
+
+    @property
+    def lag(self) -> Array:
+        """Of steering and torque [2] [s]."""
+        return np.array(self._mean.network.lag)
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
         """The model with another theta [4, 16] or [64] (the features and work arrays are shared).
@@ -118,10 +118,10 @@ class BayesianStepModel(StepModel):
         last_layer, offset, lag = np.split(np.ravel(theta), [MEAN_COUNT, MEAN_COUNT + STATE_COUNT])
         other._mean = self._mean.with_theta(last_layer.reshape(STATE_COUNT, -1))
         other._offset = offset if offset.size else np.zeros(STATE_COUNT)
-        if lag.size and not np.array_equal(lag, self.lag):
-            other.lag, other._lag = lag, lags_of(*lag)
-            other._mean = other._mean.with_network(of_lags(self._mean.network, lag))
-            other.expansions = Expansions(other._mean.network)
+        if lag.size and not np.array_equal(lag, self._mean.network.lag):
+            network = self._mean.network._replace(lag=(float(lag[0]), float(lag[1])))
+            other._lag, other._mean = _lags_of(network.lag), other._mean.with_network(network)
+            other.expansions = Expansions(network)
         return other
 
     def expanded(self) -> "BayesianStepModel":

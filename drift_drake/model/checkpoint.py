@@ -20,7 +20,6 @@ from drift_drake.model.features import (
     STATE_COUNT,
     Network,
     input_scaling,
-    of_lags,
 )
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
 from drift_drake.plain_files import check_file, parse_json
@@ -53,16 +52,20 @@ class BayesianModel:
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
     # z [n, 10] of some drifting samples that it was trained on: where predictions are wanted of it.
     drifts: Array | None = None
-    lag: Array = dataclasses.field(default_factory=LAG.copy)  # [s] of steering and torque, of the car at hand
+
+    @property
+    def lag(self) -> Array:
+        """Of steering and torque of the car at hand [2] [s]."""
+        return np.array(self.network.lag)
 
     def with_lag(self, lag: Array) -> "BayesianModel":
         """The model of a car with another pair of lags of steering and torque [s] (`command_lag`)."""
-        network, drifts = of_lags(self.network, lag), self.drifts
+        network, drifts = self.network._replace(lag=(float(lag[0]), float(lag[1]))), self.drifts
         if drifts is not None:
             drifts = self.network.told(drifts)
             if network.typical is not None:
                 drifts = np.asarray(np.linalg.solve(network.typical, drifts.T).T, dtype=float)
-        return dataclasses.replace(self, network=network, drifts=drifts, lag=lag)
+        return dataclasses.replace(self, network=network, drifts=drifts)
 
     def prior(self) -> Posterior:
         """The belief before any data of the vehicle at hand."""
@@ -76,7 +79,7 @@ class BayesianModel:
         if network.nominal is not None and self.vehicle.tyre == "brush":  # the tyre that is not said
             numbers: Any = network.nominal[: Constants._fields.index("tyre")]
             network = network._replace(nominal=numbers)
-        trained = network[: Network._fields.index("typical")]
+        trained = network[: Network._fields.index("lag")]
         for values in (*trained, self.prior_mean, self.precision_factor, self.sigma, self.sample_weight):
             digest.update(np.ascontiguousarray(values, dtype=float).tobytes())
         return digest.hexdigest()
@@ -137,7 +140,7 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
         )
     _check_arrays(source, arrays, count)
     physical = count == counts[1]
-    weights = {name: arrays[name] for name in ("input_offset", "input_scale", *WEIGHTS)}
+    weights: dict[str, Any] = {name: arrays[name] for name in ("input_offset", "input_scale", *WEIGHTS)}
     prior = {name: arrays[name] for name in ("prior_mean", "precision_factor", "sigma", "sample_weight")}
     network = Network(**weights, nominal=vehicle.constants() if physical else None)
     return BayesianModel(network, **prior, vehicle=vehicle, record=about["record"], drifts=arrays.get("drifts"))

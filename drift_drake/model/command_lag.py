@@ -23,7 +23,8 @@ from drift_drake.arrays import Array
 
 Numbers = NDArray[np.floating[Any]]
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
-LAG = np.array([0.05, 0.10])  # [s] of steering and torque: the middle of the training population's
+TYPICAL = (0.05, 0.10)  # [s] of steering and torque: the middle of the training population's
+LAG = np.array(TYPICAL)
 LAGGED = slice(6, 8)  # where the lagged commands stand in the learnt model's state
 
 

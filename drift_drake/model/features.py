@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
-from drift_drake.model.command_lag import LAG, LAGGED, TIME_STEP, as_of_typical_car
+from drift_drake.model.command_lag import LAGGED, TIME_STEP, TYPICAL, as_of_typical_car
 from drift_drake.model.physical_inputs import PHYSICAL_COUNT, PHYSICAL_SCALE, physical_curvature, with_physical_inputs
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.parameters import Constants
@@ -44,22 +44,22 @@ class Network(NamedTuple):
     w_out: Array  # [4, 128, 16]
     b_out: Array  # [4, 16]
     nominal: Constants | None = None  # the car whose tyres are asked; none: the paper's z alone
-    # [10, 10], a typical car's z of the z of a car with other lags (`command_lag`); none: the lags are typical.
-    typical: Array | None = None
+    lag: tuple[float, float] = TYPICAL  # [s] of the steering and the torque of the car at hand; not trained
+
+    @property
+    def typical(self) -> Array | None:
+        """A typical car's z of this one's, as a matrix [10, 10] (`command_lag`); None if its lags are typical."""
+        return None if self.lag == TYPICAL else _as_of_typical_car(self.lag)
 
     def told(self, z: Array) -> Array:
         """z [..., 10] as it would be of a typical car."""
-        return z if self.typical is None else z @ self.typical.T
-
-
-def of_lags(network: Network, lag: Array) -> Network:
-    """A network that is told of a car with other lags of steering and torque [2] [s]."""
-    return network._replace(typical=_typical(*lag))
+        typical = self.typical
+        return z if typical is None else z @ typical.T
 
 
 @cache
-def _typical(*lag: float) -> Array | None:
-    return None if np.array_equal(lag, LAG) else as_of_typical_car(np.array(lag), TIME_STEP)
+def _as_of_typical_car(lag: tuple[float, float]) -> Array:
+    return as_of_typical_car(np.array(lag), TIME_STEP)
 
 
 def input_scaling(physical: bool) -> tuple[Array, Array]:
@@ -142,7 +142,7 @@ class MeanFunction:
         return other
 
     def with_network(self, network: Network) -> "MeanFunction":
-        """The same with a network that differs in its lags alone (`of_lags`)."""
+        """The same with a network that differs in its lags alone."""
         other = object.__new__(MeanFunction)
         other.__dict__.update(self.__dict__)
         other.network = network
@@ -301,7 +301,7 @@ class ExpandedMean:
         return ExpandedMean(self._expansions, theta)
 
     def with_network(self, network: Network) -> "ExpandedMean":
-        """The same with a network that differs in its lags alone (`of_lags`)."""
+        """The same with a network that differs in its lags alone."""
         return ExpandedMean(Expansions(network), self.theta)
 
     def value(self, z: Array) -> Array:

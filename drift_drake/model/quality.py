@@ -123,7 +123,7 @@ def predicted_windows(
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
     """The one-step model of a posterior's mean."""
-    return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step, model.lag)
+    return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step)
 
 
 def choose_sample_weight(model: BayesianModel, samples: Samples) -> float:

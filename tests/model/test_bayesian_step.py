@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.gathering.information import StageInformation, UpdatedInformation
 from drift_drake.model.bayesian_step import BayesianStepModel, PathStep, euler_step, residual
-from drift_drake.model.command_lag import LAG, LAGGED, as_of_typical_car
+from drift_drake.model.command_lag import LAG, LAGGED
 from drift_drake.model.features import Network, features, network_inputs
 from drift_drake.vehicle.bicycle import derivatives
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -18,16 +18,16 @@ OTHER_LAG = np.array([0.2, 0.03])
 @pytest.fixture(scope="module", params=["z alone", "with physical inputs", "of other lags"])
 def network(request, random_network: Network, physical_network: Network) -> Network:
     if request.param == "of other lags":
-        return physical_network._replace(typical=as_of_typical_car(OTHER_LAG, 0.1))
+        return physical_network._replace(lag=tuple(OTHER_LAG))
     return random_network if request.param == "z alone" else physical_network
 
 
 def lag_of(network: Network) -> np.ndarray:
-    return LAG if network.typical is None else OTHER_LAG
+    return np.array(network.lag)
 
 
 def model_of(network: Network, theta: np.ndarray, path_step: PathStep = "trapezoid") -> BayesianStepModel:
-    return BayesianStepModel(network, theta, CAR, path_step, lag_of(network))
+    return BayesianStepModel(network, theta, CAR, path_step)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_step_is_euler_of_the_nominal_car_plus_the_learnt_part(network: Network,
     learnt = np.sum(theta * features(network, network_inputs(x, u, u_next)), axis=-1)
     expected[:, :4] += learnt
     np.testing.assert_allclose(step[:, :6], expected, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(residual(x, u, step, CAR, lag_of(network)), learnt, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(residual(x, given, step, CAR), learnt, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("path_step", ["euler", "trapezoid"])
@@ -77,7 +77,7 @@ def test_a_car_of_other_lags_is_a_typical_one_given_other_commands(
 ) -> None:
     """The same states, road wheel and engine torque at both ends of the step: the same motion."""
     x, u, u_next, curvature = horizon()
-    other = physical_network._replace(typical=as_of_typical_car(OTHER_LAG, 0.1))
+    other = physical_network._replace(lag=tuple(OTHER_LAG))
     step = model_of(other, theta).step(x, u, u_next, curvature)
     given, given_next = (a + LAG / OTHER_LAG * (c - a) for a, c in ((x[:, LAGGED], u), (step[:, LAGGED], u_next)))
     typical = model_of(physical_network, theta).step(x, given, given_next, curvature)

@@ -12,7 +12,7 @@ from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.gathering.choice import ask, runs_of, usual_for
 from drift_drake.gathering.config import Recipe
-from drift_drake.gathering.gather import execution, learn_with_lags, taught
+from drift_drake.gathering.gather import execution, learn_drives, taught
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
@@ -65,7 +65,7 @@ def main(options: Options) -> None:
             f"|e| <= {e:.2f} m, |beta| <= {beta:.2f} rad, ended by {drive.ending}"
         )
     if config.learn_lags:
-        model, beliefs["Twice-Info"] = learn_with_lags(model, driven, config)
+        model, beliefs["Twice-Info"] = learn_drives(model, driven, config)
         print(f"both drives are likeliest with lags of {model.lag[0]:g} s (steering) and {model.lag[1]:g} s (torque)")
     usual = usual_for(model)
     if usual is not None:

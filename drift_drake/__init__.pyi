@@ -31,7 +31,7 @@ from .logs.table import write_run as write_run
 from .model.adapter import BayesianAdapter as BayesianAdapter
 from .model.checkpoint import BayesianModel as BayesianModel
 from .model.checkpoint import load_model as load_model
-from .model.lag_bank import with_likeliest_lag as with_likeliest_lag
+from .model.lag_bank import learn_with_lags as learn_with_lags
 from .model.posterior import Posterior as Posterior
 from .model.quality import learn as learn
 from .model.quality import step_model as step_model

@@ -51,8 +51,7 @@ def run_choose(command: Choose) -> None:
     with ended_at_once():
         from drift_drake.gathering.choice import ask, usual_for
         from drift_drake.model.checkpoint import load_model
-        from drift_drake.model.lag_bank import with_likeliest_lag
-        from drift_drake.model.quality import adapted
+        from drift_drake.model.lag_bank import learn_with_lags
         from drift_drake.model.samples import concatenate
 
     model = load_model(command.checkpoint)
@@ -62,12 +61,10 @@ def run_choose(command: Choose) -> None:
             f"{command.checkpoint}: what is usual for this model is not known; measure it with 'python -m "
             "experiments.gathering.lane_trust', or leave --checkpoint out"
         )
-
-    def samples_of_all(lag: "Array") -> "Samples":
-        return concatenate([samples_of(run, number, lag) for number, run in enumerate(runs)])
-
-    model = with_likeliest_lag(model, samples_of_all)
-    found = ask(model, adapted(model, samples_of_all(model.lag)), runs, first_guess)
+    model, belief = learn_with_lags(
+        model, lambda lag: concatenate([samples_of(run, number, lag) for number, run in enumerate(runs)])
+    )
+    found = ask(model, belief, runs, first_guess)
     choice = usual.choice(found)
     print(choice.sentence(), file=said_to(command.json))
     if command.out is not None:

@@ -31,10 +31,9 @@ from drift_drake.gathering.plan import (
     sqp_options,
 )
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import LAG
-from drift_drake.model.lag_bank import with_likeliest_lag
+from drift_drake.model.lag_bank import learn_with_lags
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import adapted, learn
+from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples, concatenate, samples_from_log
 from drift_drake.simulation.drive import Drive
 from drift_drake.threads import one_blas_thread
@@ -198,9 +197,9 @@ def gather(
     return drive.run(trajectory.x[0, :6], 0.0, duration, seed, **replanning)
 
 
-def drive_samples(table: pd.DataFrame, config: GatheringConfig, lag: Array = LAG) -> Samples:
-    """A drive's log as samples at 10 Hz, its lagged commands behind lags [2] [s]."""
-    return samples_from_log(table, lane(config).path, 0, 0, lag=lag)
+def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
+    """A drive's log as samples at 10 Hz."""
+    return samples_from_log(table, lane(config).path, 0, 0)
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:
@@ -208,16 +207,14 @@ def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, co
     return learn(model, belief, drive_samples(table, config))
 
 
-def learn_with_lags(
+def learn_drives(
     model: BayesianModel, tables: Sequence[pd.DataFrame], config: GatheringConfig
 ) -> tuple[BayesianModel, Posterior]:
     """(the model with the lags that make drives likeliest, its belief after all of them); see `lag_bank`."""
-
-    def samples_of(lag: Array) -> Samples:
-        return concatenate([drive_samples(table, config, lag) for table in tables])
-
-    found = with_likeliest_lag(model, samples_of)
-    return found, adapted(found, samples_of(found.lag))
+    path = lane(config).path
+    return learn_with_lags(
+        model, lambda lag: concatenate([samples_from_log(table, path, 0, 0, lag=lag) for table in tables])
+    )
 
 
 class Gathered(NamedTuple):

@@ -173,8 +173,7 @@ class BayesianAdapter(LeafSystem):
         """(posteriors and log evidence before this tick's sample, whether something was forgotten)."""
         was = context.get_discrete_state(self._was_trusted).value()[0]
         if not self._trusted.HasValue(context) or self._trusted.Eval(context)[0] > 0.5 or was < 0.5:
-            posteriors = [self._posterior(context, k) for k in range(len(self.lags))]
-            return posteriors, context.get_discrete_state(self._evidence).value(), False
+            return self._posteriors(context), context.get_discrete_state(self._evidence).value(), False
         return [self.model.prior()] * len(self.lags), np.zeros(len(self.lags)), True
 
     def _write(self, discrete: DiscreteValues, posteriors: Sequence[Posterior]) -> None:
@@ -185,16 +184,17 @@ class BayesianAdapter(LeafSystem):
         """Which of `lags` is believed in a Context of this system."""
         return int(np.argmax(context.get_discrete_state(self._evidence).value()))
 
-    def _posterior(self, context: Context, member: int) -> Posterior:
-        count, shape = len(self.lags), (STATE_COUNT, FEATURE_COUNT)
-        mean, covariance, q = (
-            context.get_discrete_state(index).value().reshape(count, -1)[member].copy() for index in self._beliefs
+    def _posteriors(self, context: Context) -> list[Posterior]:
+        by_state, square = (-1, STATE_COUNT, FEATURE_COUNT), (-1, MEAN_COUNT, MEAN_COUNT)
+        held = (
+            np.array(context.get_discrete_state(index).value()).reshape(shape)
+            for index, shape in zip(self._beliefs, (by_state, square, by_state), strict=True)
         )
-        return Posterior(mean.reshape(shape), covariance.reshape(MEAN_COUNT, MEAN_COUNT), q.reshape(shape))
+        return [Posterior(*values) for values in zip(*held, strict=True)]
 
     def posterior(self, context: Context) -> Posterior:
         """The posterior in a Context of this system, under the lags that are believed."""
-        return self._posterior(context, self.believed(context))
+        return self._posteriors(context)[self.believed(context)]
 
     def set_posterior(self, context: Context, posterior: Posterior) -> None:
         """Puts a posterior, of an earlier drive say, into a Context of this system, under all lags alike."""

@@ -55,7 +55,7 @@ class BayesianModel:
 
     @property
     def lag(self) -> Array:
-        """Of steering and torque of the car at hand [2] [s]."""
+        """Of steering and torque of the car at hand, both in seconds."""
         return np.array(self.network.lag)
 
     def with_lag(self, lag: Array) -> "BayesianModel":

@@ -7,6 +7,7 @@ layer cannot learn a lag far from a typical car's: its features are of commands 
 
 from collections.abc import Callable
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,26 +36,34 @@ def log_evidence(before: Posterior, after: Posterior, sigma: Array, y: Array, we
     return float(0.5 * (volume[1] - volume[0] - told - quadratic[0] + quadratic[1]))
 
 
-def evidence_of_lags(
+class UnderLags(NamedTuple):
+    """What drives teach under one pair of lags."""
+
+    model: BayesianModel  # with these lags
+    posterior: Posterior
+    evidence: float  # see `log_evidence`
+
+
+def under_lags(
     model: BayesianModel, samples_of: Callable[[Array], Samples], steering: tuple[float, ...] = STEERING,
     torque: tuple[float, ...] = TORQUE,
-) -> dict[tuple[float, float], float]:  # fmt: skip
-    """`log_evidence` by (steering, torque) lag [s].
+) -> list[UnderLags]:  # fmt: skip
+    """What drives teach a model under each pair of lags.
 
     Args:
         samples_of: the drives' samples, their lagged commands behind lags [2] [s].
     """
-    found, prior = {}, model.prior()
+    found, prior = [], model.prior()
     for pair in product(steering, torque):
         under = model.with_lag(np.array(pair))
         samples = samples_of(under.lag)
         phi, y = regression_points(under, samples.x, samples.u, samples.u_next, samples.x_next)
         after = update_all(prior, model.sigma, phi, y, model.sample_weight)
-        found[pair] = log_evidence(prior, after, model.sigma, y, model.sample_weight)
+        found.append(UnderLags(under, after, log_evidence(prior, after, model.sigma, y, model.sample_weight)))
     return found
 
 
-def with_likeliest_lag(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> BayesianModel:
-    """The model with the lags under which its drives are likeliest; see `evidence_of_lags`."""
-    evidence = evidence_of_lags(model, samples_of)
-    return model.with_lag(np.array(max(evidence, key=lambda pair: evidence[pair])))
+def learn_with_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> tuple[BayesianModel, Posterior]:
+    """(the model with the lags under which drives are likeliest, its posterior after them); see `under_lags`."""
+    best = max(under_lags(model, samples_of), key=lambda under: under.evidence)
+    return best.model, best.posterior

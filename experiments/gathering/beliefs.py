@@ -15,7 +15,7 @@ from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Findings, IdentifiedCar, ask, runs_of, squared_distances
 from drift_drake.gathering.config import GatheringConfig, lane
-from drift_drake.gathering.gather import drive_samples, gather, learn_drive, learn_with_lags
+from drift_drake.gathering.gather import drive_samples, gather, learn_drive, learn_drives
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
@@ -89,7 +89,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
         """Keeps what is believed after drives, with the lags that they show."""
         beliefs[name] = typical
         if config.learn_lags:
-            found, beliefs[name] = learn_with_lags(learnt, tables, config)
+            found, beliefs[name] = learn_drives(learnt, tables, config)
             lags[name] = found.lag
 
     driven = [drive(job.info, seed, prior)]

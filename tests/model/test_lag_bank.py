@@ -7,9 +7,9 @@ from drift_drake.model.bayesian_step import regression_points
 from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.command_lag import LAG, as_of_typical_car, lagged_commands
 from drift_drake.model.features import features
-from drift_drake.model.lag_bank import STEERING, TORQUE, evidence_of_lags, log_evidence, with_likeliest_lag
+from drift_drake.model.lag_bank import STEERING, TORQUE, learn_with_lags, log_evidence, under_lags
 from drift_drake.model.posterior import predict, update, update_all
-from drift_drake.model.quality import step_model
+from drift_drake.model.quality import adapted, step_model
 from drift_drake.model.samples import Samples
 
 
@@ -42,13 +42,16 @@ def samples_of(states: np.ndarray, u: np.ndarray, lag: np.ndarray) -> Samples:
 @pytest.mark.parametrize("lag", [(0.2, 0.05), (0.05, 0.1), (0.1, 0.3), (0.02, 0.02)])
 def test_a_car_of_the_bank_is_found(model: BayesianModel, lag: tuple[float, float]) -> None:
     drive = driven(model, np.array(lag), 3)
-    evidence = evidence_of_lags(model, lambda pair: samples_of(*drive, pair))
+    taught = under_lags(model, lambda pair: samples_of(*drive, pair))
+    evidence = {under.model.network.lag: under.evidence for under in taught}
     assert len(evidence) == len(STEERING) * len(TORQUE)
     best = max(evidence, key=lambda pair: evidence[pair])
     assert best[0] == lag[0]  # of short torque lags six seconds tell little
     assert evidence[best] - evidence[lag] < 0.5
     assert evidence[best] - min(evidence.values()) > 20.0
-    found = with_likeliest_lag(model, lambda pair: samples_of(*drive, pair))
+    found, posterior = learn_with_lags(model, lambda pair: samples_of(*drive, pair))
+    alone = adapted(found, samples_of(*drive, found.lag))
+    np.testing.assert_array_equal(posterior.mean, alone.mean)
     np.testing.assert_array_equal(found.lag, best)
     assert found.content_hash() == model.content_hash()
 

@@ -161,7 +161,7 @@ def answer_row(answer: Answer) -> dict[str, Any]:
     }
     for name, magnitude in answer.magnitudes.items():
         row |= {name: magnitude.estimate, f"{name}_low": magnitude.low, f"{name}_high": magnitude.high}
-    return row
+    return dict(_rounded(row))  # as it is written: the row of an answer that is read again is the same
 
 
 def _removed(share: float | None) -> str:

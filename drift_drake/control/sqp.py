@@ -42,8 +42,8 @@ class SqpOptions:
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
         it; it is large where the car was disturbed, the belief has changed, or the plan moves to another solution. Its
         tolerance is 1 cm in e, 0.1 m/s in v and 5 mrad in beta (scaled by `STATE_SCALE`). To bound the time
-        of a solve, no iteration follows a QP that took both of its attempts or more than 8 interior-point iterations (3
-        as a rule, more than 8 in one of 1,000), nor a step halved four times or more, after which the next is as short.
+        of a solve, no iteration follows a QP that took both of its attempts or more than 6 interior-point iterations (3
+        as a rule, more than 6 in one of 200), nor a step halved four times or more, after which the next is as short.
         Steps are halved: shortened to as little as a tenth at once they took less time, and plans fell behind the car
         (one of four starts beside the reference spun).
 
@@ -57,7 +57,7 @@ class SqpOptions:
             gauss_newton=True,
             exact_merit=True,
             defect_tolerance=0.01,
-            long_qp=8 if method == "stagewise" else np.inf,
+            long_qp=6 if method == "stagewise" else np.inf,
             short_step=0.1,
         )
 

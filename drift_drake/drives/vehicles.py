@@ -2,7 +2,8 @@
 
 Each effect of `TRAINING` is drawn for every vehicle from the distribution stated here, independently of the others;
 held-out vehicles come from the same distributions under other seeds. `WIDE` stretches each of them and adds effects
-that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution. "broad" is a
+that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution. "nominal" is the
+nominal car, without an effect: its actuators follow at once, which those of no training vehicle do. "broad" is a
 training population for a model of more cars: of three vehicles one of `TRAINING`, one of `WIDE`, and one of `WIDE` to
 be put on another car than the nominal equations' (`experiments.model.drives.plant_kind`).
 """
@@ -14,7 +15,7 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, make_effects
 
-Population = Literal["train", "validation", "held_out", "wide", "broad", "broad_validation", "extreme"]
+Population = Literal["train", "validation", "held_out", "wide", "broad", "broad_validation", "extreme", "nominal"]
 POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide", "broad", "broad_validation")
 BROAD: tuple[Population, ...] = ("broad", "broad_validation")
 KINDS = 3  # of broad vehicles, in turn
@@ -86,8 +87,10 @@ WIDE: dict[str, Distribution] = {name: _widened(name, d) for name, d in TRAINING
 def draw_effects(population: Population, index: int, seed: int) -> Effects:
     """The effects of vehicle `index` of a population: the same for the same arguments, whatever else is drawn.
 
-    Those of `EXTREME` come in turn, with nothing drawn.
+    Those of `EXTREME` come in turn, with nothing drawn; the nominal car has none.
     """
+    if population == "nominal":
+        return Effects()
     if population == "extreme":
         return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])

@@ -35,5 +35,6 @@ def test_the_wide_population_is_wider_and_has_effects_that_training_lacks() -> N
 
 
 def test_extreme_vehicles_have_one_effect_each_in_turn() -> None:
+    assert draw_effects("nominal", 3, 1) == Effects()
     assert draw_effects("extreme", 0, 0) == make_effects({"friction_level": -0.35})
     assert draw_effects("extreme", 2, 5) == draw_effects("extreme", 2 + len(EXTREME), 0)

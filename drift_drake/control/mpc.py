@@ -11,6 +11,7 @@ from drift_drake.control.plan import DT, Plan
 from drift_drake.control.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.control.tightening import LaneTightening, lateral_deviation, tightened
 from drift_drake.errors import DriftDrakeError
+from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.reference.trajectory import Reference
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import StepModel
@@ -202,9 +203,10 @@ class Mpc:
         """The data with the lane narrowed, where that is asked for."""
         if self.tightening is None or covariance is None:
             return data
-        network, sigma, kappa = self.tightening
+        assert isinstance(model, BayesianStepModel)  # of what else is there a covariance?
+        sigma, kappa = self.tightening
         x, u, _ = self.problem.unstack(guess)
-        margin = kappa * lateral_deviation(model, network, sigma, covariance, x, u, data.curvature)
+        margin = kappa * lateral_deviation(model, sigma, covariance, x, u, data.curvature)
         e_min, e_max = tightened(data.e_min, data.e_max, margin)
         return data._replace(e_min=e_min, e_max=e_max)
 

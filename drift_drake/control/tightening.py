@@ -19,8 +19,8 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.control.tracking import lqr_gains
-from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, Network, features, network_inputs
-from drift_drake.vehicle.step_model import StepModel
+from drift_drake.model.bayesian_step import BayesianStepModel
+from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
 
 MAX_SHARE = 0.8
 LATERAL = 4  # index of e
@@ -29,23 +29,23 @@ LATERAL = 4  # index of e
 class LaneTightening(NamedTuple):
     """What it takes beside the posterior's covariance."""
 
-    network: Network
     sigma: Array  # noise scale of each learnt state [4]
     kappa: float  # standard deviations of e
 
 
-def lateral_deviation(model: StepModel, network: Network, sigma: Array, covariance: Array, x: Array, u: Array,
-                      curvature: Array) -> Array:  # fmt: skip
+def lateral_deviation(
+    model: BayesianStepModel, sigma: Array, covariance: Array, x: Array, u: Array, curvature: Array
+) -> Array:
     """Predicted standard deviation of e [N+1] [m] along a plan.
 
     Args:
-        model: one step of the car as believed; network, sigma: see `LaneTightening`.
+        model: one step of the car as believed; sigma: noise scale of each learnt state [4].
         covariance: Lambda^{-1} [64, 64]; x: states [N+1, 8]; u: inputs [N+1, 2]; curvature: [N] [1/m].
     """
     _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
     b = b + b_next
     closed = a + b @ lqr_gains(a, b)
-    phi = features(network, network_inputs(x[:-1], u[:-1], u[1:]))
+    phi = features(model.network, network_inputs(x[:-1], u[:-1], u[1:]))
     factor = np.linalg.cholesky(covariance).reshape(STATE_COUNT, FEATURE_COUNT, -1)
     spread = np.einsum("i,kif,ifw->kiw", sigma, phi, factor)  # of one step's learnt states by whitened theta
     size = a.shape[1]

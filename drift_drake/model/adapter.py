@@ -14,6 +14,7 @@ from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COU
 from drift_drake.model.posterior import Posterior, mahalanobis, predict, update_and_density
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
+PARAMETER_COUNT = MEAN_COUNT + STATE_COUNT + 2  # of the output port `parameters`
 DEFAULT_THRESHOLD = 8.0
 WINDOW = 20  # samples: 2 s
 OFFSET_TIME = 2.0  # [s] of the offset, for a car that no model knows; chosen of 0.4, 1 and 2 on eight double-track cars
@@ -125,7 +126,7 @@ class BayesianAdapter(LeafSystem):
         for name, size, calc, further in (
             ("posterior_mean", MEAN_COUNT, lambda context: self.posterior(context).mean.ravel(), ()),
             ("posterior_covariance", COVARIANCE_COUNT, lambda context: self.posterior(context).covariance.ravel(), ()),
-            ("parameters", MEAN_COUNT + STATE_COUNT + 2, self._parameters, ()),
+            ("parameters", PARAMETER_COUNT, self._parameters, ()),
             ("memory", 2, self._memory, (self._lagged.ticket(),)),
         ):
             self.DeclareVectorOutputPort(

@@ -103,9 +103,14 @@ class BayesianStepModel(StepModel):
         self._offset = np.zeros(STATE_COUNT)
 
     @property
+    def network(self) -> Network:
+        """The features, under the lags that are believed."""
+        return self._mean.network
+
+    @property
     def lag(self) -> Array:
         """Of steering and torque [2] [s]."""
-        return np.array(self._mean.network.lag)
+        return np.array(self.network.lag)
 
     def with_theta(self, theta: Array) -> "BayesianStepModel":
         """The model with another theta [4, 16] or [64] (the features and work arrays are shared).

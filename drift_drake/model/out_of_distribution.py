@@ -15,7 +15,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from scipy.special import chdtri  # chi-square's; scipy.stats takes half a second to import
 
 from drift_drake.arrays import Array
-from drift_drake.model.adapter import MEASURED_COUNT
+from drift_drake.model.adapter import MEASURED_COUNT, PARAMETER_COUNT
 from drift_drake.model.bayesian_step import regression_points
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import TIME_STEP
@@ -74,26 +74,28 @@ def calibrate(drives: Sequence[Array], window: int = WINDOW) -> NullDistribution
 class OutOfDistributionDetector(LeafSystem):
     """The detector in the loop, beside a `BayesianAdapter` whose belief it judges by (a frozen one's too).
 
-    At a tick, the step that ended is judged by the belief that was held during it.
+    At a tick, the step that ended is judged by the belief that was held during it; a step at whose ends other lags are
+    believed is not judged.
 
-    Input ports: measured_state [7]; command [2]; lagged_command [2]; posterior_mean [64]; posterior_covariance [4096].
+    Input ports: measured_state [7]; command [2]; the adapter's lagged_command [2] (its memory), parameters [70] and
+    posterior_covariance [4096].
 
     Output ports: distance [1], d^2 of the last sample; statistic [1], NaN until the window is full; alarm [1], 1 while
     the statistic is above the threshold.
 
     Parameter in the Context: the threshold. State in the Context: the window of d^2 (newest last, NaN where there is
-    none yet) and the state and commands of the last tick.
+    none yet) and the state, commands and lags of the last tick.
     """
 
     def __init__(self, model: BayesianModel, threshold: float, window: int = WINDOW) -> None:
         super().__init__()
         self._model = model
-        sizes = {"measured_state": MEASURED_COUNT, "command": 2, "lagged_command": 2, "posterior_mean": MEAN_COUNT,
+        sizes = {"measured_state": MEASURED_COUNT, "command": 2, "lagged_command": 2, "parameters": PARAMETER_COUNT,
                  "posterior_covariance": COVARIANCE_COUNT}  # fmt: skip
         self._inputs = [self.DeclareVectorInputPort(name, size) for name, size in sizes.items()]
         self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
         self._window = self.DeclareDiscreteState(np.full(window, np.nan))
-        self._last = self.DeclareDiscreteState(np.full(10, np.nan))
+        self._last = self.DeclareDiscreteState(np.full(12, np.nan))
         held = {self.discrete_state_ticket(self._window)}
         self.DeclareVectorOutputPort("distance", 1, self._calc_distance, prerequisites_of_calc=held)
         self.DeclareVectorOutputPort("statistic", 1, self._calc_statistic, prerequisites_of_calc=held)
@@ -103,16 +105,17 @@ class OutOfDistributionDetector(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
-        measured, u, lagged, mean, covariance = (port.Eval(context) for port in self._inputs)
+        measured, u, lagged, parameters, covariance = (port.Eval(context) for port in self._inputs)
         x, last = np.concatenate([measured[:6], lagged]), context.get_discrete_state(self._last).value()
-        if np.isfinite(last).all() and np.isfinite(x).all():
+        mean, lag = parameters[:MEAN_COUNT], parameters[-2:]
+        if np.isfinite(last).all() and np.isfinite(x).all() and np.array_equal(lag, last[10:]):
             shape = (STATE_COUNT, FEATURE_COUNT)
             whole = covariance.reshape(MEAN_COUNT, MEAN_COUNT)
             belief = Posterior(mean.reshape(shape), whole, np.full(shape, np.nan))
-            distance = squared_distance(self._model, belief, last[:8], last[8:], u, x)
+            distance = squared_distance(self._model.with_lag(lag), belief, last[:8], last[8:10], u, x)
             window = np.append(context.get_discrete_state(self._window).value()[1:], distance)
             discrete.set_value(self._window, window)
-        discrete.set_value(self._last, np.concatenate([x, u]))
+        discrete.set_value(self._last, np.concatenate([x, u, lag]))
 
     def _statistic(self, context: Context) -> float:
         return float(np.mean(context.get_discrete_state(self._window).value()))

@@ -94,8 +94,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
-        lags = BANK if config.control.tightening == 0.0 else None
-        adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=lags) if config.model != "prior" else None
+        adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
     effects = config.effects()
     plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]

@@ -18,16 +18,14 @@ def lane_tightening(
     """What narrows the lane by `kappa` standard deviations of the adapter's belief; None where it is not narrowed.
 
     Raises:
-        ValueError: a detector, or a tightened lane, without an adapter, or with one of several pairs of lags.
+        ValueError: a detector, or a tightened lane, without an adapter.
     """
-    if adapter is not None and len(adapter.lags) > 1 and (kappa > 0.0 or detector is not None):
-        raise ValueError("a lane is tightened, and a detector judges, under one pair of lags; give the adapter one")
     if adapter is None:
         for what, wanted in (("the lane is tightened", kappa > 0.0), ("a detector judges", detector is not None)):
             if wanted:
                 raise ValueError(f"{what} by an adapter's belief; give an adapter too (perhaps a frozen one)")
         return None
-    return LaneTightening(adapter.model.network, adapter.model.sigma, kappa) if kappa > 0.0 else None
+    return LaneTightening(adapter.model.sigma, kappa) if kappa > 0.0 else None
 
 
 class Learners(NamedTuple):
@@ -83,7 +81,7 @@ class Learners(NamedTuple):
             covariance = adapter.GetOutputPort("posterior_covariance")
             builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
         if self.detector is not None:
-            for name in ("posterior_mean", "posterior_covariance"):
+            for name in ("parameters", "posterior_covariance"):
                 builder.Connect(adapter.GetOutputPort(name), self.detector.GetInputPort(name))
 
     def _connect_observer(

@@ -150,7 +150,7 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         model = step_model(believes.model, believes.belief, believes.path_step)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
-            lags = BANK if believes.lags and control.tightening == 0.0 else None
+            lags = BANK if believes.lags else None
             adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time, lags=lags)
     else:
         if isinstance(believes, IdentifiedCar):

@@ -41,7 +41,7 @@ def test_agrees_with_simulated_cars(learnt: BayesianModel, plan: tuple[BayesianS
     count, generator = 1000, np.random.default_rng(0)
     prior, sigma = learnt.prior(), 0.1 * learnt.sigma
     belief = Posterior(prior.mean, SMALL * prior.covariance, prior.q / SMALL)
-    predicted = lateral_deviation(model, learnt.network, sigma, belief.covariance, x, u, curvature)
+    predicted = lateral_deviation(model, sigma, belief.covariance, x, u, curvature)
 
     _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
     gains = lqr_gains(a, b + b_next)
@@ -84,7 +84,7 @@ def test_is_the_joint_gaussians_first_order(learnt: BayesianModel, plan: tuple[B
     covariance = factor @ factor.T + 64.0 * np.outer(shared, shared)
     found = []
     for known in (covariance, block_diag(*state_blocks(covariance))):
-        found.append(lateral_deviation(model, learnt.network, learnt.sigma, known, x, u, curvature))
+        found.append(lateral_deviation(model, learnt.sigma, known, x, u, curvature))
         variance = [(s * scale) @ known @ (s * scale) + noise for s, noise in zip(sensitivities, noises, strict=True)]
         np.testing.assert_allclose(found[-1], np.sqrt(variance), rtol=1e-9)
     assert found[0][-1] > 1.1 * found[1][-1]
@@ -94,8 +94,7 @@ def test_what_is_learnt_narrows_it(learnt: BayesianModel, plan: tuple[BayesianSt
     model, x, u, curvature = plan
     covariance = learnt.prior().covariance
     wide, narrow = (
-        lateral_deviation(model, learnt.network, learnt.sigma, scale * covariance, x, u, curvature)
-        for scale in (1.0, 0.01)
+        lateral_deviation(model, learnt.sigma, scale * covariance, x, u, curvature) for scale in (1.0, 0.01)
     )
     assert (wide[2:] > narrow[2:]).all()
     assert (np.diff(narrow[1:5]) > 0.0).all()

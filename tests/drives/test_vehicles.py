@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.drives.vehicles import EXTREME, POPULATIONS, TRAINING, WIDE, draw_effects
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import make_effects
+from drift_drake.vehicle.effects import Effects, make_effects
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:

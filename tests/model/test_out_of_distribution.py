@@ -75,7 +75,7 @@ def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physi
         source = builder.AddSystem(TrajectorySource(PiecewisePolynomial.FirstOrderHold(times, rows[:, part].T)))
         for system in (adapter, detector):
             builder.Connect(source.get_output_port(), system.GetInputPort(name))
-    for name in ("posterior_mean", "posterior_covariance"):
+    for name in ("parameters", "posterior_covariance"):
         builder.Connect(adapter.GetOutputPort(name), detector.GetInputPort(name))
     diagram = builder.Build()
     simulator = Simulator(diagram)
@@ -127,7 +127,8 @@ def test_a_step_that_is_not_finite_leaves_the_window_alone(random_model: Bayesia
     context = detector.CreateDefaultContext()
     prior = random_model.prior()
     command = np.array([0.0, 100.0])
-    values = {"command": command, "lagged_command": command, "posterior_mean": prior.mean.ravel(),
+    parameters = np.concatenate([prior.mean.ravel(), np.zeros(4), random_model.lag])
+    values = {"command": command, "lagged_command": command, "parameters": parameters,
               "posterior_covariance": prior.covariance.ravel()}  # fmt: skip
     for name, value in values.items():
         detector.GetInputPort(name).FixValue(context, value)
@@ -141,3 +142,30 @@ def test_a_step_that_is_not_finite_leaves_the_window_alone(random_model: Bayesia
     assert found[1] == found[2] == found[3]
     assert found[4] != found[3]
     assert np.isfinite(found[4])
+
+
+def test_the_system_judges_under_the_lags_that_are_believed(
+    random_model: BayesianModel, physical_network: Network
+) -> None:
+    """And not a step between two pairs of them, of whose start it has no lagged commands."""
+    model = dataclasses.replace(random_model, network=physical_network)
+    detector = OutOfDistributionDetector(model, threshold=1.0, window=2)
+    context = detector.CreateDefaultContext()
+    prior, u, lagged, lag = model.prior(), np.array([-0.1, 100.0]), np.array([0.1, 60.0]), np.array([0.2, 0.1])
+    detector.GetInputPort("command").FixValue(context, u)
+    detector.GetInputPort("lagged_command").FixValue(context, lagged)
+    detector.GetInputPort("posterior_covariance").FixValue(context, prior.covariance.ravel())
+    found, rows = [], [np.array([0.1, 10.0 + 0.1 * k, 0.0, 10.0 + 0.1 * k, 0.0, 0.0]) for k in range(4)]
+    for k, pair in enumerate([model.lag, lag, lag, lag]):
+        context.SetTime(0.1 * k)
+        detector.GetInputPort("measured_state").FixValue(context, np.append(rows[k], 0.0))
+        parameters = np.concatenate([prior.mean.ravel(), np.zeros(4), pair])
+        detector.GetInputPort("parameters").FixValue(context, parameters)
+        context.get_mutable_discrete_state().SetFrom(detector.EvalUniquePeriodicDiscreteUpdate(context))
+        found.append(float(detector.GetOutputPort("distance").Eval(context)[0]))
+    ends = [np.concatenate([row, lagged]) for row in rows]
+    assert np.isnan(found[:2]).all()
+    for k in (2, 3):
+        expected = squared_distance(model.with_lag(lag), prior, ends[k - 1], u, u, ends[k])
+        assert found[k] == pytest.approx(expected, rel=1e-9)
+    assert found[3] != pytest.approx(squared_distance(model, prior, ends[2], u, u, ends[3]), rel=0.1)

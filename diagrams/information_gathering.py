@@ -10,9 +10,10 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import ask, runs_of, usual_for
+from drift_drake.gathering.choice import ask, usual_for
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.gather import execution, learn_drives, taught
+from drift_drake.gathering.identified import runs_of
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms

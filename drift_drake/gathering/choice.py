@@ -2,12 +2,13 @@
 
 Both the learnt model and the car that the drives identify (`identified`) predict the drives half a second ahead, from
 each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
-on nearly all cars that follow its equations (little more than the sensors' noise is left). The learnt model is believed
-where it predicts no worse than on nearly all vehicles that it was made for (`Usual`). Where neither does, no
-model knows the car: the prior of the model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`)
-then adapts while it drives, since what a lane has taught the learnt one of such a car leads it astray in a drift. Nor
-is any model believed on logs that contradict themselves, on drives too gentle to ask by, or on a car of another size
-than those that the limits were measured on (`doubts`).
+on nearly all cars that follow its equations (little more than the sensors' noise is left), as it is or with one thing
+more that a controller's model holds (`identified.ONE_MORE`). The learnt model is believed where it predicts no worse
+than on nearly all vehicles that it was made for (`Usual`). Where neither does, no model knows the car: the prior of the
+model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since
+what a lane has taught the learnt one of such a car leads it astray in a drift. Nor is any model believed on logs that
+contradict themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were
+measured on (`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
@@ -18,18 +19,16 @@ import math
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.special import stdtrit
 
 from drift_drake.arrays import Array
-from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
-from drift_drake.identification.identify import FURTHER, identify
+from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified
 from drift_drake.logs.screening.suspicions import suspicions
-from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
+from drift_drake.logs.table import Run
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import lagged_commands
@@ -40,49 +39,12 @@ from drift_drake.model.quality import learn, predicted_windows, step_model
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
 from drift_drake.vehicle.effect import wheelbase
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.vehicle.parameters import VehicleParameters
 
-# Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
-EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
 SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
 LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 OTHER_SIZE = 1.5  # ratio of wheelbases
 REFUSED = 0.005  # share of the training distribution's vehicles that are refused
-
-
-class IdentifiedCar(NamedTuple):
-    """A car as drives show it."""
-
-    vehicle: VehicleParameters
-    effects: Effects
-
-    def step_model(self) -> EffectsStepModel:
-        """What a controller plans with."""
-        return EffectsStepModel(self.vehicle, self.effects, exact=False)
-
-
-def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
-    """Drives' logs at 100 Hz as runs of the log format."""
-    columns: list[dict[str, Any]] = [
-        {name: table[name].to_numpy() for name in COLUMNS if name in table} for table in tables
-    ]
-    return [Run(name=f"drive_{k}", **found) for k, found in enumerate(columns)]
-
-
-def identified(runs: Sequence[Run], first_guess: VehicleParameters) -> IdentifiedCar | None:
-    """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
-
-    Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
-    broad priors, and the effects that a driven car may have are fitted with them (`identify`).
-    """
-    try:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = identify(runs, first_guess, known=(), names=EFFECTS, criterion="likelihood")
-    except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
-        return None
-    return IdentifiedCar(found.vehicle, found.effects)
-
 
 Believed = Literal["learnt", "identified", "neither"]
 
@@ -104,24 +66,34 @@ class Choice(NamedTuple):
     learnt_limit: float
     identified_limit: float
     doubts: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()  # what the identified car has that no controller's model holds
 
     @property
     def believed(self) -> Believed:
-        """Which of them knows the car."""
+        """Which of them knows the car, and can be planned with."""
         if self.doubts:
             return "neither"
-        if self.identified <= min(self.learnt, self.identified_limit):
+        if self._identified and not self.beyond:
             return "identified"
         return "learnt" if self.learnt <= self.learnt_limit else "neither"
 
+    @property
+    def _identified(self) -> bool:
+        return self.identified <= min(self.learnt, self.identified_limit)
+
     def sentence(self) -> str:
         """What follows from it."""
+        adapt = "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)"
         follows = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": "no model knows this car: let the model of more kinds of cars adapt as it drives "
-            "(drift-drake drive --model broad), or gather more",
+            "neither": f"no model knows this car: {adapt}, or gather more",
         }
+        if self._identified and self.beyond:
+            follows["neither"] = (
+                f"the car is identified, but with {', '.join(self.beyond)}, which no controller's model holds: mend "
+                f"that, or {adapt}"
+            )
         if self.doubts:
             return f"no model is believed on these drives: {'; '.join(self.doubts)}"
         car = "no car was identified"
@@ -151,6 +123,9 @@ def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
 def ask(model: BayesianModel, belief: Posterior, runs: Sequence[Run], first_guess: VehicleParameters) -> Findings:
     """Asks the drives of a car: what they identify, and how well that and the learnt model predict them.
 
+    Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
+    that predicts best is taken if it is as good as usual.
+
     Args:
         belief: of the learnt model after these drives; runs: with torque, sideslip and rim speed.
         first_guess: of the car.
@@ -158,7 +133,14 @@ def ask(model: BayesianModel, belief: Posterior, runs: Sequence[Run], first_gues
     Raises:
         InvalidLogError: a column that holds no number.
     """
-    return findings(model, belief, identified(runs, first_guess), runs, first_guess)
+    found, usual = findings(model, belief, identified(runs, first_guess), runs, first_guess), usual_for(model)
+    if usual is None or found.doubts or found.identified <= usual.identified.limit():
+        return found
+    judged = [windowed(run) for run in runs]
+    cars = [identified(runs, first_guess, (name,)) for name in ONE_MORE]
+    best = min(cars, key=lambda car: car_error(car, judged))
+    error = car_error(best, judged)
+    return found._replace(car=best, identified=error) if error <= usual.identified.limit() else found
 
 
 def findings(
@@ -170,9 +152,13 @@ def findings(
 ) -> Findings:
     """The same with the car that the drives identify, if they do."""
     judged = [windowed(run) for run in runs]
-    other = math.inf if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
     learnt = forecast_error(learnt_errors(step_model(model, belief), judged))
-    return Findings(car, learnt, other, doubts(runs, first_guess, model.vehicle))
+    return Findings(car, learnt, car_error(car, judged), doubts(runs, first_guess, model.vehicle))
+
+
+def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float:
+    """How far off an identified car is half a second ahead (`forecast_error`); infinite without one."""
+    return math.inf if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
 
 
 def doubts(runs: Sequence[Run], vehicle: VehicleParameters, made_for: VehicleParameters) -> tuple[str, ...]:
@@ -222,7 +208,7 @@ class Usual(NamedTuple):
     def choice(self, found: Findings) -> Choice:
         """Which model is believed, by what a car's drives say (`ask`)."""
         limits = self.learnt.limit(), self.identified.limit()
-        return Choice(found.learnt, found.identified, *limits, found.doubts)
+        return Choice(found.learnt, found.identified, *limits, found.doubts, found.car.beyond if found.car else ())
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

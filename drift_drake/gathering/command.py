@@ -76,6 +76,7 @@ def run_choose(command: Choose) -> None:
     write_results(command.json, {
         "believed": choice.believed, "forecast_error": {"learnt": choice.learnt, "identified": choice.identified},
         "limit": {"learnt": choice.learnt_limit, "identified": choice.identified_limit}, "doubts": choice.doubts,
+        "beyond": choice.beyond,
         "lags": dict(zip(("steering", "torque"), model.lag.tolist(), strict=True)),
         "vehicle": found.car and found.car.vehicle, "effects": found.car and magnitudes_of(found.car.effects),
     })  # fmt: skip

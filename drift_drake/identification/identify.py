@@ -68,6 +68,10 @@ def identify(
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
     runs, _, warnings = admit(runs, vehicle)
+    warnings += [
+        f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
+    ]
+    names = [name for name in names if name not in OWN]
     lacks_beta = any(run.beta is None for run in runs)
     if criterion == "prediction" and lacks_beta:
         raise InvalidLogError(f"{case}: column beta is missing; prediction needs it, choose --criterion likelihood")
@@ -76,14 +80,17 @@ def identify(
     found = None
     part, left_out = part_of(runs)  # the filter's derivatives are kept for every row
     if criterion != "likelihood":
-        further = tuple(dict.fromkeys([*(n for n in names if n not in OWN), *FURTHER]))
+        further = tuple(dict.fromkeys([*names, *FURTHER]))
         predicted = by_prediction(runs, vehicle, effects, known, further, tolerances,
                                   lambda stage, share: tell(stage, 0.5 * share))  # fmt: skip
-        white = whiteness(part, predicted.vehicle, predicted.effects, stated)
-        if criterion == "auto" and white.may_be_white:
-            found = white_or_none(part, vehicle, effects, case, known, names, stated, tell)
+        why = []
+        if criterion == "auto":
+            white = whiteness(part, predicted.vehicle, predicted.effects, stated)
+            why = [white.sentence()]
+            if white.may_be_white:
+                found = white_or_none(part, vehicle, effects, case, known, names, stated, tell)
         if found is None:
-            found = stated_in_full(predicted, white, case, vehicle, effects, sum(len(run) for run in runs))
+            found = stated_in_full(predicted, why, case, vehicle, effects, sum(len(run) for run in runs))
     if found is None:
         found = identify_by_likelihood(part, vehicle, effects, case, known, names, stated, tell)
     c = found.calibration
@@ -160,9 +167,9 @@ def by_prediction(
 
 
 def stated_in_full(
-    found: PredictionFit, white: Whiteness, case: str, vehicle: VehicleParameters, effects: Effects, rows: int,
+    found: PredictionFit, why: list[str], case: str, vehicle: VehicleParameters, effects: Effects, rows: int,
 ) -> Identification:  # fmt: skip
-    """Parameters, tolerances and the file, all of one fit by prediction."""
+    """Parameters, tolerances and the file, all of one fit by prediction; `why`: that was the criterion."""
     parameters: dict[str, Parameter] = {}
     changes: dict[str, float] = {}
     start, _ = folded(vehicle, effects)
@@ -189,7 +196,7 @@ def stated_in_full(
         case=case, parameters=parameters, correlation=found.correlation.tolist(),
         not_identified=not_identified(shown, prior_of, covariance), tied=tied(shown, found.correlation),
         left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
-        seconds=0.0, warnings=[white.sentence(), *worse_states(found.held_out), *found.differences],
+        seconds=0.0, warnings=[*why, *worse_states(found.held_out), *found.differences],
         criterion="prediction", normal=found.normal,
     )  # fmt: skip
     tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)

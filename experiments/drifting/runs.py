@@ -22,8 +22,9 @@ import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import Believed, IdentifiedCar, Usual, usual_for
+from drift_drake.gathering.choice import Believed, Usual, usual_for
 from drift_drake.gathering.config import Recipe
+from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
 from drift_drake.model.checkpoint import BayesianModel, broad_checkpoint, load_model

@@ -13,9 +13,10 @@ import pandas as pd
 from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import Findings, IdentifiedCar, ask, runs_of, squared_distances
+from drift_drake.gathering.choice import Findings, ask, squared_distances
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import drive_samples, gather, learn_drive, learn_drives
+from drift_drake.gathering.identified import IdentifiedCar, runs_of
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior

@@ -12,8 +12,9 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering import choice
-from drift_drake.gathering.choice import Findings, IdentifiedCar, usual_for
+from drift_drake.gathering.choice import Findings, usual_for
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation import true_plant

@@ -8,22 +8,20 @@ from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
 from drift_drake.gathering.choice import (
     Choice,
-    IdentifiedCar,
     ask,
     doubts,
     findings,
-    identified,
     learnt_errors,
-    runs_of,
     usual_for,
 )
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
+from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, runs_of
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.quality import step_model
-from drift_drake.simulation.true_plant import plant_of
+from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -76,7 +74,7 @@ def test_a_car_whose_likelihood_has_no_optimum_is_not_identified(
     def without_optimum(*_: object, **__: object) -> None:
         VehicleParameters().replace(mass=np.nan)
 
-    monkeypatch.setattr("drift_drake.gathering.choice.identify", without_optimum)
+    monkeypatch.setattr("drift_drake.gathering.identified.identify", without_optimum)
     assert identified(runs_of(driven), VehicleParameters()) is None
 
 
@@ -181,23 +179,55 @@ def test_a_model_is_believed_that_is_no_further_off_than_usual(
     assert choice.sentence().startswith(said)
 
 
+def _driven(model: BayesianModel, effects: Effects, plant: TruePlant = "single_track") -> list[pd.DataFrame]:
+    """Logs of two informative drives of a car."""
+    config, belief, tables = GatheringConfig(starts=1, max_iterations=40), model.prior(), list[pd.DataFrame]()
+    first = plan = plan_drive(model, belief, config, config.alpha)
+    for number in range(2):
+        car = plant_of(plant, effects, lane(config).path)
+        tables.append(gather(plan, effects, VehicleParameters(), config, number, car)[0])
+        belief = learn_drive(model, belief, tables[-1], config)
+        plan = plan_again(model, belief, first, config)
+    return tables
+
+
+def _asked(model: BayesianModel, tables: list[pd.DataFrame]) -> tuple[IdentifiedCar | None, Choice]:
+    """The car that informative drives identify, and which model is believed."""
+    belief, usual = model.prior(), usual_for(model)
+    for table in tables:
+        belief = learn_drive(model, belief, table, GatheringConfig())
+    found = ask(model, belief, runs_of(tables), VehicleParameters())
+    assert usual is not None
+    return found.car, usual.choice(found)
+
+
+def test_a_delay_of_the_steering_is_identified_and_no_controller_is_sent_off_with_it(
+    model: BayesianModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drift_drake.gathering.choice.ONE_MORE", ("gyro_bias", "steering_delay"))
+    car, choice = _asked(model, _driven(model, make_effects({"steering_delay": 0.08, "steering_lag": 0.05})))
+    assert car is not None
+    assert car.effects.steering_delay == pytest.approx(0.08, abs=0.005)
+    assert choice.identified < choice.identified_limit
+    assert choice.believed == "neither"
+    assert choice.sentence().startswith("the car is identified, but with steering_delay 0.0")
+    assert car.step_model().follows_at_once().any()  # with what acts on the motion alone
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["steering_rate_limit", "sideslip_bias"])
+def test_of_one_thing_more_the_right_one_is_identified(model: BayesianModel, name: str) -> None:
+    size = {"steering_rate_limit": 0.6, "sideslip_bias": 0.03}[name]
+    car, choice = _asked(model, _driven(model, make_effects({name: size, "steering_lag": 0.05, "torque_lag": 0.1})))
+    assert car is not None
+    assert getattr(car.effects, name) == pytest.approx(size, rel=0.1)
+    assert [one for one in ONE_MORE if getattr(car.effects, one) != 0.0] == [name]
+    assert choice.believed == ("identified" if name == "steering_rate_limit" else "neither")
+
+
 @pytest.mark.slow
 def test_a_car_of_other_equations_is_not_known(model: BayesianModel) -> None:
     """A double-track car in informative drives: what the nominal equations make of them is far from it."""
-    usual, config, belief, tables = (
-        usual_for(model),
-        GatheringConfig(starts=1, max_iterations=40),
-        model.prior(),
-        [],
-    )
-    first = plan = plan_drive(model, belief, config, config.alpha)
-    for number in range(2):
-        car = plant_of("double_track", Effects(), lane(config).path)
-        tables.append(gather(plan, Effects(), VehicleParameters(), config, number, car)[0])
-        belief = learn_drive(model, belief, tables[-1], config)
-        plan = plan_again(model, belief, first, config)
-    runs = runs_of(tables)
-    found = ask(model, belief, runs, VehicleParameters())
-    assert not found.doubts
-    assert usual is not None
-    assert usual.choice(found).believed == "neither"
+    _, choice = _asked(model, _driven(model, Effects(), "double_track"))
+    assert not choice.doubts
+    assert choice.believed == "neither"

@@ -3,7 +3,7 @@
 Both the learnt model and the car that the drives identify (`identified`) predict the drives half a second ahead, from
 each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
 on nearly all cars that follow its equations (little more than the sensors' noise is left), as it is or with one thing
-more that a controller's model holds (`identified.ONE_MORE`). The learnt model is believed where it predicts no worse
+more that a controller plans with (`identified.ONE_MORE`). The learnt model is believed where it predicts no worse
 than on nearly all vehicles that it was made for (`Usual`). Where neither does, no model knows the car: the prior of the
 model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since
 what a lane has taught the learnt one of such a car leads it astray in a drift. Nor is any model believed on logs that
@@ -66,7 +66,7 @@ class Choice(NamedTuple):
     learnt_limit: float
     identified_limit: float
     doubts: tuple[str, ...] = ()
-    beyond: tuple[str, ...] = ()  # what the identified car has that no controller's model holds
+    beyond: tuple[str, ...] = ()  # what the identified car has that a controller does not plan with
 
     @property
     def believed(self) -> Believed:
@@ -83,24 +83,25 @@ class Choice(NamedTuple):
 
     def sentence(self) -> str:
         """What follows from it."""
-        adapt = "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)"
-        follows = {
+        follow = {
             "learnt": "drive with the learnt model",
             "identified": "drive with the identified car",
-            "neither": f"no model knows this car: {adapt}, or gather more",
-        }
+            "neither": "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)",
+        }[self.believed]
         if self._identified and self.beyond:
-            follows["neither"] = (
-                f"the car is identified, but with {', '.join(self.beyond)}, which no controller's model holds: mend "
-                f"that, or {adapt}"
+            named = ", ".join(self.beyond)
+            follow = (
+                f"the car is identified with {named}, which a controller does not plan with: mend that, or {follow}"
             )
+        elif self.believed == "neither":
+            follow = f"no model knows this car: {follow}, or gather more"
         if self.doubts:
             return f"no model is believed on these drives: {'; '.join(self.doubts)}"
         car = "no car was identified"
         if math.isfinite(self.identified):
             car = f"{self.identified:.3g} for the identified car (as a rule at most {self.identified_limit:.3g})"
         return (
-            f"{follows[self.believed]}: forecast errors half a second ahead are {self.learnt:.3g} for the learnt model "
+            f"{follow}: forecast errors half a second ahead are {self.learnt:.3g} for the learnt model "
             f"(as a rule at most {self.learnt_limit:.3g}); {car}"
         )
 

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from drift_drake.control.double_track_step import DoubleTrackStepModel
-from drift_drake.control.effects_step import EffectsStepModel
+from drift_drake.control.effects_step import EffectsStepModel, planned_with
 from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
@@ -26,7 +26,7 @@ def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath | None) -> Pat
 
 
 def oracle_of(plant: TruePlant, parameters: VehicleParameters, effects: Effects) -> StepModel:
-    """The step model that knows the car; `parameters`: of the single-track one."""
+    """The step model that knows what of the car can be planned with; `parameters`: of the single-track one."""
     if plant == "double_track":
-        return DoubleTrackStepModel(CARS["coupe"], effects)
-    return EffectsStepModel(parameters, effects, exact=False)
+        return DoubleTrackStepModel(CARS["coupe"], planned_with(effects))
+    return EffectsStepModel(parameters, planned_with(effects), exact=False)

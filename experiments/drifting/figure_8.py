@@ -13,6 +13,7 @@ overhead.png. Broken off, it goes on where it was (give --out).
 from diagrams.command import run_command
 from drift_drake.run_folder import make_run_folder, write_json, write_results_table, write_versions
 from experiments.drifting.report import (
+    choice_sentence,
     completion_table,
     draw,
     ordering_table,
@@ -37,6 +38,7 @@ def main(config: ModelsConfig) -> None:
     write_json(folder / "numbers.json", summary)
     report = (
         f"{completion_table(summary)}\n\n{ordering_table(runs)}{over_oracle_table(runs)}{refusal_sentence(summary)}"
+        f"{choice_sentence(runs)}"
         f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"

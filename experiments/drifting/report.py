@@ -154,6 +154,17 @@ def refusal_sentence(summary: dict[str, Any]) -> str:
     return f"By the informative drives' logs, {'; '.join(parts)}.\n\n" if parts else ""
 
 
+def choice_sentence(runs: pd.DataFrame) -> str:
+    """What was believed by the drives, and what they identified with one thing more; empty where none was asked."""
+    chosen = runs[runs["model"] == "chosen"]
+    if chosen.empty:
+        return ""
+    believed = ", ".join(f"{kind} {count}" for kind, count in chosen["believed"].value_counts().items())
+    more = chosen["one_more"].fillna("").str.split(" ").str[0].loc[lambda names: names != ""].value_counts()
+    named = ", ".join(f"{name} {count}" for name, count in more.items()) or "none"
+    return f"Chosen by the drives: {believed}; identified with one thing more: {named}.\n\n"
+
+
 def over_oracle_table(runs: pd.DataFrame) -> str:
     """RMS e over the oracle's on the same attempts, of those that the oracle completes, as Markdown; empty without it.
 

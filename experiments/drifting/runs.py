@@ -21,6 +21,7 @@ import pandas as pd
 import tyro
 
 from drift_drake.drives.vehicles import Population, draw_effects
+from drift_drake.errors import InvalidOptionError, meant
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.gathering.choice import Believed, Usual, usual_for
 from drift_drake.gathering.config import Recipe
@@ -64,6 +65,8 @@ class DriftConfig(Recipe):
     population: Population = "held_out"
     noise_seeds: int = 3  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
+    also: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Effects that every vehicle has besides: NAME SIZE, such as steering_delay 0.1."""
     path_step: PathStep = "trapezoid"  # of the learnt model in the controller; Euler's as in the paper
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
@@ -80,8 +83,15 @@ class DriftConfig(Recipe):
         return [(self.first + i, seed) for seed in range(self.noise_seeds) for i in range(self.vehicles)]
 
     def effects(self, vehicle: int) -> Effects:
-        """What is true of a vehicle."""
-        return draw_effects(self.population, vehicle, self.vehicle_seed)
+        """What is true of a vehicle.
+
+        Raises:
+            InvalidOptionError: an effect that the catalogue does not have.
+        """
+        for name in self.also:
+            if name not in Effects._fields:
+                raise InvalidOptionError(f"--also {name}: no such effect; {meant(name, Effects._fields)}")
+        return draw_effects(self.population, vehicle, self.vehicle_seed)._replace(**self.also)
 
     def gathered(self, wanted: frozenset[str], learnt: BayesianModel, folder: Path) -> dict[Attempt, Taught]:
         """What each attempt's gathering has taught, made where the folder lacks it (`gathered_beliefs.gather_all`)."""
@@ -249,9 +259,11 @@ class Believing(NamedTuple):
             choice = self.usual.choice(found)
             believed = choice.believed
             labels |= {"learnt_error": choice.learnt, "identified_error": choice.identified}
+        car = None if found is None else found.car
         labels |= {"believed": believed, "refused": believed == "neither"}
-        if found is not None and found.car is not None and (model == "identified" or believed == "identified"):
-            return labels, found.car
+        labels["one_more"] = ", ".join(car.one_more) if car is not None else ""
+        if car is not None and (model == "identified" or believed == "identified"):
+            return labels, car
         if believed == "learnt":
             return labels, Learnt(*taught.after(self.learnt), path_step=self.path_step)
         return labels, self("broad", None)[1]

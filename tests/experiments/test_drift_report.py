@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from experiments.drifting.report import (
+    choice_sentence,
     completion_table,
     ordering_table,
     over_oracle_table,
@@ -80,6 +81,18 @@ def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
     twice.loc[0, "completed"] = False
     assert refusal_sentence(summarise(twice)).startswith(
         "By the informative drives' logs, Twice-Info: 2 of 6 runs refused beforehand, 1 of the others were"
+    )
+
+
+def test_what_the_drives_identified_is_counted(runs: pd.DataFrame) -> None:
+    assert choice_sentence(runs) == ""
+    chosen = runs.iloc[:3].assign(
+        model="chosen", believed=["identified", "neither", "identified"],
+        one_more=["steering_delay 0.1 s", "gyro_bias 0.02 rad/s, sideslip_bias 0.03 rad", None],
+    )  # fmt: skip
+    assert choice_sentence(pd.concat([runs, chosen])) == (
+        "Chosen by the drives: identified 2, neither 1; identified with one thing more: steering_delay 1, gyro_bias 1."
+        "\n\n"
     )
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.double_track_step import DoubleTrackStepModel
+from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering import choice
 from drift_drake.gathering.choice import Findings, usual_for
@@ -53,6 +54,14 @@ def config(out: Path, run_on: ExecutorConfig) -> ModelsConfig:
 def short_course(monkeypatch: pytest.MonkeyPatch) -> None:
     course = dataclasses.replace(figure_8(VehicleParameters()), distance=12.0)
     monkeypatch.setattr(drift_runs, "reference", lambda _: course)
+
+
+def test_every_vehicle_may_have_an_effect_besides() -> None:
+    also = ModelsConfig(population="held_out", also={"steering_delay": 0.1})
+    without = ModelsConfig(population="held_out")
+    assert also.effects(2) == without.effects(2)._replace(steering_delay=0.1)
+    with pytest.raises(InvalidOptionError, match="--also steering_dely: no such effect; did you mean steering_delay"):
+        ModelsConfig(also={"steering_dely": 0.1}).effects(0)
 
 
 def test_a_folder_of_an_older_version_is_told(tmp_path: Path, here: ExecutorConfig) -> None:

@@ -122,6 +122,7 @@ def test_a_calibration_by_prediction_states_parameters_and_tolerances(other_car)
     identified = other_car.found
     c = identified.calibration
     assert c.criterion == "prediction"
+    assert not any("not white" in warning for warning in c.warnings)  # it was asked for
     assert c.normal is not None
     assert identified.vehicle.mass == other_car.guess.mass
     assert {"friction", "front_stiffness", "rear_stiffness"} <= set(c.parameters)

@@ -73,8 +73,11 @@ def test_effects_that_are_not_there_are_left_out(identified):
 
 def test_without_torque_what_only_torque_tells_stays_not_identified(strange_car_runs):
     runs = [run.without("tau_cmd") for run in strange_car_runs[:2]]
-    found = identify(runs, VehicleParameters(), names=("steering_lag", "torque_lag"), criterion="likelihood")
+    names = ("steering_lag", "steering_offset", "torque_lag")  # the second a parameter of the vehicle file
+    found = identify(runs, VehicleParameters(), names=names, criterion="likelihood")
     c = found.calibration
+    assert c.parameters["steering_offset"].kind == "free"
+    assert "effect steering_offset: calibrated anyway, as a parameter of the vehicle file" in c.warnings
     assert "torque_lag" not in c.parameters
     assert {"gear_ratio", "rear_axle_inertia"} <= {name for direction in c.not_identified for name in direction.parts}
     assert c.parameters["gear_ratio"].deviation == pytest.approx(c.parameters["gear_ratio"].prior, rel=0.01)

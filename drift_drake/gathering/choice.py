@@ -67,6 +67,7 @@ class Choice(NamedTuple):
     identified_limit: float
     doubts: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()  # what the identified car has that a controller does not plan with
+    one_more: tuple[str, ...] = ()  # what it has of `identified.ONE_MORE`
 
     @property
     def believed(self) -> Believed:
@@ -83,15 +84,16 @@ class Choice(NamedTuple):
 
     def sentence(self) -> str:
         """What follows from it."""
+        named = f" with {', '.join(self.one_more)}" if self.one_more else ""
         follow = {
             "learnt": "drive with the learnt model",
-            "identified": "drive with the identified car",
+            "identified": f"drive with the identified car{named}",
             "neither": "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)",
         }[self.believed]
         if self._identified and self.beyond:
-            named = ", ".join(self.beyond)
+            beyond = ", ".join(self.beyond)
             follow = (
-                f"the car is identified with {named}, which a controller does not plan with: mend that, or {follow}"
+                f"the car is identified with {beyond}, which a controller does not plan with: mend that, or {follow}"
             )
         elif self.believed == "neither":
             follow = f"no model knows this car: {follow}, or gather more"
@@ -209,7 +211,9 @@ class Usual(NamedTuple):
     def choice(self, found: Findings) -> Choice:
         """Which model is believed, by what a car's drives say (`ask`)."""
         limits = self.learnt.limit(), self.identified.limit()
-        return Choice(found.learnt, found.identified, *limits, found.doubts, found.car.beyond if found.car else ())
+        car = found.car
+        return Choice(found.learnt, found.identified, *limits, found.doubts, car.beyond if car else (),
+                      car.one_more if car else ())  # fmt: skip
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

@@ -15,6 +15,7 @@ from drift_drake.control.effects_step import BEYOND, EffectsStepModel, planned_w
 from drift_drake.errors import unit_suffix
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
+from drift_drake.sensing.sensor_errors import SENSORS, sensor_errors
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
@@ -24,7 +25,7 @@ EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_
 ONE_MORE = ("steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency", "gyro_bias",
             "sideslip_bias")  # fmt: skip
 # Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
-NOT_PLANNED = (*(name for name in BEYOND if name != "steering_delay"), "steering_rate_limit")
+NOT_PLANNED = (*(name for name in BEYOND if name not in ("steering_delay", *SENSORS)), "steering_rate_limit")
 
 
 class IdentifiedCar(NamedTuple):
@@ -35,7 +36,7 @@ class IdentifiedCar(NamedTuple):
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """Of its effects those that a controller does not plan with, and their size, such as a sensor's error."""
+        """Of its effects those that a controller does not plan with, and their size, such as a sensor's latency."""
         return self._said(NOT_PLANNED)
 
     @property
@@ -46,6 +47,11 @@ class IdentifiedCar(NamedTuple):
     def _said(self, names: Sequence[str]) -> tuple[str, ...]:
         present = [(name, getattr(self.effects, name)) for name in names if getattr(self.effects, name) != 0.0]
         return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
+
+    @property
+    def sensor_errors(self) -> Effects:
+        """What has to be taken off its readings."""
+        return sensor_errors(self.effects)
 
     def step_model(self) -> EffectsStepModel:
         """What a controller plans with (`planned_with`)."""

@@ -20,11 +20,11 @@ from drift_drake.monitoring.evidence import ALARM, TRUSTED
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import ReadingKind
+from drift_drake.sensing.sensor_errors import SENSORS, corrected_reading
 from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
-SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error")  # errors that a reading can lose
 GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
 PROBABLE = 0.5
 REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
@@ -57,17 +57,6 @@ def corrected(held: np.ndarray, labels: tuple[str, ...], posterior: np.ndarray, 
 def for_model(correction: np.ndarray) -> np.ndarray:
     """The part of a correction that acts on the motion."""
     return np.where([name in BEYOND for name in Effects._fields], 0.0, correction)
-
-
-def corrected_reading(measured: np.ndarray, correction: np.ndarray) -> np.ndarray:
-    """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
-    q, y = Effects(*correction), measured.copy()
-    at = {name: MEASURED_STATE.index(name) for name in ("r", "beta", "dphi", "omega_r")}
-    y[at["r"]] -= q.gyro_bias
-    y[at["beta"]] -= q.sideslip_bias
-    y[at["dphi"]] -= q.sideslip_bias
-    y[at["omega_r"]] /= 1.0 + q.wheel_radius_error
-    return y
 
 
 class GapCorrection(LeafSystem):
@@ -105,7 +94,7 @@ class GapCorrection(LeafSystem):
 
     def _calc_reading(self, context: Context, output: Any) -> None:
         held = context.get_discrete_state(self._held).value()
-        output.SetFromVector(corrected_reading(self._measured.Eval(context), held))
+        output.SetFromVector(corrected_reading(self._measured.Eval(context), Effects(*held)))
 
 
 def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:

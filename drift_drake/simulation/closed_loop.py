@@ -27,6 +27,7 @@ from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_p
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import Innovation, Screen
+from drift_drake.sensing.sensor_errors import SensorCorrection
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
@@ -103,6 +104,7 @@ class ClosedLoop:
         faults: what goes wrong in the loop.
         monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`).
         policy: what follows from it: `GapCorrection`, with an `EffectsStepModel`; `SlowDown`.
+        sensor_errors: what is known of the sensors' errors, taken off the readings (`SensorCorrection`).
         controller: one of your own in place of the predictive one and its model.
 
     Raises:
@@ -126,6 +128,7 @@ class ClosedLoop:
         monitor: Monitor | None = None,
         policy: Policy = "watch",
         controller: Controller | None = None,
+        sensor_errors: Effects = Effects(),  # noqa: B008 (immutable)
     ) -> None:
         learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
         check_planner(learners, controller)
@@ -146,7 +149,12 @@ class ClosedLoop:
         ))  # fmt: skip
         command = self.actuator.GetOutputPort("command")
         received = points.sensors(self.car.GetOutputPort("measured_state"))
-        self.screen, measured_state, state = self._screened(builder, control, noise, received)
+        known = received
+        if any(sensor_errors):
+            correction = builder.AddNamedSystem("sensor_correction", SensorCorrection(sensor_errors))
+            builder.Connect(received, correction.get_input_port())
+            known = correction.get_output_port()
+        self.screen, measured_state, state = self._screened(builder, control, noise, known)
         plan = points.plans(self.controller.GetOutputPort("plan"))
         watched = watching(builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), policy, model)
         self.monitor, self.slow_down = watched.monitor, None

@@ -35,6 +35,7 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
+from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from drift_drake.vehicle.effects import Effects
@@ -156,6 +157,7 @@ def reference(maneuver: Maneuver) -> Reference:
 def closed_loop(job: DriveJob) -> ClosedLoop:
     """The closed loop of one vehicle with what its controller believes."""
     parameters, believes, control, adapter = VehicleParameters(), job.believes, job.control, None
+    errors = Effects()  # of the sensors, as far as they are known
     model: StepModel
     if isinstance(believes, Learnt):
         model = step_model(believes.model, believes.belief, believes.path_step)
@@ -165,15 +167,17 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
             adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time, lags=lags)
     else:
         if isinstance(believes, IdentifiedCar):
-            model = believes.step_model()
+            model, errors = believes.step_model(), believes.sensor_errors
         elif believes == "oracle":
+            errors = sensor_errors(job.effects)
             model = oracle_of(job.plant, parameters, job.effects)
         else:
             model = NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
     plant = plant_of(job.plant, job.effects, driven.path)
-    return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant)
+    return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant,
+                      sensor_errors=errors)  # fmt: skip
 
 
 def drive(job: DriveJob) -> DriveResult:

@@ -218,12 +218,16 @@ def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(
     np.testing.assert_array_equal(car.step_model().step(x, u, 1.2 * u, np.zeros(1)), expected)
 
 
-def test_a_sensors_error_is_named_and_no_controller_is_sent_off_with_it() -> None:
-    car = IdentifiedCar(VehicleParameters(), make_effects({"sideslip_bias": 0.03, "steering_lag": 0.05}))
-    choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=car.beyond)
+def test_what_no_controller_can_make_up_for_is_named() -> None:
+    late = IdentifiedCar(VehicleParameters(), make_effects({"sensor_latency": 0.04, "steering_lag": 0.05}))
+    choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=late.beyond)
     assert choice.believed == "neither"
-    assert choice.sentence().startswith("the car is identified with sideslip_bias 0.03 rad, which a controller does")
-    assert car.step_model().follows_at_once().any()  # with what acts on the motion alone
+    assert choice.sentence().startswith("the car is identified with sensor_latency 0.04 s, which a controller does not")
+    assert late.step_model().follows_at_once().any()  # with what acts on the motion alone
+    off = IdentifiedCar(VehicleParameters(), make_effects({"sideslip_bias": 0.03, "steering_lag": 0.05}))
+    assert (off.beyond, off.sensor_errors) == ((), Effects(sideslip_bias=0.03))
+    choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=off.beyond, one_more=off.one_more)
+    assert choice.sentence().startswith("drive with the identified car with sideslip_bias 0.03 rad: forecast errors")
 
 
 @pytest.mark.slow
@@ -233,7 +237,7 @@ def test_of_one_thing_more_the_right_one_is_identified(model: BayesianModel, nam
     assert car is not None
     assert getattr(car.effects, name) == pytest.approx(size, rel=0.1)
     assert [one for one in ONE_MORE if getattr(car.effects, one) != 0.0] == [name]
-    assert choice.believed != "identified"
+    assert (choice.believed == "identified") == (name != "sensor_latency")
 
 
 @pytest.mark.slow

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drift_drake.monitoring.correction import GapCorrection, corrected, corrected_reading, for_model
-from drift_drake.vehicle.effects import COUNT, Effects, make_effects, measured
+from drift_drake.monitoring.correction import GapCorrection, corrected
+from drift_drake.vehicle.effects import COUNT, Effects, make_effects
 
 
 def posterior(monitor, **probabilities: float) -> np.ndarray:
@@ -26,16 +26,6 @@ def test_the_most_probable_cause_is_taken_until_the_simulator_is_believed_again(
 @pytest.mark.parametrize("name", ["steering_delay", "sensor_latency", "unknown"])
 def test_what_no_model_can_take_changes_nothing(monitor, name):
     assert not corrected(np.zeros(COUNT), monitor.labels, posterior(monitor, **{name: 1.0}), 0.1).any()
-
-
-def test_a_reading_loses_its_sensors_errors():
-    q = make_effects({"gyro_bias": 0.02, "sideslip_bias": -0.03, "wheel_radius_error": 0.04})
-    true = np.array([0.5, 11.0, -0.4, 14.0, 0.1, 0.05, 3.0])
-    reading = true.copy()
-    reading[0], reading[2], reading[3] = measured(true[0], true[2], true[3], q)
-    reading[5] += q.sideslip_bias
-    np.testing.assert_allclose(corrected_reading(reading, np.array(q)), true, rtol=1e-12)
-    assert not for_model(np.array(q)).any()
 
 
 def test_the_system_holds_a_correction(monitor):

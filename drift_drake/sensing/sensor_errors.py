@@ -1,0 +1,43 @@
+"""Errors of sensors that are known, taken off the readings."""
+
+from typing import Any
+
+from pydrake.systems.framework import LeafSystem
+
+from drift_drake.arrays import Array
+from drift_drake.sensing.sensors import MEASURED_STATE
+from drift_drake.vehicle.effects import Effects
+
+SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error")  # errors that a reading can lose
+
+
+def sensor_errors(effects: Effects) -> Effects:
+    """Of effects the sensors' errors alone."""
+    return Effects(**{name: getattr(effects, name) for name in SENSORS})
+
+
+def corrected_reading(measured: Array, errors: Effects) -> Array:
+    """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
+    y = measured.copy()
+    at = {name: MEASURED_STATE.index(name) for name in ("r", "beta", "dphi", "omega_r")}
+    y[at["r"]] -= errors.gyro_bias
+    y[at["beta"]] -= errors.sideslip_bias
+    y[at["dphi"]] -= errors.sideslip_bias
+    y[at["omega_r"]] /= 1.0 + errors.wheel_radius_error
+    return y
+
+
+class SensorCorrection(LeafSystem):
+    """Input port: measured_state [7]. Output port: corrected_state [7]; see `corrected_reading`. No state."""
+
+    def __init__(self, errors: Effects) -> None:
+        super().__init__()
+        self._errors = errors
+        self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
+        self.DeclareVectorOutputPort(
+            "corrected_state", len(MEASURED_STATE), self._calc,
+            prerequisites_of_calc={self.input_port_ticket(self._measured.get_index())},
+        )  # fmt: skip
+
+    def _calc(self, context: Any, output: Any) -> None:
+        output.SetFromVector(corrected_reading(self._measured.Eval(context), self._errors))

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from drift_drake.arrays import Array
 from drift_drake.sensing.sensors import MEASURED_STATE
@@ -41,3 +41,12 @@ class SensorCorrection(LeafSystem):
 
     def _calc(self, context: Any, output: Any) -> None:
         output.SetFromVector(corrected_reading(self._measured.Eval(context), self._errors))
+
+
+def without_errors(builder: DiagramBuilder, measured_state: OutputPort, errors: Effects) -> OutputPort:
+    """The port of a measured state without its sensors' errors: the same port where there are none."""
+    if not any(errors):
+        return measured_state
+    correction = builder.AddNamedSystem("sensor_correction", SensorCorrection(errors))
+    builder.Connect(measured_state, correction.get_input_port())
+    return correction.get_output_port()

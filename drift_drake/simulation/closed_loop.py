@@ -27,7 +27,7 @@ from drift_drake.monitoring.in_loop import CORRECTING, SLOWING, Policy, logged_p
 from drift_drake.monitoring.monitor import Monitor
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import Innovation, Screen
-from drift_drake.sensing.sensor_errors import SensorCorrection
+from drift_drake.sensing.sensor_errors import without_errors
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
@@ -149,11 +149,7 @@ class ClosedLoop:
         ))  # fmt: skip
         command = self.actuator.GetOutputPort("command")
         received = points.sensors(self.car.GetOutputPort("measured_state"))
-        known = received
-        if any(sensor_errors):
-            correction = builder.AddNamedSystem("sensor_correction", SensorCorrection(sensor_errors))
-            builder.Connect(received, correction.get_input_port())
-            known = correction.get_output_port()
+        known = without_errors(builder, received, sensor_errors)
         self.screen, measured_state, state = self._screened(builder, control, noise, known)
         plan = points.plans(self.controller.GetOutputPort("plan"))
         watched = watching(builder, monitor, measured_state, command, self.car.GetOutputPort("log_row"), policy, model)

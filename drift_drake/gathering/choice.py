@@ -38,12 +38,14 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import learn, predicted_windows, step_model
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
+from drift_drake.standard_output import Progress
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
 LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 OTHER_SIZE = 1.5  # ratio of wheelbases
+NEARER = 0.5  # times the forecast error of the identified car as it is
 REFUSED = 0.005  # share of the training distribution's vehicles that are refused
 
 Believed = Literal["learnt", "identified", "neither"]
@@ -56,6 +58,7 @@ class Findings(NamedTuple):
     learnt: float  # how far off the learnt model is half a second ahead (`forecast_error`)
     identified: float  # and the identified car; infinite without one
     doubts: tuple[str, ...] = ()  # why the drives are no ground to believe either
+    hint: str = ""  # which one thing more would bring the identified car far nearer, though not near enough
 
 
 class Choice(NamedTuple):
@@ -68,6 +71,7 @@ class Choice(NamedTuple):
     doubts: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()  # what the identified car has that a controller does not plan with
     one_more: tuple[str, ...] = ()  # what it has of `identified.ONE_MORE`
+    hint: str = ""  # see `Findings`
 
     @property
     def believed(self) -> Believed:
@@ -101,7 +105,8 @@ class Choice(NamedTuple):
             return f"no model is believed on these drives: {'; '.join(self.doubts)}"
         car = "no car was identified"
         if math.isfinite(self.identified):
-            car = f"{self.identified:.3g} for the identified car (as a rule at most {self.identified_limit:.3g})"
+            rule = f"as a rule at most {self.identified_limit:.3g}{self.hint}"
+            car = f"{self.identified:.3g} for the identified car ({rule})"
         return (
             f"{follow}: forecast errors half a second ahead are {self.learnt:.3g} for the learnt model "
             f"(as a rule at most {self.learnt_limit:.3g}); {car}"
@@ -123,7 +128,13 @@ def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
     return out
 
 
-def ask(model: BayesianModel, belief: Posterior, runs: Sequence[Run], first_guess: VehicleParameters) -> Findings:
+def ask(
+    model: BayesianModel,
+    belief: Posterior,
+    runs: Sequence[Run],
+    first_guess: VehicleParameters,
+    progress: Progress | None = None,
+) -> Findings:
     """Asks the drives of a car: what they identify, and how well that and the learnt model predict them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
@@ -131,19 +142,29 @@ def ask(model: BayesianModel, belief: Posterior, runs: Sequence[Run], first_gues
 
     Args:
         belief: of the learnt model after these drives; runs: with torque, sideslip and rim speed.
-        first_guess: of the car.
+        first_guess: of the car; progress: called with a stage and a share.
 
     Raises:
         InvalidLogError: a column that holds no number.
     """
+    tell = progress or (lambda _stage, _share: None)
+    tell("the car as it is", 0.0)
     found, usual = findings(model, belief, identified(runs, first_guess), runs, first_guess), usual_for(model)
     if usual is None or found.doubts or found.identified <= usual.identified.limit():
+        tell("done", 1.0)
         return found
-    judged = [windowed(run) for run in runs]
-    cars = [identified(runs, first_guess, (name,)) for name in ONE_MORE]
+    judged, cars = [windowed(run) for run in runs], []
+    for number, name in enumerate(ONE_MORE, 1):
+        tell(f"with {name}", number / (1 + len(ONE_MORE)))
+        cars.append(identified(runs, first_guess, (name,)))
+    tell("done", 1.0)
     best = min(cars, key=lambda car: car_error(car, judged))
     error = car_error(best, judged)
-    return found._replace(car=best, identified=error) if error <= usual.identified.limit() else found
+    if error <= usual.identified.limit():
+        return found._replace(car=best, identified=error)
+    if best is None or error > NEARER * found.identified:
+        return found
+    return found._replace(hint=f"; {error:.3g} with {', '.join(best.one_more)}")
 
 
 def findings(
@@ -213,7 +234,7 @@ class Usual(NamedTuple):
         limits = self.learnt.limit(), self.identified.limit()
         car = found.car
         return Choice(found.learnt, found.identified, *limits, found.doubts, car.beyond if car else (),
-                      car.one_more if car else ())  # fmt: skip
+                      car.one_more if car else (), found.hint)  # fmt: skip
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

@@ -10,7 +10,7 @@ from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths
 from drift_drake.safe_files import try_outputs
-from drift_drake.standard_output import said_to, write_results
+from drift_drake.standard_output import progress_bar, said_to, write_results
 from drift_drake.vehicle.effects import magnitudes_of
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
@@ -40,6 +40,8 @@ class Choose:
     """Where to write the identified car, as a vehicle file."""
     json: Path | None = None
     """Where to write the choice, as JSON (-: standard output)."""
+    quiet: bool = False
+    """No progress bar."""
 
 
 def run_choose(command: Choose) -> None:
@@ -64,7 +66,8 @@ def run_choose(command: Choose) -> None:
     model, belief = learn_with_lags(
         model, lambda lag: concatenate([samples_of(run, number, lag) for number, run in enumerate(runs)])
     )
-    found = ask(model, belief, runs, first_guess)
+    with progress_bar(command.quiet) as show:
+        found = ask(model, belief, runs, first_guess, show)
     choice = usual.choice(found)
     print(choice.sentence(), file=said_to(command.json))
     if command.out is not None:

@@ -85,9 +85,10 @@ def test_physics_predicts_such_a_car_better_than_what_is_learnt(
     belief = model.prior()
     for table in driven:
         belief = learn_drive(model, belief, table, CONFIG)
-    _, learnt, physics, doubted = findings(model, belief, car, runs_of(driven), VehicleParameters())
-    assert physics < 0.5 * learnt
-    assert findings(model, belief, None, runs_of(driven), VehicleParameters()) == (None, learnt, np.inf, doubted)
+    found = findings(model, belief, car, runs_of(driven), VehicleParameters())
+    assert found.identified < 0.5 * found.learnt
+    without = findings(model, belief, None, runs_of(driven), VehicleParameters())
+    assert without == found._replace(car=None, identified=np.inf)
 
 
 def test_logs_in_a_wrong_unit_are_known_by_no_model(
@@ -228,6 +229,8 @@ def test_what_no_controller_can_make_up_for_is_named() -> None:
     assert (off.beyond, off.sensor_errors) == ((), Effects(sideslip_bias=0.03))
     choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=off.beyond, one_more=off.one_more)
     assert choice.sentence().startswith("drive with the identified car with sideslip_bias 0.03 rad: forecast errors")
+    near = Choice(0.09, 0.05, 0.04, 0.012, hint="; 0.0125 with sensor_latency 0.05 s")
+    assert "0.05 for the identified car (as a rule at most 0.012; 0.0125 with sensor_latency 0.05 s)" in near.sentence()
 
 
 @pytest.mark.slow

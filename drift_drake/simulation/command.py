@@ -25,7 +25,7 @@ class ClosedLoopDrive:
     drift-drake drive figure_8 --vehicle corrected.yaml --model online --out drive
 
     The car starts half a metre and 0.1 rad of sideslip off the reference, with sensor noise. The controller knows the
-    vehicle file but not its effects.
+    vehicle file but not its effects, unless it is told (--model known).
     """
 
     reference: tyro.conf.Positional[Literal["figure_8", "loops"]]
@@ -34,10 +34,11 @@ class ClosedLoopDrive:
     """The car (YAML); `effects:` in it act too. A coupe without."""
     plant: Literal["single_track", "double_track"] = "single_track"
     """The true car: the vehicle file's, or a coupe on four tyres with the vehicle file's effects."""
-    model: Literal["nominal", "prior", "online", "offset_free", "broad"] = "nominal"
-    """What the controller believes: the vehicle file; the shipped learnt model (about the coupe) as it is, adapting as
-    it drives (the actuators' lags, too), or adapting with what its belief leaves over as an offset; or the shipped
-    model of more kinds of cars, adapting, for a car that the others do not know."""
+    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
+    """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
+    (known); the shipped learnt model (about the coupe) as it is, adapting as it drives (the actuators' lags, too), or
+    adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars, adapting, for a
+    car that the others do not know."""
     seed: int = 0
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()

@@ -26,11 +26,12 @@ from drift_drake.pictures.time_series import solver_work, time_series
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
+from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.command import MonitorPolicy
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
-from drift_drake.simulation.true_plant import TruePlant, plant_of
+from drift_drake.simulation.true_plant import TruePlant, oracle_of, plant_of
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects
@@ -49,10 +50,11 @@ class ClosedLoopConfig:
     """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
     model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
-    model: Literal["nominal", "prior", "online", "offset_free", "broad"] = "nominal"
-    """What the controller believes: the vehicle file without its effects; the shipped learnt model (about the default
-    coupe) as it is, adapting as it drives (the actuators' lags, too), or adapting with what its belief leaves over as
-    an offset; or the shipped model of more kinds of cars, adapting, for a car that the others do not know."""
+    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
+    """What the controller believes: the vehicle file without its effects, or with them, as far as a controller plans
+    with them; the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
+    too), or adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars,
+    adapting, for a car that the others do not know."""
     seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
@@ -90,12 +92,14 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
     model: StepModel = NominalStepModel(parameters)
     adapter: BayesianAdapter | None = None
-    if config.model != "nominal":
+    effects, errors = config.effects(), Effects()
+    if config.model == "known":
+        model, errors = oracle_of(config.plant, parameters, effects), sensor_errors(effects)
+    elif config.model != "nominal":
         learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
         adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
-    effects = config.effects()
     plant = plant_of(config.plant, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
@@ -111,7 +115,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         model = EffectsStepModel(parameters, Effects(), exact=False)
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
                       faults=faults, monitor=monitor,
-                      policy="watch" if config.monitor == "off" else config.monitor)  # fmt: skip
+                      policy="watch" if config.monitor == "off" else config.monitor, sensor_errors=errors)  # fmt: skip
 
 
 def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.control.controller import MpcController
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.reference.trajectory import Reference, figure_8
@@ -21,6 +22,7 @@ from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.plant import VehiclePlant
 from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.vehicle.vehicle_file import write_vehicle
 
 PARAMETERS = VehicleParameters()
 FAST = ControlConfig(horizon=15, period=0.02, delay=0.02)
@@ -234,3 +236,18 @@ def test_a_run_that_is_logged_to_a_file_is_the_run(
     assert in_file.outcome == in_memory.outcome
     tables = [run.table.drop(columns="solve_seconds") for run in (in_memory, in_file)]
     pd.testing.assert_frame_equal(*tables, check_exact=True)
+
+
+def test_a_car_that_is_known_is_driven_with_what_it_has(tmp_path: Path) -> None:
+    """Its effects in the model, a delay as a lag, and its sensors' errors off the readings."""
+    parameters, effects = VehicleParameters(), make_effects({"steering_delay": 0.05, "sideslip_bias": 0.03})
+    write_vehicle(tmp_path / "known.yaml", parameters, effects)
+    loop = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml", model="known"))
+    assert isinstance(loop.controller, MpcController)
+    model = loop.controller.mpc.model
+    x, u, curvature = np.array([[0.5, 11.0, -0.5, 16.0, 0.1, 0.02]]), np.array([[-0.1, 150.0]]), np.zeros(1)
+    expected = EffectsStepModel(parameters, make_effects({"steering_lag": 0.05}), exact=False)
+    x = np.hstack([x, expected.settled(x[0, :4], u[0])[None]])
+    np.testing.assert_array_equal(model.step(x, u, 1.1 * u, curvature), expected.step(x, u, 1.1 * u, curvature))
+    assert loop.diagram.HasSubsystemNamed("sensor_correction")
+    assert not build(ClosedLoopConfig()).diagram.HasSubsystemNamed("sensor_correction")

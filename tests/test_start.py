@@ -41,7 +41,7 @@ def test_drive_asks_for_what_it_was_given(tmp_path: Path, monkeypatch: pytest.Mo
     out = tmp_path / "out"
     words = ["drive", "loops", "--vehicle", str(path), "--model", "online", "--seed", "3", "--out", str(out)]
     assert main(words) == 0
-    assert asked == [ClosedLoopConfig(path, "single_track", "loops", "online", 3, out=out)]
+    assert asked == [ClosedLoopConfig(vehicle=path, reference="loops", model="online", seed=3, out=out)]
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,39 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 MonitorPolicy = Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"]
 
 
-@dataclasses.dataclass(frozen=True)
-class ClosedLoopDrive:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DriveOptions:
+    """What is driven with which model, and what a run leaves behind."""
+
+    vehicle: Path | None = None
+    """The car (YAML); `effects:` in it act too. Without, the default coupe or, on the double-track plant, the
+    single-track car nearest to it."""
+    plant: Literal["single_track", "double_track"] = "single_track"
+    """The true car: the vehicle file's, or a coupe on four tyres with the vehicle file's effects."""
+    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
+    """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
+    (known); the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
+    too), or adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars,
+    adapting, for a car that the others do not know."""
+    seed: int = 0
+    """Of the sensors' noise."""
+    fault: tuple[str, ...] = ()
+    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
+    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
+    clock_drift, saturated (the actuator), friction_patch."""
+    monitor: MonitorPolicy = "off"
+    """Watch for changes of the car against its simulator (events.jsonl in the folder), and what follows: nothing
+    (watch); the named cause is taken into the nominal model, or off the readings (correct); the lane is driven slowly
+    until the simulator is believed again (slow), or until that (correct_or_slow); or a model that adapts forgets the
+    car that it learnt (forget)."""
+    out: Path | None = None
+    """New folder for the results; runs/closed_loop-DATE-TIME without."""
+    graph: bool = False
+    """Only draw the block diagram (closed_loop.svg and .png in the folder); needs the extra `graph`."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ClosedLoopDrive(DriveOptions):
     """Drive a reference under model predictive control, and leave numbers, pictures and a 3D replay in a folder.
 
     drift-drake drive figure_8
@@ -30,29 +61,6 @@ class ClosedLoopDrive:
 
     reference: tyro.conf.Positional[Literal["figure_8", "loops"]]
     """What to drive: drifts in both directions, or the same loop over and over, entered from grip."""
-    vehicle: Path | None = None
-    """The car (YAML); `effects:` in it act too. A coupe without."""
-    plant: Literal["single_track", "double_track"] = "single_track"
-    """The true car: the vehicle file's, or a coupe on four tyres with the vehicle file's effects."""
-    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
-    """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
-    (known); the shipped learnt model (about the coupe) as it is, adapting as it drives (the actuators' lags, too), or
-    adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars, adapting, for a
-    car that the others do not know."""
-    seed: int = 0
-    """Of the sensors' noise."""
-    fault: tuple[str, ...] = ()
-    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
-    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
-    clock_drift, saturated (the actuator), friction_patch."""
-    monitor: MonitorPolicy = "off"
-    """Watch for changes of the car against its simulator, and what follows: nothing (watch), the named cause is taken
-    into the nominal model (correct), the lane is driven slowly (slow) until that (correct_or_slow), or the online model
-    forgets the car that it learnt (forget)."""
-    out: Path | None = None
-    """New folder for the results; runs/closed_loop-DATE-TIME without."""
-    graph: bool = False
-    """Only draw the block diagram; needs the extra `graph`."""
     json: Path | None = None
     """Where to write the folder's name and the run's numbers as JSON (-: standard output)."""
 

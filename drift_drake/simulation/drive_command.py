@@ -28,10 +28,10 @@ from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
-from drift_drake.simulation.command import MonitorPolicy
+from drift_drake.simulation.command import DriveOptions
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
-from drift_drake.simulation.true_plant import TruePlant, oracle_of, plant_of
+from drift_drake.simulation.true_plant import oracle_of, plant_of
 from drift_drake.vehicle.compilation import say_if_it_compiles
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.effects import Effects
@@ -40,40 +40,16 @@ from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
-@dataclasses.dataclass(frozen=True)
-class ClosedLoopConfig:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ClosedLoopConfig(DriveOptions):
     """Drives a reference under MPC, from errors in lateral position and sideslip, with sensor noise."""
 
-    vehicle: Path | None = None
-    """Vehicle file, with the effects that a diagnosis added or without any; the default coupe without."""
-    plant: TruePlant = "single_track"
-    """The true car: the vehicle file's, or the coupe on four tyres with the vehicle file's effects. The nominal
-    model is then the vehicle file's or, without one, of the nearest single-track car."""
     reference: Literal["figure_8", "loops"] = "figure_8"
-    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
-    """What the controller believes: the vehicle file without its effects, or with them, as far as a controller plans
-    with them; the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
-    too), or adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars,
-    adapting, for a car that the others do not know."""
-    seed: int = 0
     lateral_error: float = 0.5
     """[m] at the start."""
     sideslip_error: float = 0.1
     """[rad] at the start."""
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
-    out: Path | None = None
-    """Folder for the results; runs/closed_loop-DATE-TIME without."""
-    fault: tuple[str, ...] = ()
-    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
-    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
-    clock_drift, saturated (the actuator), friction_patch."""
-    monitor: MonitorPolicy = "off"
-    """Watch for changes of the car against its simulator (events.jsonl in the folder). correct: the controller
-    takes a named effect on the motion into its model, one of a sensor off the readings (for the nominal model). slow:
-    the lane is driven slowly, in grip, until the simulator is believed again; correct_or_slow: or until it is
-    corrected. forget: of what was learnt of the car before it changed, nothing counts (for the online model)."""
-    graph: bool = False
-    """Only draw the diagram (closed_loop.svg and .png in the folder)."""
 
     def parameters(self) -> VehicleParameters:
         """The vehicle file's car; without one the default coupe, or the single-track car nearest to the plant."""

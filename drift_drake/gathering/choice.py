@@ -4,11 +4,11 @@ Both the learnt model and the car that the drives identify (`identified`) predic
 each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
 on nearly all cars that follow its equations (little more than the sensors' noise is left), as it is or with one thing
 more that a controller plans with (`identified.ONE_MORE`). The learnt model is believed where it predicts no worse
-than on nearly all vehicles that it was made for (`Usual`). Where neither does, no model knows the car: the prior of the
-model that is trained on more kinds of cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since
-what a lane has taught the learnt one of such a car leads it astray in a drift. Nor is any model believed on logs that
-contradict themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were
-measured on (`doubts`).
+than on nearly all vehicles that it was made for (`Usual`); of a car that it knows, the identified one is believed if it
+is twice as near. Where neither does, no model knows the car: the prior of the model that is trained on more kinds of
+cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since what a lane has taught the learnt one of
+such a car leads it astray in a drift. Nor is any model believed on logs that contradict themselves, on drives too
+gentle to ask by, or on a car of another size than those that the limits were measured on (`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
@@ -45,7 +45,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
 LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 OTHER_SIZE = 1.5  # ratio of wheelbases
-NEARER = 0.5  # times the forecast error of the identified car as it is
+NEARER = 0.5  # of another's forecast error, from which on a model is far nearer
 REFUSED = 0.005  # share of the training distribution's vehicles that are refused
 
 Believed = Literal["learnt", "identified", "neither"]
@@ -84,7 +84,8 @@ class Choice(NamedTuple):
 
     @property
     def _identified(self) -> bool:
-        return self.identified <= min(self.learnt, self.identified_limit)
+        as_usual = self.identified <= min(self.learnt, self.identified_limit)
+        return as_usual or (self.learnt <= self.learnt_limit and self.identified < NEARER * self.learnt)
 
     def sentence(self) -> str:
         """What follows from it."""

@@ -168,6 +168,8 @@ def test_gentle_drives_wrong_signs_and_a_car_of_another_size_are_no_ground_to_be
     [
         (0.03, 0.01, "identified", "drive with the identified car"),
         (0.03, 0.02, "learnt", "drive with the learnt model"),  # its equations are not this car's
+        (0.04, 0.014, "identified", "drive with the identified car"),  # a car that is known, to the other far better
+        (0.06, 0.014, "neither", "no model knows this car"),
         (0.009, 0.01, "learnt", "drive with the learnt model"),
         (0.06, 0.02, "neither", "no model knows this car"),
         (0.04, float("inf"), "learnt", "drive with the learnt model"),

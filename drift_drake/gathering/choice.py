@@ -59,6 +59,7 @@ class Findings(NamedTuple):
     identified: float  # and the identified car; infinite without one
     doubts: tuple[str, ...] = ()  # why the drives are no ground to believe either
     hint: str = ""  # which one thing more would bring the identified car far nearer, though not near enough
+    as_it_is: float = math.inf  # how far off the identified car is without one thing more
 
 
 class Choice(NamedTuple):
@@ -178,7 +179,8 @@ def findings(
     """The same with the car that the drives identify, if they do."""
     judged = [windowed(run) for run in runs]
     learnt = forecast_error(learnt_errors(step_model(model, belief), judged))
-    return Findings(car, learnt, car_error(car, judged), doubts(runs, first_guess, model.vehicle))
+    error = car_error(car, judged)
+    return Findings(car, learnt, error, doubts(runs, first_guess, model.vehicle), as_it_is=error)
 
 
 def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float:

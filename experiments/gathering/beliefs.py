@@ -172,4 +172,5 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
     car, found = None, stored["car"]
     if found:
         car = IdentifiedCar(VehicleParameters.from_dict(found["vehicle"], str(path)), make_effects(found["effects"]))
-    return Findings(car, stored["learnt"], stored["identified"], tuple(stored["doubts"]))
+    told = {name: stored[name] for name in ("learnt", "identified", "hint", "as_it_is") if name in stored}
+    return Findings(car, doubts=tuple(stored["doubts"]), **told)

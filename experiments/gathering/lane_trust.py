@@ -66,7 +66,7 @@ class Found(NamedTuple):
 
     surprise: Array  # mean squared distance of the first informative drive
     learnt: Array  # forecast error of the learnt model after two drives
-    identified: Array  # the same of the car that they identify; infinite where none was
+    identified: Array  # the same of the car that they identify, without one thing more; infinite where none was
 
 
 def true_effects(population: Population, plant: TruePlant, seed: int, vehicle: int) -> Effects:
@@ -85,8 +85,8 @@ def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, F
         effects_of = partial(true_effects, population, plant, config.vehicle_seed)
         taught = gather_all(attempts, effects_of, frozenset({"identified"}), learnt, config.gathering, drives,
                             config.run_on, plant)  # fmt: skip
-        rows = [(t.surprise, *t.findings[1:3]) for t in taught.values() if t.surprise is not None and t.findings]
-        found[name] = Found(*np.array(rows).T)
+        told = [(t.surprise, t.findings) for t in taught.values() if t.surprise is not None and t.findings]
+        found[name] = Found(*np.array([(surprise, f.learnt, f.as_it_is) for surprise, f in told]).T)
     return found
 
 

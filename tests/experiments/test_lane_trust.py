@@ -27,7 +27,7 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
         }.get(name, (8.0, 0.03, 0.0072))  # fmt: skip
         shares = np.exp(0.1 * rng.standard_normal((len(attempts), 3)))
         return {
-            attempt: Taught({}, surprise * a, Findings(None, learnt_error * b, identified_error * c))
+            attempt: Taught({}, surprise * a, Findings(None, learnt_error * b, 0.0, as_it_is=identified_error * c))
             for attempt, (a, b, c) in zip(attempts, shares, strict=True)
         }
 

@@ -88,7 +88,7 @@ def test_physics_predicts_such_a_car_better_than_what_is_learnt(
     found = findings(model, belief, car, runs_of(driven), VehicleParameters())
     assert found.identified < 0.5 * found.learnt
     without = findings(model, belief, None, runs_of(driven), VehicleParameters())
-    assert without == found._replace(car=None, identified=np.inf)
+    assert without == found._replace(car=None, identified=np.inf, as_it_is=np.inf)
 
 
 def test_logs_in_a_wrong_unit_are_known_by_no_model(

@@ -284,6 +284,9 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     Raises:
         OtherExperimentError: the runs there were made with other settings or another checkpoint.
     """
-    checkpoint = load_model(config.checkpoint).content_hash()
+    hashes = {
+        "checkpoint": load_model(config.checkpoint).content_hash(),
+        "broad": load_model(broad_checkpoint()).content_hash(),  # what `broad` and `chosen` may drive with
+    }
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
-    keep_settings(folder, dataclasses.asdict(config) | {"checkpoint": checkpoint}, free)
+    keep_settings(folder, dataclasses.asdict(config) | hashes, free)

@@ -49,7 +49,7 @@ class DoubleTrackStepModel(StepModel):
         InvalidVehicleError: an effect that this car cannot have.
     """
 
-    def __init__(self, parameters: DoubleTrackParameters, effects: Effects = Effects()) -> None:  # noqa: B008 (immutable)
+    def __init__(self, parameters: DoubleTrackParameters, effects: Effects = Effects()) -> None:
         check_one_step(effects)
         check_supported(effects)
         self.memory_scale = OWN_SCALE

@@ -43,13 +43,18 @@ PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 
+def on_the_motion(effects: Effects) -> Effects:
+    """What of effects is part of a one-step model."""
+    return effects._replace(**dict.fromkeys(BEYOND, 0.0))
+
+
 def planned_with(effects: Effects) -> Effects:
     """What of effects a controller can plan with: those on the motion, a delay of the steering taken for as long a lag.
 
     With a delay of 0.05 or 0.1 s the figure-8 is so held at 0.07 to 0.11 m; with half as long a lag one of three runs
     was lost, with none all (validation).
     """
-    motion = effects._replace(**dict.fromkeys(BEYOND, 0.0))
+    motion = on_the_motion(effects)
     return motion._replace(steering_lag=motion.steering_lag + effects.steering_delay)
 
 

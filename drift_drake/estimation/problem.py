@@ -149,7 +149,7 @@ def make_problem(
     process_scale: float = 1.0,
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
-    own: Effects = Effects(),  # noqa: B008 (immutable)
+    own: Effects = Effects(),
     row_weight: float = 1.0,
 ) -> Problem:
     """Runs and vehicle as the estimator wants them; noise levels are estimated here.

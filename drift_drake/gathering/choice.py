@@ -63,34 +63,38 @@ class Findings(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """How far off half a second ahead two models of a car are (`forecast_error`), and what is usual."""
+    """How far off half a second ahead two models of a car are, and what is usual."""
 
-    learnt: float
-    identified: float  # infinite where no car was identified
+    found: Findings
     learnt_limit: float
     identified_limit: float
-    doubts: tuple[str, ...] = ()
-    beyond: tuple[str, ...] = ()  # what the identified car has that a controller does not plan with
-    one_more: tuple[str, ...] = ()  # what it has of `identified.ONE_MORE`
-    hint: str = ""  # see `Findings`
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """What the identified car has that a controller does not plan with."""
+        return self.found.car.beyond if self.found.car else ()
 
     @property
     def believed(self) -> Believed:
         """Which of them knows the car, and can be planned with."""
-        if self.doubts:
+        if self.found.doubts:
             return "neither"
         if self._identified and not self.beyond:
             return "identified"
-        return "learnt" if self.learnt <= self.learnt_limit else "neither"
+        return "learnt" if self.found.learnt <= self.learnt_limit else "neither"
 
     @property
     def _identified(self) -> bool:
-        as_usual = self.identified <= min(self.learnt, self.identified_limit)
-        return as_usual or (self.learnt <= self.learnt_limit and self.identified < NEARER * self.learnt)
+        learnt, car = self.found.learnt, self.found.identified
+        as_usual = car <= min(learnt, self.identified_limit)
+        return as_usual or (learnt <= self.learnt_limit and car < NEARER * learnt)
 
     def sentence(self) -> str:
         """What follows from it."""
-        named = f" with {', '.join(self.one_more)}" if self.one_more else ""
+        found = self.found
+        if found.doubts:
+            return f"no model is believed on these drives: {'; '.join(found.doubts)}"
+        named = f" with {', '.join(found.car.one_more)}" if found.car and found.car.one_more else ""
         follow = {
             "learnt": "drive with the learnt model",
             "identified": f"drive with the identified car{named}",
@@ -103,14 +107,12 @@ class Choice(NamedTuple):
             )
         elif self.believed == "neither":
             follow = f"no model knows this car: {follow}, or gather more"
-        if self.doubts:
-            return f"no model is believed on these drives: {'; '.join(self.doubts)}"
         car = "no car was identified"
-        if math.isfinite(self.identified):
-            rule = f"as a rule at most {self.identified_limit:.3g}{self.hint}"
-            car = f"{self.identified:.3g} for the identified car ({rule})"
+        if math.isfinite(found.identified):
+            rule = f"as a rule at most {self.identified_limit:.3g}{found.hint}"
+            car = f"{found.identified:.3g} for the identified car ({rule})"
         return (
-            f"{follow}: forecast errors half a second ahead are {self.learnt:.3g} for the learnt model "
+            f"{follow}: forecast errors half a second ahead are {found.learnt:.3g} for the learnt model "
             f"(as a rule at most {self.learnt_limit:.3g}); {car}"
         )
 
@@ -234,10 +236,7 @@ class Usual(NamedTuple):
 
     def choice(self, found: Findings) -> Choice:
         """Which model is believed, by what a car's drives say (`ask`)."""
-        limits = self.learnt.limit(), self.identified.limit()
-        car = found.car
-        return Choice(found.learnt, found.identified, *limits, found.doubts, car.beyond if car else (),
-                      car.one_more if car else (), found.hint)  # fmt: skip
+        return Choice(found, self.learnt.limit(), self.identified.limit())
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

@@ -77,8 +77,8 @@ def run_choose(command: Choose) -> None:
             said = "the car that the logs identify"
         print(f"{command.out}: {said}", file=said_to(command.json))
     write_results(command.json, {
-        "believed": choice.believed, "forecast_error": {"learnt": choice.learnt, "identified": choice.identified},
-        "limit": {"learnt": choice.learnt_limit, "identified": choice.identified_limit}, "doubts": choice.doubts,
+        "believed": choice.believed, "forecast_error": {"learnt": found.learnt, "identified": found.identified},
+        "limit": {"learnt": choice.learnt_limit, "identified": choice.identified_limit}, "doubts": found.doubts,
         "beyond": choice.beyond,
         "lags": dict(zip(("steering", "torque"), model.lag.tolist(), strict=True)),
         "vehicle": found.car and found.car.vehicle, "effects": found.car and magnitudes_of(found.car.effects),

@@ -15,7 +15,7 @@ from drift_drake.control.effects_step import BEYOND, EffectsStepModel, planned_w
 from drift_drake.errors import unit_suffix
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
-from drift_drake.sensing.sensor_errors import SENSORS, sensor_errors
+from drift_drake.sensing.sensor_errors import SENSORS
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
@@ -48,13 +48,8 @@ class IdentifiedCar(NamedTuple):
         present = [(name, getattr(self.effects, name)) for name in names if getattr(self.effects, name) != 0.0]
         return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
 
-    @property
-    def sensor_errors(self) -> Effects:
-        """What has to be taken off its readings."""
-        return sensor_errors(self.effects)
-
     def step_model(self) -> EffectsStepModel:
-        """What a controller plans with (`planned_with`)."""
+        """What a controller plans with (`planned_with`); its readings lose their `sensor_errors`."""
         return EffectsStepModel(self.vehicle, planned_with(self.effects), exact=False)
 
 

@@ -139,7 +139,7 @@ def _where_it_drives(
 def info_ocp(
     model: BayesianModel,
     belief: Posterior,
-    config: GatheringConfig = GatheringConfig(),  # noqa: B008 (immutable)
+    config: GatheringConfig = GatheringConfig(),
     alpha: float | None = None,
     lateral: Array | None = None,
     along: Array | None = None,

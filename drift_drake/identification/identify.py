@@ -41,7 +41,7 @@ FURTHER = (  # that a car may have beside those asked for, taken in where held-o
 def identify(
     runs: Sequence[Run],
     vehicle: VehicleParameters,
-    effects: Effects = Effects(),  # noqa: B008 (immutable)
+    effects: Effects = Effects(),
     case: str = "case",
     known: Sequence[str] = KNOWN,
     names: Sequence[str] = EFFECTS,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.control.effects_step import BEYOND
+from drift_drake.control.effects_step import BEYOND, on_the_motion
 from drift_drake.control.plan import plan_size
 from drift_drake.control.stopping import stopping_command, stopping_plan
 from drift_drake.monitoring.evidence import ALARM, TRUSTED
@@ -56,7 +56,7 @@ def corrected(held: np.ndarray, labels: tuple[str, ...], posterior: np.ndarray, 
 
 def for_model(correction: np.ndarray) -> np.ndarray:
     """The part of a correction that acts on the motion."""
-    return np.where([name in BEYOND for name in Effects._fields], 0.0, correction)
+    return np.array(on_the_motion(Effects(*correction)), dtype=float)
 
 
 class GapCorrection(LeafSystem):

@@ -215,7 +215,7 @@ class Sensors(Diagram):
     def __init__(
         self,
         noise: NoiseLevels = NoiseLevels(),
-        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        effects: Effects = Effects(),
         period: float = 0.01,
     ) -> None:
         Diagram.__init__(self)

@@ -42,9 +42,9 @@ class Car(Diagram):
     def __init__(
         self,
         parameters: VehicleParameters,
-        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        effects: Effects = Effects(),
         path: CurvedPath | None = None,
-        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        noise: NoiseLevels = NoiseLevels(),
         period: float = 0.01,
         plant: PathPlant | None = None,
     ) -> None:

@@ -117,8 +117,8 @@ class ClosedLoop:
         parameters: VehicleParameters,
         reference: Reference,
         model: StepModel | None = None,
-        effects: Effects = Effects(),  # noqa: B008 (immutable)
-        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        effects: Effects = Effects(),
+        noise: NoiseLevels = NoiseLevels(),
         control: ControlConfig = ControlConfig(),
         initial_command: tuple[float, float] | None = None,
         adapter: BayesianAdapter | None = None,
@@ -128,7 +128,7 @@ class ClosedLoop:
         monitor: Monitor | None = None,
         policy: Policy = "watch",
         controller: Controller | None = None,
-        sensor_errors: Effects = Effects(),  # noqa: B008 (immutable)
+        sensor_errors: Effects = Effects(),
     ) -> None:
         learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
         check_planner(learners, controller)

@@ -65,9 +65,9 @@ class Drive:
         plan_spacing: float,
         dither: Array | None,
         initial_command: tuple[float, float],
-        effects: Effects = Effects(),  # noqa: B008 (immutable)
+        effects: Effects = Effects(),
         reference: Reference | None = None,
-        noise: NoiseLevels = NoiseLevels(),  # noqa: B008 (immutable)
+        noise: NoiseLevels = NoiseLevels(),
         plant: PathPlant | None = None,
     ) -> None:
         """Args:

@@ -203,7 +203,7 @@ def plant_template(name: str, base: type[PathPlant]) -> Any:
             def _construct(
                 self,
                 parameters: Any,
-                effects: Effects = Effects(),  # noqa: B008 (immutable)
+                effects: Effects = Effects(),
                 path: CurvedPath | None = None,
                 converter: Any = None,
             ) -> None:

@@ -166,7 +166,7 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
 def write_vehicle(
     path: str | Path,
     parameters: VehicleParameters,
-    effects: Effects = Effects(),  # noqa: B008 (immutable)
+    effects: Effects = Effects(),
 ) -> None:
     """Writes a vehicle file that `read_vehicle` reads back; effects of zero magnitude are left out."""
     write_text(path, yaml.safe_dump(_plain(parameters, effects), sort_keys=False))

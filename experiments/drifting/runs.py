@@ -167,10 +167,9 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
             adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time, lags=lags)
     else:
         if isinstance(believes, IdentifiedCar):
-            model, errors = believes.step_model(), believes.sensor_errors
+            model, errors = believes.step_model(), sensor_errors(believes.effects)
         elif believes == "oracle":
-            errors = sensor_errors(job.effects)
-            model = oracle_of(job.plant, parameters, job.effects)
+            model, errors = oracle_of(job.plant, parameters, job.effects), sensor_errors(job.effects)
         else:
             model = NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
@@ -260,9 +259,8 @@ class Believing(NamedTuple):
         believed: Believed = "neither"
         found = taught.findings
         if found is not None and self.usual is not None:
-            choice = self.usual.choice(found)
-            believed = choice.believed
-            labels |= {"learnt_error": choice.learnt, "identified_error": choice.identified}
+            believed = self.usual.choice(found).believed
+            labels |= {"learnt_error": found.learnt, "identified_error": found.identified}
         car = None if found is None else found.car
         labels |= {"believed": believed, "refused": believed == "neither"}
         labels["one_more"] = ", ".join(car.one_more) if car is not None else ""

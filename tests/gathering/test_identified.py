@@ -9,6 +9,7 @@ from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
 from drift_drake.gathering.choice import (
     Choice,
+    Findings,
     ask,
     doubts,
     findings,
@@ -22,6 +23,7 @@ from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.quality import step_model
+from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -158,7 +160,7 @@ def test_gentle_drives_wrong_signs_and_a_car_of_another_size_are_no_ground_to_be
     small = car.replace(front_axle_distance=0.16, rear_axle_distance=0.17)
     size = doubts(runs_of(lively), small, car)[-1]
     assert size.startswith("the wheelbase is 0.33 m, and the model and its limits are of cars of 2.4")
-    choice = Choice(0.01, 0.01, 0.05, 0.02, (gentle,))
+    choice = Choice(Findings(None, 0.01, 0.01, (gentle,)), 0.05, 0.02)
     assert choice.believed == "neither"
     assert choice.sentence() == f"no model is believed on these drives: {gentle}"
 
@@ -178,7 +180,7 @@ def test_gentle_drives_wrong_signs_and_a_car_of_another_size_are_no_ground_to_be
 def test_a_model_is_believed_that_is_no_further_off_than_usual(
     learnt: float, identified_car: float, believed: str, said: str
 ) -> None:
-    choice = Choice(learnt, identified_car, 0.05, 0.012)
+    choice = Choice(Findings(None, learnt, identified_car), 0.05, 0.012)
     assert choice.believed == believed
     assert choice.sentence().startswith(said)
 
@@ -212,7 +214,7 @@ def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(
     car, choice = _asked(model, _driven(model, make_effects({"steering_delay": 0.08, "steering_lag": 0.05})))
     assert car is not None
     assert car.effects.steering_delay == pytest.approx(0.08, abs=0.005)
-    assert choice.identified < choice.identified_limit
+    assert choice.found.identified < choice.identified_limit
     assert choice.believed == "identified"
     lags = car.effects._replace(steering_delay=0.0, steering_lag=car.effects.steering_lag + car.effects.steering_delay)
     x, u = np.array([[0.5, 11.0, -0.5, 16.0, 0.1, 0.02]]), np.array([[-0.1, 150.0]])
@@ -223,15 +225,15 @@ def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(
 
 def test_what_no_controller_can_make_up_for_is_named() -> None:
     late = IdentifiedCar(VehicleParameters(), make_effects({"sensor_latency": 0.04, "steering_lag": 0.05}))
-    choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=late.beyond)
+    choice = Choice(Findings(late, 0.03, 0.01), 0.02, 0.012)
     assert choice.believed == "neither"
     assert choice.sentence().startswith("the car is identified with sensor_latency 0.04 s, which a controller does not")
     assert late.step_model().follows_at_once().any()  # with what acts on the motion alone
     off = IdentifiedCar(VehicleParameters(), make_effects({"sideslip_bias": 0.03, "steering_lag": 0.05}))
-    assert (off.beyond, off.sensor_errors) == ((), Effects(sideslip_bias=0.03))
-    choice = Choice(0.03, 0.01, 0.02, 0.012, beyond=off.beyond, one_more=off.one_more)
+    assert (off.beyond, sensor_errors(off.effects)) == ((), Effects(sideslip_bias=0.03))
+    choice = Choice(Findings(off, 0.03, 0.01), 0.02, 0.012)
     assert choice.sentence().startswith("drive with the identified car with sideslip_bias 0.03 rad: forecast errors")
-    near = Choice(0.09, 0.05, 0.04, 0.012, hint="; 0.0125 with sensor_latency 0.05 s")
+    near = Choice(Findings(None, 0.09, 0.05, hint="; 0.0125 with sensor_latency 0.05 s"), 0.04, 0.012)
     assert "0.05 for the identified car (as a rule at most 0.012; 0.0125 with sensor_latency 0.05 s)" in near.sentence()
 
 

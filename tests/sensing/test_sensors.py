@@ -33,7 +33,7 @@ class Reader(LeafSystem):
 class Bench:
     """Sensors before signals that grow linearly with time: signal i is slope i times t."""
 
-    def __init__(self, noise=None, effects=Effects(), log_period=0.01):  # noqa: B008 (immutable)
+    def __init__(self, noise=None, effects=Effects(), log_period=0.01):
         builder = DiagramBuilder()
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise or NoiseLevels.none(), effects))
         at = 0

@@ -67,7 +67,7 @@ class DayDiagnosis:
 
 def diagnose_day(
     runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
-    own: Effects = Effects(),  # noqa: B008 (immutable)
+    own: Effects = Effects(),
     case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE),
 ) -> DayDiagnosis:  # fmt: skip

@@ -56,7 +56,7 @@ def corrected_vehicle(
     vehicle: VehicleParameters,
     answer: Answer,
     tolerances: bool = True,
-    own: Effects = Effects(),  # noqa: B008 (immutable)
+    own: Effects = Effects(),
 ) -> tuple[VehicleParameters, Effects]:
     """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
 

@@ -282,7 +282,7 @@ def diagnose(
     process_scale: float = 1.0,
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
-    own: Effects = Effects(),  # noqa: B008 (immutable)
+    own: Effects = Effects(),
     row_weight: float = 1.0,
     everyday: Everyday | None = None,
     most_seconds: float = MOST_SECONDS,

@@ -5,7 +5,6 @@ of the model. They are not measured; `MemoryObserver` runs them along the measur
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,13 @@ from drift_drake.arrays import Array
 from drift_drake.control.effects_step import COMPLEX_STEP, MemoryObserver, check_one_step
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.double_track.motion import OwnStates, double_track_motion, settled_states
+from drift_drake.vehicle.double_track.motion import OwnStates, check_supported, settled_states
 from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
-from drift_drake.vehicle.double_track.plant import check_supported
+from drift_drake.vehicle.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.scalar import fixed_tuple, jitable
+from drift_drake.vehicle.scalar import jitable
 from drift_drake.vehicle.step_model import STEP, StepModel
 
-OWN = len(OwnStates._fields)
-SIZE = 6 + OWN
 OWN_SCALE = np.array(OwnStates(
     steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
     front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
@@ -109,16 +106,6 @@ def _contiguous(u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array
             np.ascontiguousarray(curvature, dtype=float))  # fmt: skip
 
 
-@jitable
-def _rates(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackConstants, q: Effects, out: Any) -> None:
-    own = OwnStates(*fixed_tuple(x[6:], OWN))
-    m, d = double_track_motion(x[0], x[1], x[2], x[3], 0.0, own, delta, tau, p, q)
-    e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
-    out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
-    for i, rate in enumerate(d):
-        out[6 + i] = rate
-
-
 @compiled
 def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConstants, q: Effects,
                 jacobian: Array) -> None:  # fmt: skip
@@ -135,29 +122,10 @@ def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConsta
                 jacobian[i, j] = 0.0
             jacobian[4, j], jacobian[5, j] = e_dot.imag / COMPLEX_STEP, dphi_dot.imag / COMPLEX_STEP
         else:
-            _rates(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, out)
+            path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, out)
             for i in range(SIZE):
                 jacobian[i, j] = out[i].imag / COMPLEX_STEP
         z[j] = z[j].real
-
-
-@jitable
-def _advance(x: Array, u: Array, u_next: Array, first: float, last: float, curvature: float, p: DoubleTrackConstants,
-             q: Effects, h: float, work: Array) -> None:  # fmt: skip
-    """RK4 over h [s] in place, the input going from share `first` to share `last` of its way from u to u_next."""
-    k, point, total = work[0], work[1], work[2]
-    for stage in range(4):
-        node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        for i in range(SIZE):
-            point[i] = x[i] if stage == 0 else x[i] + node * h * k[i]
-        share = first + node * (last - first)
-        delta, tau = u[0] + share * (u_next[0] - u[0]), u[1] + share * (u_next[1] - u[1])
-        _rates(point, delta, tau, curvature, p, q, k)
-        for i in range(SIZE):
-            total[i] = weight * k[i] if stage == 0 else total[i] + weight * k[i]
-    for i in range(SIZE):
-        x[i] += h * total[i]
 
 
 @compiled
@@ -168,7 +136,7 @@ def _steps(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackCo
     for n in range(x.shape[0]):
         for sub in range(substeps):
             first, last = sub / substeps, (sub + 1) / substeps
-            _advance(x[n], u[n], u_next[n], first, last, curvature[n], p, q, dt / substeps, work)
+            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, dt / substeps, work)
 
 
 @compiled
@@ -188,7 +156,7 @@ def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: Doubl
         for sub in range(substeps):
             first, last = sub / substeps, (sub + 1) / substeps
             before[:] = x[n]
-            _advance(x[n], u[n], u_next[n], first, last, curvature[n], p, q, h, work)
+            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, h, work)
             share = 0.5 * (first + last)
             for i in range(SIZE):
                 middle[i] = 0.5 * (before[i] + x[n, i])

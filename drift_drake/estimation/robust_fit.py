@@ -7,16 +7,14 @@ starts wide and is narrowed, so that the first guess may be far off.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
 
-from drift_drake.estimation.unknowns import DIFFERENCE, Unknown, added, magnitudes
-from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import Constants
+from drift_drake.estimation.unknowns import DIFFERENCE, Unknown, magnitudes
+from drift_drake.estimation.windows import HORIZONS
 
 WIDTHS = (100.0, 30.0, 8.0)  # of the loss, in mean square errors over a window's robust scale, one after the other
 ROUNDS, STEPS = 6, 6  # of scales, and Levenberg-Marquardt steps in each
@@ -24,6 +22,8 @@ ENOUGH = 0.02  # [nats] of a step that is not worth another
 SETTLED = 0.05  # standard deviations that a round may move
 MAD = 1.4826  # of a normal distribution's median absolute deviation
 THREADS = 2
+
+Predicted = Callable[[Mapping[str, float]], np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,9 +60,7 @@ class _At:
 class _Criterion:
     """What a fit minimises: losses of all windows' errors, raised to a power, and priors."""
 
-    runs: Sequence[WindowedRun]
-    constants: Constants
-    own: Effects
+    predicted: Predicted
     unknowns: Sequence[Unknown]
     evidence: float
 
@@ -76,8 +74,7 @@ class _Criterion:
 
     def errors(self, theta: np.ndarray) -> np.ndarray:
         """Of predictions [windows, HORIZONS, channels]."""
-        found = magnitudes([u.name for u in self.unknowns], theta)
-        return errors(self.runs, self.constants, added(self.own, found))
+        return self.predicted(magnitudes([u.name for u in self.unknowns], theta))
 
     def hessian(self, information: np.ndarray) -> np.ndarray:
         return self.evidence * information + np.diag(1.0 / self.prior**2)
@@ -123,16 +120,17 @@ class _Criterion:
 
 
 def robust_fit(
-    runs: Sequence[WindowedRun], constants: Constants, own: Effects, unknowns: Sequence[Unknown], evidence: float,
-    theta: np.ndarray | None = None, widths: Sequence[float] = WIDTHS,
+    predicted: Predicted, unknowns: Sequence[Unknown], evidence: float, theta: np.ndarray | None = None,
+    widths: Sequence[float] = WIDTHS,
 ) -> RobustFit:  # fmt: skip
-    """Fits unknowns, whose magnitudes add to the effects `own`, to all windows of the runs.
+    """Fits unknowns to all windows.
 
     Args:
+        predicted: errors [windows, HORIZONS, channels] of a car with these magnitudes of the unknowns, by name;
         evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
         widths: of the loss, the last of them where `theta` is near already.
     """
-    criterion = _Criterion(runs, constants, own, unknowns, evidence)
+    criterion = _Criterion(predicted, unknowns, evidence)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
     information = np.eye(len(theta))
     scales = robust_scales(criterion.errors(theta))

@@ -2,13 +2,14 @@
 
 Both the learnt model and the car that the drives identify (`identified`) predict the drives half a second ahead, from
 each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
-on nearly all cars that follow its equations (little more than the sensors' noise is left), as it is or with one thing
-more that a controller plans with (`identified.ONE_MORE`). The learnt model is believed where it predicts no worse
-than on nearly all vehicles that it was made for (`Usual`); of a car that it knows, the identified one is believed if it
-is twice as near. Where neither does, no model knows the car: the prior of the model that is trained on more kinds of
-cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since what a lane has taught the learnt one of
-such a car leads it astray in a drift. Nor is any model believed on logs that contradict themselves, on drives too
-gentle to ask by, or on a car of another size than those that the limits were measured on (`doubts`).
+on nearly all cars that follow its equations (little more than the sensors' noise is left): as it is, with one thing
+more that a controller plans with (`identified.ONE_MORE`), or as a double-track car. The learnt model is believed where
+it predicts no worse than on nearly all vehicles that it was made for (`Usual`); of a car that it knows, the identified
+one is believed if it is twice as near. Where neither does, no model knows the car: the prior of the model that is
+trained on more kinds of cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since what a lane has
+taught the learnt one of such a car leads it astray in a drift. Nor is any model believed on logs that contradict
+themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were measured on
+(`doubts`).
 
 A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
 effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
@@ -25,8 +26,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from drift_drake.arrays import Array
-from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, windowed
-from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified
+from drift_drake.estimation.windows import HORIZONS, WindowedRun, forecast_error, windowed
+from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.model.bayesian_step import BayesianStepModel
@@ -94,10 +95,9 @@ class Choice(NamedTuple):
         found = self.found
         if found.doubts:
             return f"no model is believed on these drives: {'; '.join(found.doubts)}"
-        named = f" with {', '.join(found.car.one_more)}" if found.car and found.car.one_more else ""
         follow = {
             "learnt": "drive with the learnt model",
-            "identified": f"drive with the identified car{named}",
+            "identified": f"drive with {found.car.name if found.car else 'the identified car'}",
             "neither": "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)",
         }[self.believed]
         if self._identified and self.beyond:
@@ -142,7 +142,8 @@ def ask(
     """Asks the drives of a car: what they identify, and how well that and the learnt model predict them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
-    that predicts best is taken if it is as good as usual.
+    that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, and taken if
+    that is as good as usual.
 
     Args:
         belief: of the learnt model after these drives; runs: with torque, sideslip and rim speed.
@@ -157,18 +158,21 @@ def ask(
     if usual is None or found.doubts or found.identified <= usual.identified.limit():
         tell("done", 1.0)
         return found
-    judged, cars = [windowed(run) for run in runs], []
+    judged, cars, stages = [windowed(run) for run in runs], list[IdentifiedCar | None](), 2 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
-        tell(f"with {name}", number / (1 + len(ONE_MORE)))
+        tell(f"with {name}", number / stages)
         cars.append(identified(runs, first_guess, (name,)))
-    tell("done", 1.0)
     best = min(cars, key=lambda car: car_error(car, judged))
+    if car_error(best, judged) > usual.identified.limit():
+        tell("on two tracks", 1.0 - 1.0 / stages)
+        best = min(best, identified_double_track(runs, first_guess), key=lambda car: car_error(car, judged))
+    tell("done", 1.0)
     error = car_error(best, judged)
     if error <= usual.identified.limit():
         return found._replace(car=best, identified=error)
     if best is None or error > NEARER * found.identified:
         return found
-    return found._replace(hint=f"; {error:.3g} with {', '.join(best.one_more)}")
+    return found._replace(hint=f"; {error:.3g} for {best.name}")
 
 
 def findings(
@@ -187,7 +191,7 @@ def findings(
 
 def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float:
     """How far off an identified car is half a second ahead (`forecast_error`); infinite without one."""
-    return math.inf if car is None else forecast_error(errors(judged, car.vehicle.constants(), car.effects))
+    return math.inf if car is None else forecast_error(car.errors(judged))
 
 
 def doubts(runs: Sequence[Run], vehicle: VehicleParameters, made_for: VehicleParameters) -> tuple[str, ...]:

@@ -11,12 +11,14 @@ from drift_drake.interruption import ended_at_once
 from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import progress_bar, said_to, write_results
+from drift_drake.vehicle.double_track.car_file import write_double_track
 from drift_drake.vehicle.effects import magnitudes_of
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 if TYPE_CHECKING:
     from drift_drake.arrays import Array
+    from drift_drake.gathering.identified import IdentifiedCar
     from drift_drake.model.samples import Samples
 
 NEEDED = ("beta", "omega_r", "tau_cmd")  # beside what every log has
@@ -37,7 +39,7 @@ class Choose:
     checkpoint: Path | None = None
     """The learnt model (without: the shipped one)."""
     out: Path | None = None
-    """Where to write the identified car, as a vehicle file."""
+    """Where to write the identified car, as a vehicle file that 'drive --model known' takes."""
     json: Path | None = None
     """Where to write the choice, as JSON (-: standard output)."""
     quiet: bool = False
@@ -73,7 +75,7 @@ def run_choose(command: Choose) -> None:
     if command.out is not None:
         said = "not written, since no car was identified: give some nine seconds of lively driving"
         if found.car is not None:
-            write_vehicle(command.out, *found.car)
+            write_identified(command.out, found.car)
             said = "the car that the logs identify"
         print(f"{command.out}: {said}", file=said_to(command.json))
     write_results(command.json, {
@@ -81,8 +83,17 @@ def run_choose(command: Choose) -> None:
         "limit": {"learnt": choice.learnt_limit, "identified": choice.identified_limit}, "doubts": found.doubts,
         "beyond": choice.beyond,
         "lags": dict(zip(("steering", "torque"), model.lag.tolist(), strict=True)),
+        "tracks": found.car and (1 if isinstance(found.car.vehicle, VehicleParameters) else 2),
         "vehicle": found.car and found.car.vehicle, "effects": found.car and magnitudes_of(found.car.effects),
     })  # fmt: skip
+
+
+def write_identified(path: Path, car: "IdentifiedCar") -> None:
+    """Writes a vehicle file of the car, of one track or two."""
+    if isinstance(car.vehicle, VehicleParameters):
+        write_vehicle(path, car.vehicle, car.effects)
+    else:
+        write_double_track(path, car.vehicle, car.effects)
 
 
 def check_runs(runs: list[Run], logs: Path) -> None:

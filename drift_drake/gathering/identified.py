@@ -2,7 +2,7 @@
 
 All of a car's drives are fitted by the filter's likelihood (`identification.identify`): parameters and the effects that
 most driven cars have. A car may have one thing more, such as a steering that is slow or a sensor that is off. Each of
-`ONE_MORE` is then fitted beside the others.
+`ONE_MORE` is then fitted beside the others. And it may follow no single-track equations: a double-track car is fitted.
 """
 
 from collections.abc import Sequence
@@ -11,12 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from drift_drake.control.effects_step import BEYOND, EffectsStepModel, planned_with
+from drift_drake.arrays import Array
+from drift_drake.control.double_track_step import DoubleTrackStepModel
+from drift_drake.control.effects_step import BEYOND, EffectsStepModel
+from drift_drake.control.known_car import KnownVehicle, known_car_model
 from drift_drake.errors import unit_suffix
+from drift_drake.estimation.double_track_windows import double_track_errors
+from drift_drake.estimation.windows import WindowedRun, errors, windowed
+from drift_drake.identification.double_track import identify_double_track
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
 from drift_drake.sensing.sensor_errors import SENSORS
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
@@ -25,14 +32,21 @@ EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_
 ONE_MORE = ("steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency", "gyro_bias",
             "sideslip_bias")  # fmt: skip
 # Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
+LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
 NOT_PLANNED = (*(name for name in BEYOND if name not in ("steering_delay", *SENSORS)), "steering_rate_limit")
 
 
 class IdentifiedCar(NamedTuple):
     """A car as drives show it."""
 
-    vehicle: VehicleParameters
+    vehicle: KnownVehicle
     effects: Effects
+
+    @property
+    def name(self) -> str:
+        """What it is called in a sentence, with what it has beside the usual effects."""
+        kind = "double-track car" if isinstance(self.vehicle, DoubleTrackParameters) else "car"
+        return f"the identified {kind}" + (f" with {', '.join(self.one_more)}" if self.one_more else "")
 
     @property
     def beyond(self) -> tuple[str, ...]:
@@ -48,9 +62,15 @@ class IdentifiedCar(NamedTuple):
         present = [(name, getattr(self.effects, name)) for name in names if getattr(self.effects, name) != 0.0]
         return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
 
-    def step_model(self) -> EffectsStepModel:
-        """What a controller plans with (`planned_with`); its readings lose their `sensor_errors`."""
-        return EffectsStepModel(self.vehicle, planned_with(self.effects), exact=False)
+    def step_model(self) -> EffectsStepModel | DoubleTrackStepModel:
+        """What a controller plans with; its readings lose their `sensor_errors`."""
+        return known_car_model(self.vehicle, self.effects)
+
+    def errors(self, judged: Sequence[WindowedRun]) -> Array:
+        """Of its predictions of drives, from a smoothed measurement on [windows, HORIZONS, 5]."""
+        if isinstance(self.vehicle, DoubleTrackParameters):
+            return double_track_errors(judged, self.vehicle.constants(), self.effects)
+        return errors(judged, self.vehicle.constants(), self.effects)
 
 
 def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
@@ -76,3 +96,15 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
     return IdentifiedCar(found.vehicle, found.effects)
+
+
+def identified_double_track(runs: Sequence[Run], first_guess: VehicleParameters) -> IdentifiedCar | None:
+    """The double-track car that predicts the drives best; None where they are too short or identify none."""
+    windows = [windowed(run) for run in runs]
+    if sum(len(run.starts) for run in windows) < LEAST_WINDOWS:
+        return None
+    try:
+        with np.errstate(all="ignore"):
+            return IdentifiedCar(*identify_double_track(windows, first_guess))
+    except (InvalidVehicleError, np.linalg.LinAlgError):
+        return None

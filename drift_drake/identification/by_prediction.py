@@ -1,7 +1,8 @@
 """A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from drift_drake.identification.held_out import HeldOut
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
 MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
@@ -94,7 +95,8 @@ def fit_by_prediction(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
     ) -> RobustFit:
         widths = WIDTHS if start is None else WIDTHS[1:]
-        return robust_fit(some, constants, effects, unknowns, EVIDENCE, start, widths)
+        predicted = partial(predicted_with, some, constants, effects)
+        return robust_fit(predicted, unknowns, EVIDENCE, start, widths)
 
     def furthest(fit: RobustFit) -> float:
         return forecast_error(errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta))))
@@ -132,6 +134,13 @@ def fit_by_prediction(
         differences(recordings, [FIELDS.get(u.name, u.name) for u in kept], learnt.pulled[:, at],
                     np.diag(learnt.between)[at], np.diag(normal.unknown)[at]),
     )  # fmt: skip
+
+
+def predicted_with(
+    runs: Sequence[WindowedRun], constants: Constants, effects: Effects, found: Mapping[str, float]
+) -> np.ndarray:
+    """Prediction errors of a car whose effects have further magnitudes."""
+    return errors(runs, constants, added(effects, found))
 
 
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:

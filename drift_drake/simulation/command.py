@@ -11,6 +11,7 @@ from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.interruption import ended_at_once
 from drift_drake.safe_files import alone_in, try_outputs
 from drift_drake.standard_output import said_to, write_results
+from drift_drake.vehicle.double_track.car_file import holds_double_track, read_double_track
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
 MonitorPolicy = Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"]
@@ -21,10 +22,10 @@ class DriveOptions:
     """What is driven with which model, and what a run leaves behind."""
 
     vehicle: Path | None = None
-    """The car (YAML); `effects:` in it act too. Without, the default coupe or, on the double-track plant, the
-    single-track car nearest to it."""
+    """The car (YAML), of one track or two (`double_track:`); `effects:` in it act too. Without, the default coupe or,
+    on the double-track plant, the single-track car nearest to it."""
     plant: Literal["single_track", "double_track"] = "single_track"
-    """The true car: the vehicle file's, or a coupe on four tyres with the vehicle file's effects."""
+    """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
     model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
     """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
     (known); the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
@@ -76,7 +77,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
-        read_vehicle(command.vehicle)
+        read_double_track(command.vehicle) if holds_double_track(command.vehicle) else read_vehicle(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
     with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):

@@ -10,6 +10,7 @@ import pandas as pd
 
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
+from drift_drake.control.known_car import KnownVehicle, known_car_model
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.checkpoint import broad_checkpoint, load_model
@@ -31,9 +32,10 @@ from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, Contro
 from drift_drake.simulation.command import DriveOptions
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
-from drift_drake.simulation.true_plant import oracle_of, plant_of
 from drift_drake.vehicle.compilation import say_if_it_compiles
-from drift_drake.vehicle.double_track.parameters import CARS
+from drift_drake.vehicle.double_track.car_file import holds_double_track, read_double_track
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
@@ -51,15 +53,20 @@ class ClosedLoopConfig(DriveOptions):
     """[rad] at the start."""
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
 
-    def parameters(self) -> VehicleParameters:
-        """The vehicle file's car; without one the default coupe, or the single-track car nearest to the plant."""
-        if self.vehicle is None and self.plant == "double_track":
-            return CARS["coupe"].single_track()
-        return read_vehicle(self.vehicle)[0] if self.vehicle else VehicleParameters()
+    def true_car(self) -> tuple[KnownVehicle, Effects]:
+        """The plant's car: the vehicle file's, or a double-track coupe with its effects, which no controller knows."""
+        if self.vehicle is not None and holds_double_track(self.vehicle):
+            return read_double_track(self.vehicle)
+        parameters, effects = read_vehicle(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
+        return parameters if self.plant == "single_track" else CARS["coupe"], effects
 
-    def effects(self) -> Effects:
-        """The effects of the plant that the vehicle file names; the controller does not know of them."""
-        return read_vehicle(self.vehicle)[1] if self.vehicle else Effects()
+    def parameters(self) -> VehicleParameters:
+        """What the controller is set up for: the vehicle file's car, the default coupe, or the single-track car that is
+        nearest to a double-track one."""
+        car = self.true_car()[0]
+        if self.vehicle is not None and not holds_double_track(self.vehicle):
+            return read_vehicle(self.vehicle)[0]
+        return car.single_track() if isinstance(car, DoubleTrackParameters) else car
 
 
 def build(config: ClosedLoopConfig) -> ClosedLoop:
@@ -68,15 +75,15 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
     model: StepModel = NominalStepModel(parameters)
     adapter: BayesianAdapter | None = None
-    effects, errors = config.effects(), Effects()
+    (car, effects), errors = config.true_car(), Effects()
     if config.model == "known":
-        model, errors = oracle_of(config.plant, parameters, effects), sensor_errors(effects)
+        model, errors = known_car_model(car, effects), sensor_errors(effects)
     elif config.model != "nominal":
         learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
         adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
-    plant = plant_of(config.plant, effects, reference.path)
+    plant = DoubleTrackPlant(car, effects, reference.path) if isinstance(car, DoubleTrackParameters) else None
     faults = [parse_fault(text) for text in config.fault]
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:

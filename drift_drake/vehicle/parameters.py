@@ -157,11 +157,11 @@ class VehicleParameters:
         if not isinstance(data, dict):
             raise InvalidVehicleError(f"{source}: expected 'name: value' lines, found {type(data).__name__}")
         known = {field.name: field for field in dataclasses.fields(cls)}
-        _check_keys(source, "", data, set(known), required=set(known) - set(OPTIONAL))
+        check_keys(source, "", data, set(known), required=set(known) - set(OPTIONAL))
         tolerance = data.get("tolerance", {})
         if not isinstance(tolerance, dict):
             raise InvalidVehicleError(f"{source}: 'tolerance' must hold 'name: standard deviation' lines")
-        _check_keys(source, "tolerance.", tolerance, {field.name for field in dataclasses.fields(Tolerance)})
+        check_keys(source, "tolerance.", tolerance, {field.name for field in dataclasses.fields(Tolerance)})
         values = {
             key: value if key == "tyre" else as_number(value) for key, value in data.items() if key != "tolerance"
         }
@@ -232,9 +232,10 @@ def check_torques(low: float, high: float) -> None:
         raise InvalidVehicleError(f"torque_min ({low:g} N m) must lie below torque_max ({high:g} N m)")
 
 
-def _check_keys(
+def check_keys(
     source: str, prefix: str, data: dict[str, Any], known: set[str], required: set[str] | None = None
 ) -> None:
+    """Raises InvalidVehicleError, which names `source` and the key, where one is unknown or a required one missing."""
     for key in data:
         if key not in known:
             text = shown(key).strip("'")

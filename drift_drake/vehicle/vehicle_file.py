@@ -22,6 +22,7 @@ from drift_drake.vehicle.parameters import (
     vehicle_data,
 )
 
+DOUBLE_TRACK = "double_track"  # key of a file that holds such a car (`double_track.car_file`)
 SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
 SIZES = {  # SI
     "mass": (0.05, 1e5),
@@ -144,23 +145,35 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
         InvalidVehicleError: names the file, the key and the remedy.
     """
     data: Any = vehicle_data(path)
-    magnitudes = data.pop("effects", None) or {} if isinstance(data, dict) else {}
-    if not isinstance(magnitudes, dict):
-        raise InvalidVehicleError(f"{path}: 'effects' must hold 'name: magnitude' lines")
-    numbers = {str(name): as_number(value) for name, value in magnitudes.items()}
-    for name, value in numbers.items():
-        if not is_number(value):
-            raise InvalidVehicleError(
-                f"{path}: effects.{name[:60]} is {shown(value)}; give its magnitude as a finite number"
-            )
-    try:
-        effects = make_effects(numbers)
-    except ValueError as error:
-        raise InvalidVehicleError(f"{path}: {error}") from None
+    if isinstance(data, dict) and DOUBLE_TRACK in data:
+        raise InvalidVehicleError(
+            f"{path}: holds a double-track car, which 'drift-drake drive' takes; give a single-track vehicle file here"
+        )
+    effects = effects_of(data.pop("effects", None) if isinstance(data, dict) else None, str(path))
     parameters = VehicleParameters.from_dict(data, str(path))
     check_plausible(parameters, str(path))
     check_effects(effects, parameters, str(path))
     return parameters, effects
+
+
+def effects_of(magnitudes: Any, source: str) -> Effects:
+    """The effects that a file names under `effects:`; none where it has no such key.
+
+    Raises:
+        InvalidVehicleError: names `source`, the key and the remedy.
+    """
+    if not isinstance(magnitudes or {}, dict):
+        raise InvalidVehicleError(f"{source}: 'effects' must hold 'name: magnitude' lines")
+    numbers = {str(name): as_number(value) for name, value in (magnitudes or {}).items()}
+    for name, value in numbers.items():
+        if not is_number(value):
+            raise InvalidVehicleError(
+                f"{source}: effects.{name[:60]} is {shown(value)}; give its magnitude as a finite number"
+            )
+    try:
+        return make_effects(numbers)
+    except ValueError as error:
+        raise InvalidVehicleError(f"{source}: {error}") from None
 
 
 def write_vehicle(

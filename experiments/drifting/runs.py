@@ -38,6 +38,7 @@ from drift_drake.safe_files import write_table
 from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
@@ -105,8 +106,8 @@ class ModelsConfig(DriftConfig):
 
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
     plant: TruePlant = "single_track"
-    """What the effects are put on: the car of the controllers' equations, or a double-track one, which has load
-    transfer, tyres and a differential of its own, which of the controllers' models the oracle alone knows."""
+    """What the effects are put on: the car of the controllers' equations, or a double-track one (the coupe, or a car of
+    another kind), which has load transfer, tyres and a differential of its own."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
@@ -264,6 +265,7 @@ class Believing(NamedTuple):
         car = None if found is None else found.car
         labels |= {"believed": believed, "refused": believed == "neither"}
         labels["one_more"] = ", ".join(car.one_more) if car is not None else ""
+        labels["double_track"] = car is not None and isinstance(car.vehicle, DoubleTrackParameters)
         if car is not None and (model == "identified" or believed == "identified"):
             return labels, car
         if believed == "learnt":

@@ -23,8 +23,11 @@ from drift_drake.model.posterior import Posterior
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
 from drift_drake.simulation.true_plant import TruePlant, plant_of
+from drift_drake.vehicle.double_track.car_file import double_track_dict, double_track_from_dict
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import DOUBLE_TRACK
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 
@@ -164,13 +167,26 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
 
 
 def _plain(findings: Findings) -> dict[str, Any]:
-    car = findings.car and {"vehicle": findings.car.vehicle.to_dict(), "effects": findings.car.effects._asdict()}
-    return findings._asdict() | {"car": car}
+    car = findings.car
+    if car is None:
+        return findings._asdict()
+    vehicle = (
+        {DOUBLE_TRACK: double_track_dict(car.vehicle)}
+        if isinstance(car.vehicle, DoubleTrackParameters)
+        else car.vehicle.to_dict()
+    )
+    return findings._asdict() | {"car": {"vehicle": vehicle, "effects": car.effects._asdict()}}
 
 
 def _findings(stored: dict[str, Any], path: Path) -> Findings:
     car, found = None, stored["car"]
     if found:
-        car = IdentifiedCar(VehicleParameters.from_dict(found["vehicle"], str(path)), make_effects(found["effects"]))
+        numbers = found["vehicle"]
+        vehicle = (
+            double_track_from_dict(numbers[DOUBLE_TRACK], str(path))
+            if DOUBLE_TRACK in numbers
+            else VehicleParameters.from_dict(numbers, str(path))
+        )
+        car = IdentifiedCar(vehicle, make_effects(found["effects"]))
     told = {name: stored[name] for name in ("learnt", "identified", "hint", "as_it_is") if name in stored}
     return Findings(car, doubts=tuple(stored["doubts"]), **told)

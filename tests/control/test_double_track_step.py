@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.control.double_track_step import OWN_SCALE, SIZE, DoubleTrackStepModel
+from drift_drake.control.double_track_step import OWN_SCALE, DoubleTrackStepModel
 from drift_drake.control.effects_step import MemoryObserver
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
@@ -18,6 +18,7 @@ from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.simulation.true_plant import oracle_of, plant_of
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
+from drift_drake.vehicle.double_track.stepping import SIZE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.vehicle.step_model import STATE_SCALE, STEP, NominalStepModel, StepModel, block_scale

@@ -9,8 +9,8 @@ from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.estimation.robust_fit import bounded_step, loss, robust_fit, robust_scales
 from drift_drake.estimation.unknowns import unknown
-from drift_drake.estimation.windows import windowed
-from drift_drake.vehicle.effects import Effects
+from drift_drake.estimation.windows import errors, windowed
+from drift_drake.vehicle.effects import make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CAR = VehicleParameters()
@@ -30,7 +30,8 @@ def fitted(runs):
 
 
 def fit(runs):
-    return robust_fit(runs, CAR.constants(), Effects(), [unknown(name, CAR, frozenset()) for name in TRUE], EVIDENCE)
+    unknowns = [unknown(name, CAR, frozenset()) for name in TRUE]
+    return robust_fit(lambda found: errors(runs, CAR.constants(), make_effects(found)), unknowns, EVIDENCE)
 
 
 def deviations(found):

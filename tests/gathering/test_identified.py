@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
@@ -18,13 +19,14 @@ from drift_drake.gathering.choice import (
 )
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, runs_of
+from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track, runs_of
 from drift_drake.gathering.plan import plan_again, plan_drive
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.quality import step_model
 from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.true_plant import TruePlant, plant_of
+from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -248,8 +250,18 @@ def test_of_one_thing_more_the_right_one_is_identified(model: BayesianModel, nam
 
 
 @pytest.mark.slow
-def test_a_car_of_other_equations_is_not_known(model: BayesianModel) -> None:
-    """A double-track car in informative drives: what the nominal equations make of them is far from it."""
-    _, choice = _asked(model, _driven(model, Effects(), "double_track"))
-    assert not choice.doubts
-    assert choice.believed == "neither"
+@pytest.mark.parametrize("kind", ["double_track", "roadster"])
+def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: TruePlant) -> None:
+    """In informative drives, which no single-track car predicts."""
+    effects = make_effects({"steering_lag": 0.05, "torque_lag": 0.1})
+    car, choice = _asked(model, _driven(model, effects, kind))
+    assert car is not None
+    assert isinstance(car.vehicle, DoubleTrackParameters)
+    assert choice.believed == "identified"
+    assert choice.sentence().startswith("drive with the identified double-track car: forecast errors")
+    assert choice.found.as_it_is > 3.0 * choice.found.identified
+    assert isinstance(car.step_model(), DoubleTrackStepModel)
+
+
+def test_drives_that_are_too_short_identify_no_double_track_car(driven: list[pd.DataFrame]) -> None:
+    assert identified_double_track(runs_of([table.iloc[:150] for table in driven]), VehicleParameters()) is None

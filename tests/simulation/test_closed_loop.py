@@ -10,12 +10,14 @@ import pandas as pd
 import pytest
 
 from drift_drake.control.controller import MpcController
+from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation import drive_command, runner
 from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, run_closed_loop
+from drift_drake.vehicle.double_track.car_file import write_double_track
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import make_effects
@@ -251,3 +253,21 @@ def test_a_car_that_is_known_is_driven_with_what_it_has(tmp_path: Path) -> None:
     np.testing.assert_array_equal(model.step(x, u, 1.1 * u, curvature), expected.step(x, u, 1.1 * u, curvature))
     assert loop.diagram.HasSubsystemNamed("sensor_correction")
     assert not build(ClosedLoopConfig()).diagram.HasSubsystemNamed("sensor_correction")
+
+
+def test_a_double_track_car_that_is_known_is_driven_as_one(tmp_path: Path) -> None:
+    """What a file of such a car says is the plant, and what the controller plans with."""
+    car, effects = CARS["roadster"].replace(differential_share=0.2), make_effects({"steering_lag": 0.05})
+    write_double_track(tmp_path / "known.yaml", car, effects)
+    loop = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml", model="known"))
+    assert isinstance(loop.car.plant, DoubleTrackPlant)
+    assert (loop.car.plant.parameters, loop.car.plant.effects) == (car, effects)
+    assert loop.parameters == car.single_track()
+    assert isinstance(loop.controller, MpcController)
+    model = loop.controller.mpc.model
+    assert isinstance(model, DoubleTrackStepModel)
+    assert (model.parameters, model.effects) == (car, effects)
+    blind = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml"))
+    assert isinstance(blind.car.plant, DoubleTrackPlant)
+    assert isinstance(blind.controller, MpcController)
+    assert isinstance(blind.controller.mpc.model, NominalStepModel)

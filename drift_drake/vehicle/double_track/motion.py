@@ -1,4 +1,4 @@
-"""Double-track equations of motion: four tyres, load transfer with roll, an open differential at the rear.
+"""Double-track equations of motion: four tyres, load transfer with roll, a differential (open or not) at the rear.
 
 The first states are the single-track car's (r, v, beta, omega_r; see `bicycle`), at the centre of gravity, omega_r the
 mean rim speed of the rear wheels; behind them the car's own, `OwnStates`. The front wheels roll freely: no longitudinal
@@ -21,7 +21,8 @@ from drift_drake.vehicle.effects import (
     installed_force,
     steering_rate,
 )
-from drift_drake.vehicle.scalar import clip, cos, jitable, maximum, select, sin, tanh
+from drift_drake.vehicle.parameters import InvalidVehicleError
+from drift_drake.vehicle.scalar import absolute, clip, cos, jitable, maximum, select, sin, tanh
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
 NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
@@ -29,7 +30,18 @@ NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_l
 """Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
 differential of its own; and those of other packages that have a state, which is none of this car's."""
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
+LOCKING_SPEED = 2.0  # [m/s] difference of the rear rims over which a limited-slip differential's plates come to slide
 ITERATIONS = 12  # of loads, roll and compliance; each takes off about nine tenths of the error
+
+
+def check_supported(effects: Effects, source: str = "vehicle") -> None:
+    """Raises an InvalidVehicleError that names `source` and the effects that this car cannot have."""
+    alien = [name for name in NOT_OF_THIS_CAR if getattr(effects, name) != 0.0]
+    if alien:
+        raise InvalidVehicleError(
+            f"{source}: {', '.join(alien)} cannot be put on a double-track car, which has load transfer, tyres that "
+            "slide and a differential of its own; leave it out, or change the car's parameters"
+        )
 
 
 @jitable
@@ -208,6 +220,13 @@ def ground_wrench(forces: WheelForces, left: Any, right: Any, p: DoubleTrackCons
 
 
 @jitable
+def locking_torque(axle_torque: Any, rim_difference: Any, p: DoubleTrackConstants) -> Any:
+    """Torque [N m] that the slower rear wheel has over the faster one by a limited-slip differential's plates."""
+    most = p.differential_preload + p.differential_share * absolute(axle_torque)
+    return most * tanh(rim_difference / LOCKING_SPEED)
+
+
+@jitable
 def relaxed(kinematic: Any, slip: Any, speed: Any, length: Any) -> Any:
     """Rate [1/s] at which a slip follows the kinematic one over a rolled length [m]."""
     return maximum(speed, MIN_RELAXATION_SPEED) / length * (kinematic - slip)
@@ -255,7 +274,8 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     left_x, right_x = forces.rear_left_x, forces.rear_right_x
     omega_r_dot = wheel_acceleration(axle_torque, left_x + right_x, p.wheel_radius, p.rear_axle_inertia)
     # The engine turns with the mean of the rear wheels: their difference moves the wheels alone.
-    difference_rate = (left_x - right_x) * p.wheel_radius * p.wheel_radius / p.wheel_inertia
+    locking = locking_torque(axle_torque, own.rim_difference, p)
+    difference_rate = ((left_x - right_x) * p.wheel_radius - locking) * p.wheel_radius / p.wheel_inertia
     front, rear = p.front_tire.lateral_relaxation, p.rear_tire.lateral_relaxation
     drive = p.rear_tire.longitudinal_relaxation
     rates = OwnStates(

@@ -32,6 +32,8 @@ class DoubleTrackConstants(NamedTuple):
     wheel_inertia: Any
     rear_axle_inertia: Any
     gear_ratio: Any
+    differential_preload: Any
+    differential_share: Any
     ackermann: Any
     steering_compliance: Any
     aero_drag: Any
@@ -89,6 +91,8 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
         p.wheel_inertia,
         p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
         p.gear_ratio * (1.0 + q.torque_gain_error),
+        p.differential_preload,
+        p.differential_share,
         p.ackermann,
         p.steering_compliance,
         p.aero_drag + q.aero_drag,
@@ -157,6 +161,8 @@ class DoubleTrackParameters:
     wheel_inertia: float = entry("kg m^2", "I_wheel", 1.3)  # of one rear wheel
     rear_axle_inertia: float = entry("kg m^2", "I_w", 20.0)
     gear_ratio: float = entry("-", "G", 10.6)
+    differential_preload: float = entry("N m", "M_l", 0.0, positive=False)  # that locks it in any case; 0: open
+    differential_share: float = entry("-", "s_l", 0.0, positive=False)  # of the axle's torque that locks it, too
     ackermann: float = entry("-", "A", 0.5, positive=False)  # share of Ackermann's geometry
     steering_compliance: float = entry("rad/N", "c_s", 1.0e-6, positive=False)  # by the front axle's lateral force
     aero_drag: float = entry("N s^2/m^2", "c_v", 0.42, positive=False)
@@ -173,7 +179,8 @@ class DoubleTrackParameters:
     def __post_init__(self) -> None:
         check_numbers(self)
         for name in ("cg_height", "front_roll_center", "rear_roll_center", "front_unsprung_mass", "rear_unsprung_mass",
-                     "ackermann", "steering_compliance", "aero_drag", "rolling_resistance"):  # fmt: skip
+                     "differential_preload", "differential_share", "ackermann", "steering_compliance", "aero_drag",
+                     "rolling_resistance"):  # fmt: skip
             if getattr(self, name) < 0.0:
                 raise InvalidVehicleError(f"{name} is {getattr(self, name):g}; give zero or more")
         check_torques(self.torque_min, self.torque_max)
@@ -197,6 +204,16 @@ class DoubleTrackParameters:
         return DoubleTrackConstants(
             **values, front_tire=self.front_tire.constants(), rear_tire=self.rear_tire.constants()
         )
+
+    def with_constants(self, constants: DoubleTrackConstants) -> "DoubleTrackParameters":
+        """The car with other numbers in its equations, validated again.
+
+        Raises:
+            InvalidVehicleError: a number that no car has.
+        """
+        numbers = constants._asdict()
+        tires = {name: TireParameters(**numbers.pop(name)._asdict()) for name in ("front_tire", "rear_tire")}
+        return self.replace(**numbers, **tires)
 
     def replace(self, **changes: Any) -> "DoubleTrackParameters":
         """A copy with some parameters changed, validated again."""

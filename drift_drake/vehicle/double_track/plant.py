@@ -10,29 +10,31 @@ from drift_drake.arrays import Array
 from drift_drake.vehicle.bicycle import world_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.delays import commands_at
-from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion, settled_states
+from drift_drake.vehicle.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
 from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.vehicle.double_track.tires import TireConstants
 from drift_drake.vehicle.effects import COUNT, Effects
-from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.vehicle.scalar import fixed_tuple, jitable
 
 DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
 DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
 LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
+NUMBERS, TIRE = len(DoubleTrackConstants._fields) - 2, len(TireConstants._fields)  # of the car but its tyres; of each
+REAR = NUMBERS + TIRE
 PERIOD = 0.01  # [s] of the rows
 SUBSTEPS = 10  # RK4 steps a row; rear wheels ring in their tyres at some 300 rad/s, or settle in them within 1.5 ms
 
 
 def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
     """All numbers of a car in one row; `unflattened` is the inverse."""
-    return (*p[:25], *p.front_tire, *p.rear_tire)
+    return (*p[:NUMBERS], *p.front_tire, *p.rear_tire)
 
 
 def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
     """The car of a row of numbers."""
-    return DoubleTrackConstants._make((*values[:25], TireConstants(*values[25:36]), TireConstants(*values[36:47])))
+    front, rear = values[NUMBERS:REAR], values[REAR:]
+    return DoubleTrackConstants._make((*values[:NUMBERS], TireConstants(*front), TireConstants(*rear)))
 
 
 @jitable
@@ -54,8 +56,8 @@ def double_track_rates(
 # Compiled for floats, which comes with constants and magnitudes as arrays.
 @jitable
 def _named(p: Any) -> DoubleTrackConstants:
-    front, rear = TireConstants(*fixed_tuple(p[25:36], 11)), TireConstants(*fixed_tuple(p[36:47], 11))
-    return DoubleTrackConstants(*(fixed_tuple(p[:25], 25) + (front, rear)))  # noqa: RUF005 (for numba)
+    front, rear = TireConstants(*fixed_tuple(p[NUMBERS:REAR], TIRE)), TireConstants(*fixed_tuple(p[REAR:], TIRE))
+    return DoubleTrackConstants(*(fixed_tuple(p[:NUMBERS], NUMBERS) + (front, rear)))  # noqa: RUF005 (for numba)
 
 
 @compiled
@@ -117,16 +119,6 @@ class DoubleTrackCarPlant(PathPlant):
     def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
         """The same on floats, from the Context's numbers."""
         return _rates(x, u, wrench, curvature, p, q)
-
-
-def check_supported(effects: Effects) -> None:
-    """Raises an InvalidVehicleError that names the effects that this car cannot have."""
-    alien = [name for name in NOT_OF_THIS_CAR if getattr(effects, name) != 0.0]
-    if alien:
-        raise InvalidVehicleError(
-            f"{', '.join(alien)} cannot be put on a double-track car, which has load transfer, tyres that slide and a "
-            "differential of its own; leave it out, or change the car's parameters"
-        )
 
 
 DoubleTrackPlant_ = plant_template("DoubleTrackPlant_", DoubleTrackCarPlant)

@@ -37,12 +37,12 @@ from drift_drake.run_folder import is_done, write_json
 from drift_drake.safe_files import write_table
 from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 from experiments.gathering.beliefs import Attempt, Taught, gather_all
+from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free", "broad",
@@ -105,13 +105,18 @@ class ModelsConfig(DriftConfig):
     """An experiment that compares models."""
 
     models: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info", "oracle")
-    plant: TruePlant = "single_track"
-    """What the effects are put on: the car of the controllers' equations, or a double-track one (the coupe, or a car of
-    another kind), which has load transfer, tyres and a differential of its own."""
+    plant: World = "single_track"
+    """What the effects are put on: the car of the controllers' equations, a double-track one (the coupe, or a car of
+    another kind), which has load transfer, tyres and a differential of its own, or brush cars, drawn one by one, whose
+    equations the oracle alone has."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
-        return effects_on(self.plant, super().effects(vehicle))
+        return effects_in(self.plant, super().effects(vehicle))
+
+    def car(self, vehicle: int) -> TrueCar:
+        """What they are put on."""
+        return true_car(self.plant, vehicle, self.vehicle_seed)
 
 
 class Learnt(NamedTuple):
@@ -139,7 +144,7 @@ class DriveJob:
     noise_seed: int
     believes: Believes
     control: ControlConfig
-    plant: TruePlant = "single_track"
+    car: TrueCar = "single_track"
 
 
 class DriveResult(NamedTuple):
@@ -170,12 +175,12 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         if isinstance(believes, IdentifiedCar):
             model, errors = believes.step_model(), sensor_errors(believes.effects)
         elif believes == "oracle":
-            model, errors = oracle_of(job.plant, parameters, job.effects), sensor_errors(job.effects)
+            model, errors = oracle(job.car, parameters, job.effects), sensor_errors(job.effects)
         else:
             model = NominalStepModel(parameters)
         control = dataclasses.replace(control, tightening=0.0)  # none of these has any uncertainty
     driven = reference(job.maneuver)
-    plant = plant_of(job.plant, job.effects, driven.path)
+    plant = true_plant(job.car, job.effects, driven.path)
     return ClosedLoop(parameters, driven, model, job.effects, control=control, adapter=adapter, plant=plant,
                       sensor_errors=errors)  # fmt: skip
 
@@ -215,7 +220,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
-                          config.plant)  # fmt: skip
+                          config.car)  # fmt: skip
     believing = Believing(learnt, config.path_step, usual_for(learnt), config.gathering.learn_lags)
     jobs = []
     for vehicle, seed in config.attempts():
@@ -223,8 +228,8 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
             labels, believes = believing(model, gathered.get((vehicle, seed)))
             labels = {"model": model, "vehicle": vehicle, "noise_seed": seed} | labels
             name = run_name(model, vehicle, seed)
-            effects = config.effects(vehicle)
-            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, config.plant))
+            effects, car = config.effects(vehicle), config.car(vehicle)
+            jobs.append(DriveJob(name, labels, maneuver, effects, seed, believes, config.control, car))
     return run_drives(jobs, folder, config.run_on)
 
 

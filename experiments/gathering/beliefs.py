@@ -22,12 +22,12 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.posterior import Posterior
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_arrays
-from drift_drake.simulation.true_plant import TruePlant, plant_of
 from drift_drake.vehicle.double_track.car_file import double_track_dict, double_track_from_dict
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import DOUBLE_TRACK
+from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 
@@ -71,7 +71,7 @@ class GatherJob:
     ocp: Trajectory
     info: Trajectory
     config: GatheringConfig
-    plant: TruePlant = "single_track"
+    car: TrueCar = "single_track"
 
 
 def gather_beliefs(job: GatherJob) -> Taught:
@@ -80,7 +80,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     seed, beliefs, lags = job.attempt[1], dict[str, Posterior](), dict[str, Array]()
 
     def drive(trajectory: Trajectory, drive_seed: int, before: Posterior) -> pd.DataFrame:
-        plant = plant_of(job.plant, job.effects, lane(config).path)
+        plant = true_plant(job.car, job.effects, lane(config).path)
         table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant, (learnt, before))
         return table
 
@@ -115,13 +115,14 @@ def gather_beliefs(job: GatherJob) -> Taught:
 
 def gather_all(
     attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
-    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig, plant: TruePlant = "single_track",
+    gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig,
+    car_of: Callable[[int], TrueCar] = lambda _: "single_track",
 ) -> dict[Attempt, Taught]:  # fmt: skip
     """What each attempt's gathering has taught, kept in the folder's `beliefs-*.npz`.
 
     Args:
-        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle, on a `plant`; wanted: of
-            `Taught.beliefs`.
+        attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle; wanted: of `Taught.beliefs`;
+        car_of: what the effects are put on.
     """
     if not wanted:
         return {}
@@ -131,7 +132,7 @@ def gather_all(
         ocp = plan_drive(learnt, learnt.prior(), gathering, 0.0)
         info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
         jobs = [
-            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, plant)
+            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car_of(attempt[0]))
             for attempt in missing
         ]
 

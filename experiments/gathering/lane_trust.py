@@ -29,18 +29,19 @@ from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure
-from drift_drake.simulation.true_plant import TruePlant, effects_on
 from drift_drake.vehicle.effects import Effects
 from experiments.gathering.beliefs import gather_all
 from experiments.made import write_report
+from experiments.other_worlds.true_cars import World, effects_in, true_car
 from experiments.settings import keep_settings
 
-GROUPS: dict[str, tuple[Population, TruePlant]] = {
+GROUPS: dict[str, tuple[Population, World]] = {
     "validation": ("validation", "single_track"),
     "held-out": ("held_out", "single_track"),
     "wide": ("wide", "single_track"),
     "extreme": ("extreme", "single_track"),
     "double-track": ("held_out", "double_track"),
+    "brush": ("held_out", "brush"),
 }
 
 
@@ -66,34 +67,35 @@ class Found(NamedTuple):
 
     surprise: Array  # mean squared distance of the first informative drive
     learnt: Array  # forecast error of the learnt model after two drives
-    identified: Array  # the same of the car that they identify, without one thing more; infinite where none was
+    identified: Array  # the same of the car that they identify, as it is; infinite where none was
+    further: Array  # and with one thing more, or as a double-track car, where that is asked for
 
 
-def true_effects(population: Population, plant: TruePlant, seed: int, vehicle: int) -> Effects:
+def true_effects(population: Population, world: World, seed: int, vehicle: int) -> Effects:
     """What is true of a group's vehicle."""
-    return effects_on(plant, draw_effects(population, vehicle, seed))
+    return effects_in(world, draw_effects(population, vehicle, seed))
 
 
 def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, Found]:
     """All groups' vehicles, but those without a second plan."""
     found = {}
-    for name, (population, plant) in GROUPS.items():
+    for name, (population, world) in GROUPS.items():
         count = len(EXTREME) if population == "extreme" else config.vehicles
         drives = folder / name
         drives.mkdir(exist_ok=True)
         attempts = [(config.first + i, 0) for i in range(count)]
-        effects_of = partial(true_effects, population, plant, config.vehicle_seed)
+        effects_of = partial(true_effects, population, world, config.vehicle_seed)
         taught = gather_all(attempts, effects_of, frozenset({"identified"}), learnt, config.gathering, drives,
-                            config.run_on, plant)  # fmt: skip
+                            config.run_on, partial(true_car, world, seed=config.vehicle_seed))  # fmt: skip
         told = [(t.surprise, t.findings) for t in taught.values() if t.surprise is not None and t.findings]
-        found[name] = Found(*np.array([(surprise, f.learnt, f.as_it_is) for surprise, f in told]).T)
+        found[name] = Found(*np.array([(surprise, f.learnt, f.as_it_is, f.identified) for surprise, f in told]).T)
     return found
 
 
 def limits(found: dict[str, Found]) -> Usual:
     """What is usual, by the validation vehicles."""
     known = found["validation"]
-    return Usual(*(familiar_from(values) for values in known))
+    return Usual(*(familiar_from(values) for values in (known.surprise, known.learnt, known.identified)))
 
 
 def report(found: dict[str, Found], usual: Usual) -> str:
@@ -105,19 +107,20 @@ def report(found: dict[str, Found], usual: Usual) -> str:
         f"{identified:.4f} (identified car).",
         "",
         "| vehicles | mean squared distance, least / median / most | refused by it | forecast error, learnt model "
-        "| forecast error, identified car | learnt model believed | identified car believed | neither |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| forecast error, identified car as it is | and further | learnt model believed | identified car believed "
+        "| neither |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     kinds: tuple[Believed, ...] = ("learnt", "identified", "neither")
     for name, f in found.items():
         believed = [
-            usual.choice(Findings(None, one, two)).believed for one, two in zip(f.learnt, f.identified, strict=True)
+            usual.choice(Findings(None, one, two)).believed for one, two in zip(f.learnt, f.further, strict=True)
         ]
         count = len(believed)
         chosen = " | ".join(f"{believed.count(kind)} of {count}" for kind in kinds)
         lines.append(
             f"| {name} | {spread(f.surprise, 1)} | {int(np.sum(f.surprise > first))} of {count} "
-            f"| {spread(f.learnt, 3)} | {spread(f.identified, 3)} | {chosen} |"
+            f"| {spread(f.learnt, 3)} | {spread(f.identified, 3)} | {spread(f.further, 3)} | {chosen} |"
         )
     return "\n".join(lines)
 
@@ -133,13 +136,17 @@ def draw(found: dict[str, Found], usual: Usual) -> Figure:
     figure = new_figure(7.0, 4.4)
     above, below = figure.subplots(2, 1)
     rng = np.random.default_rng(0)
-    parts = ((above, "surprise", INK, 0.0), (below, "learnt", INK, -0.2), (below, "identified", RUNS[0], 0.2))
+    parts = ((above, "surprise", INK, 0.0), (below, "learnt", INK, -0.2), (below, "further", RUNS[0], 0.2))
     for axes, name, color, shift in parts:
-        axes.axvline(getattr(usual, name).limit(), color=color if axes is below else BOUND, linestyle="--")
+        axes.axvline(
+            getattr(usual, "identified" if name == "further" else name).limit(),
+            color=color if axes is below else BOUND,
+            linestyle="--",
+        )
         for row, f in enumerate(found.values()):
             values = getattr(f, name)
             at = row + shift + rng.uniform(-0.1, 0.1, len(values))
-            label = {"learnt": "learnt model", "identified": "identified car"}.get(name) if row == 0 else None
+            label = {"learnt": "learnt model", "further": "identified car"}.get(name) if row == 0 else None
             axes.scatter(values, at, s=12, color=color, alpha=0.7, linewidths=0, label=label)
     for axes in (above, below):
         axes.set_xscale("log")

@@ -10,9 +10,9 @@ from drift_drake.arrays import Array
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
 from experiments.other_worlds.brush_car import STATES, BrushCar, rates
+from experiments.other_worlds.brush_step import BrushStepModel
 
 OWN = ("rim_difference", *STATES[8:])  # behind `PLANT_STATES`
-SETTLE = 400  # steps of 5 ms that the car's own states take to settle
 
 
 class BrushPlant(PathPlant, LeafSystem):
@@ -26,7 +26,7 @@ class BrushPlant(PathPlant, LeafSystem):
 
     def __init__(self, car: BrushCar, effects: Effects, path: CurvedPath | None) -> None:
         LeafSystem.__init__(self)
-        self._brush_car, self.effects = car, effects
+        self.effects = effects
         self.state_names = (*PLANT_STATES, *OWN)
         self.declare_numbers(float, (tuple(car), tuple(effects)), path)
 
@@ -36,20 +36,15 @@ class BrushPlant(PathPlant, LeafSystem):
 
     def settled(self, placed: Sequence[float], delta: float, tau: float, p: BrushCar, q: Effects) -> Sequence[float]:
         """The car's own states once it has been as it is for long, its rear wheels at equal slip."""
-        x = np.array([*placed, p.track * placed[0], delta, tau, 0.0, 0.0, 0.0, 0.0, 0.0])
-        command = np.array([delta, tau])
-        for _ in range(SETTLE):
-            x[len(PLANT_STATES) + 1 :] += 0.005 * np.array(
-                self.rates(x, command, np.zeros(3), 0.0, p, q)[len(PLANT_STATES) + 1 : -2]
-            )
-        return [float(value) for value in x[len(PLANT_STATES) :]]
+        own = BrushStepModel(p, q).settled(np.array(placed[:4]), np.array([delta, tau]))
+        return [float(value) for value in own]
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: BrushCar, q: Effects) -> Sequence[Any]:
         """Rates of the state, and behind them (a_x, a_y) [m/s^2]; a disturbance acts on the body."""
         r, v, beta, omega_r, psi, difference = x[0], x[1], x[2], x[3], x[9], x[10]
         along, across = v * np.cos(beta), v * np.sin(beta)
         z = np.array([along, across, r, psi, x[7], x[8], omega_r - 0.5 * difference, omega_r + 0.5 * difference,
-                      *x[11:18]])  # fmt: skip
+                      *x[11:]])  # fmt: skip
         out = np.empty(len(z))
         a_x, a_y = rates(z, u[0], u[1], p, q, out)
         mass, inertia = p.mass * (1.0 + q.mass_error), p.yaw_inertia * (1.0 + q.yaw_inertia_error)

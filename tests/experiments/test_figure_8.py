@@ -10,6 +10,7 @@ import pytest
 
 from drift_drake.control.controller import MpcController
 from drift_drake.control.double_track_step import DoubleTrackStepModel
+from drift_drake.control.known_car import KnownVehicle
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering import choice
@@ -18,8 +19,8 @@ from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.model.checkpoint import paper_checkpoint
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation import true_plant
 from drift_drake.simulation.closed_loop import ControlConfig
+from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackCarPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -28,6 +29,8 @@ from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
+from experiments.other_worlds import true_cars
+from experiments.other_worlds.brush_step import BrushStepModel
 from experiments.settings import OtherExperimentError
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -92,17 +95,16 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
     tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plants: list[bool] = []
-    plant_of = true_plant.plant_of
 
-    def noted(plant: true_plant.TruePlant, effects: Effects, path: CurvedPath) -> PathPlant | None:
+    def noted(car: true_cars.TrueCar, effects: Effects, path: CurvedPath) -> PathPlant | None:
         assert effects.lateral_load_transfer == 0.0  # it has its own
         assert effects.mass_error != 0.0
-        found = plant_of(plant, effects, path)
+        found = true_cars.true_plant(car, effects, path)
         plants.append(isinstance(found, DoubleTrackCarPlant))
         return found
 
     for module in (drift_runs, beliefs):
-        monkeypatch.setattr(module, "plant_of", noted)
+        monkeypatch.setattr(module, "true_plant", noted)
     double = dataclasses.replace(config(tmp_path, here), plant="double_track", models=("once_info", "oracle"))
     main(double)
     for model in ("once_info", "oracle"):
@@ -143,10 +145,26 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
         assert believing("identified", told)[1] == car
 
 
+def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_path: Path, here: ExecutorConfig) -> None:
+    brush = dataclasses.replace(config(tmp_path, here), plant="brush", models=("online",), vehicles=2)
+    assert brush.car(0) != brush.car(1)
+    assert brush.car(1) == dataclasses.replace(brush, noise_seeds=3).car(1)
+    main(brush)
+    runs = [json.loads((tmp_path / f"online-00{i}-0.json").read_text()) for i in range(2)]
+    assert runs[0]["rms_e"] != runs[1]["rms_e"]
+    loop = drift_runs.closed_loop(
+        drift_runs.DriveJob("", {}, "figure_8", brush.effects(1), 0, "oracle", FAST, brush.car(1))
+    )
+    assert isinstance(loop.controller, MpcController)
+    assert isinstance(loop.controller.mpc.model, BrushStepModel)
+    assert loop.controller.mpc.model.car == brush.car(1)
+
+
+@pytest.mark.parametrize("vehicle", [VehicleParameters().replace(mass=1700.0), CARS["saloon"]])
 def test_an_identified_car_is_kept_with_what_was_taught(
-    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch, vehicle: KnownVehicle
 ) -> None:
-    car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
+    car = IdentifiedCar(vehicle, Effects()._replace(torque_lag=0.1))
     monkeypatch.setattr(choice, "identified", lambda *_: car)
     settings = dataclasses.replace(config(tmp_path, here), models=("identified",))
     main(settings)

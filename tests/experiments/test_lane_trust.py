@@ -12,6 +12,7 @@ from drift_drake.model.checkpoint import load_model
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught
 from experiments.gathering.lane_trust import GROUPS, LaneTrust, main
+from experiments.other_worlds.brush_car import BrushCar
 
 
 def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
@@ -19,15 +20,16 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
 ) -> None:
     rng, asked = np.random.default_rng(0), []
 
-    def gathered(attempts, effects_of, _wanted, _learnt, _gathering, folder, _run_on, plant):
+    def gathered(attempts, effects_of, _wanted, _learnt, _gathering, folder, _run_on, car_of):
         name = folder.name
-        asked.append((name, len(attempts), plant, effects_of(0).mass_error))
-        surprise, learnt_error, identified_error = {
-            "extreme": (40.0, 0.08, 0.0075), "double-track": (30.0, 0.15, 0.12),
-        }.get(name, (8.0, 0.03, 0.0072))  # fmt: skip
+        asked.append((name, len(attempts), car_of(0), effects_of(0).mass_error))
+        surprise, learnt_error, as_it_is, further = {
+            "extreme": (40.0, 0.08, 0.0075, 0.0075), "double-track": (30.0, 0.15, 0.12, 0.0075),
+            "brush": (30.0, 0.15, 0.12, 0.12),
+        }.get(name, (8.0, 0.03, 0.0072, 0.0072))  # fmt: skip
         shares = np.exp(0.1 * rng.standard_normal((len(attempts), 3)))
         return {
-            attempt: Taught({}, surprise * a, Findings(None, learnt_error * b, 0.0, as_it_is=identified_error * c))
+            attempt: Taught({}, surprise * a, Findings(None, learnt_error * b, further * c, as_it_is=as_it_is * c))
             for attempt, (a, b, c) in zip(attempts, shares, strict=True)
         }
 
@@ -37,11 +39,14 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
     assert [name for name, *_ in asked] == list(GROUPS)
     counts = {name: count for name, count, *_ in asked}
     assert (counts["wide"], counts["extreme"]) == (12, len(EXTREME))
-    assert {plant for name, _, plant, _ in asked if name == "double-track"} == {"double_track"}
+    cars = {name: car for name, _, car, _ in asked}
+    assert cars["double-track"] == "double_track"
+    assert isinstance(cars["brush"], BrushCar)
     said = capsys.readouterr().out
     rows = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in said.splitlines()
             if line.startswith("| ")}  # fmt: skip
-    assert rows["double-track"][-3:] == ["0 of 12", "0 of 12", "12 of 12"]
+    assert int(rows["double-track"][-2].split()[0]) >= 11
+    assert rows["brush"][-3:] == ["0 of 12", "0 of 12", "12 of 12"]
     assert rows["extreme"][1] == "4 of 4"
     assert int(rows["extreme"][-2].split()[0]) >= 3  # believed as the identified car
     usual = usual_for(load_model(), keep)

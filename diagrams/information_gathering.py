@@ -1,5 +1,5 @@
 """Information gathering on one vehicle: plan, execute with the tracking controller, log, decimate, adapt; then which
-model to drive with, the learnt one or the car that the informative drives identify.
+model to drive with, the car that the informative drives identify or the learnt one, adapting.
 
 python -m diagrams.information_gathering --vehicle 3     # one vehicle: OCP, Info-OCP, second Info-OCP
 python -m diagrams.information_gathering --graph         # draws the diagram of the execution
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import ask, usual_for
+from drift_drake.gathering.choice import ask
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.gather import execution, learn_drives, taught
 from drift_drake.gathering.identified import runs_of
@@ -68,9 +68,7 @@ def main(options: Options) -> None:
     if config.learn_lags:
         model, beliefs["Twice-Info"] = learn_drives(model, driven, config)
         print(f"both drives are likeliest with lags of {model.lag[0]:g} s (steering) and {model.lag[1]:g} s (torque)")
-    usual = usual_for(model)
-    if usual is not None:
-        print(usual.choice(ask(model, beliefs["Twice-Info"], runs_of(driven), parameters)).sentence())
+    print(ask(runs_of(driven), parameters).sentence())
 
 
 def _report(name: str, belief: Posterior) -> None:

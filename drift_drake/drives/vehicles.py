@@ -3,9 +3,7 @@
 Each effect of `TRAINING` is drawn for every vehicle from the distribution stated here, independently of the others;
 held-out vehicles come from the same distributions under other seeds. `WIDE` stretches each of them and adds effects
 that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution. "nominal" is the
-nominal car, without an effect: its actuators follow at once, which those of no training vehicle do. "broad" is a
-training population for a model of more cars: of three vehicles one of `TRAINING`, one of `WIDE`, and one of `WIDE` to
-be put on another car than the nominal equations' (`experiments.model.drives.plant_kind`).
+nominal car, without an effect: its actuators follow at once, which those of no training vehicle do.
 """
 
 from typing import Literal, NamedTuple
@@ -15,10 +13,8 @@ import numpy as np
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects, make_effects
 
-Population = Literal["train", "validation", "held_out", "wide", "broad", "broad_validation", "extreme", "nominal"]
-POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide", "broad", "broad_validation")
-BROAD: tuple[Population, ...] = ("broad", "broad_validation")
-KINDS = 3  # of broad vehicles, in turn
+Population = Literal["train", "validation", "held_out", "wide", "extreme", "nominal"]
+POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide")
 
 
 class Distribution(NamedTuple):
@@ -94,8 +90,7 @@ def draw_effects(population: Population, index: int, seed: int) -> Effects:
     if population == "extreme":
         return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
-    wide = population == "wide" or (population in BROAD and index % KINDS != 0)
-    distributions = WIDE if wide else TRAINING
+    distributions = WIDE if population == "wide" else TRAINING
     return make_effects({name: _draw(d, generator) for name, d in distributions.items()})
 
 

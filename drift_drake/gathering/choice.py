@@ -1,18 +1,12 @@
 """Which model may drive a car at its limits: asked of the logs of its informative drives, before it drifts.
 
-Both the learnt model and the car that the drives identify (`identified`) predict the drives half a second ahead, from
-each fifth of a second. The identified car is believed where it predicts better than the learnt model, and no worse than
-on nearly all cars that follow its equations (little more than the sensors' noise is left): as it is, with one thing
-more that a controller plans with (`identified.ONE_MORE`), or as a double-track car. The learnt model is believed where
-it predicts no worse than on nearly all vehicles that it was made for (`Usual`); of a car that it knows, the identified
-one is believed if it is twice as near. Where neither does, no model knows the car: the prior of the model that is
-trained on more kinds of cars (`model.checkpoint.broad_checkpoint`) then adapts while it drives, since what a lane has
-taught the learnt one of such a car leads it astray in a drift. Nor is any model believed on logs that contradict
-themselves, on drives too gentle to ask by, or on a car of another size than those that the limits were measured on
-(`doubts`).
-
-A lane tells the learnt model of drifts what its training vehicles had in common. The nominal car's equations with
-effects of the catalogue, fitted to the same drives, carry over from a lane to a drift for any car that follows them.
+The car that the drives identify (`identified`) predicts them half a second ahead, from each fifth of a second. It is
+believed where it predicts no worse than on nearly all cars that follow its equations (`Familiar`: little more than the
+sensors' noise is left): as it is, with one thing more that a controller plans with (`identified.ONE_MORE`), or as a
+double-track car. It then carries over from a lane to a drift. Of any other car no model is known to hold: the learnt
+model's prior then adapts while it drives, since what a lane has taught the learnt model, or what it identifies of
+physics that are not the car's, leads astray in a drift. Nor is a car believed on logs that contradict themselves, on
+drives too gentle to ask by, or of another size than those that the limit was measured on (`doubts`).
 """
 
 import json
@@ -20,55 +14,52 @@ import math
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
 from drift_drake.arrays import Array
-from drift_drake.estimation.windows import HORIZONS, WindowedRun, forecast_error, windowed
+from drift_drake.estimation.windows import WindowedRun, forecast_error, windowed
 from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
-from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import lagged_commands
-from drift_drake.model.features import STATE_COUNT
 from drift_drake.model.out_of_distribution import squared_distance
 from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn, predicted_windows, step_model
+from drift_drake.model.quality import learn
 from drift_drake.model.samples import Samples
 from drift_drake.run_folder import write_json
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
-SHIPPED = "lane_trust.json"  # by the hash of a checkpoint's numbers
+SHIPPED = "lane_trust.json"
+IDENTIFIED, SURPRISE = "identified", "surprise"  # its keys; the latter's entries are by the hash of a checkpoint
 LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 OTHER_SIZE = 1.5  # ratio of wheelbases
-NEARER = 0.5  # of another's forecast error, from which on a model is far nearer
-REFUSED = 0.005  # share of the training distribution's vehicles that are refused
+NEARER = 0.5  # of another's forecast error, from which on a car is far nearer
+REFUSED = 0.001  # share of cars that follow their equations which are not believed
+SURPRISED = 0.005  # share of the training distribution's vehicles that the first drive refuses
 
-Believed = Literal["learnt", "identified", "neither"]
+Believed = Literal["identified", "adapting"]
 
 
 class Findings(NamedTuple):
-    """What drives say of two models of a car."""
+    """What drives say of a car."""
 
     car: IdentifiedCar | None  # that they identify
-    learnt: float  # how far off the learnt model is half a second ahead (`forecast_error`)
-    identified: float  # and the identified car; infinite without one
-    doubts: tuple[str, ...] = ()  # why the drives are no ground to believe either
-    hint: str = ""  # which one thing more would bring the identified car far nearer, though not near enough
-    as_it_is: float = math.inf  # how far off the identified car is without one thing more
+    error: float = math.inf  # how far off it is half a second ahead (`forecast_error`); infinite without one
+    doubts: tuple[str, ...] = ()  # why the drives are no ground to believe it
+    hint: str = ""  # which other car would be far nearer, though not near enough
+    as_it_is: float = math.inf  # how far off the identified car is without one thing more, on one track
 
 
 class Choice(NamedTuple):
-    """How far off half a second ahead two models of a car are, and what is usual."""
+    """What drives say of a car, and what is usual."""
 
     found: Findings
-    learnt_limit: float
-    identified_limit: float
+    limit: float  # of the forecast error
 
     @property
     def beyond(self) -> tuple[str, ...]:
@@ -77,116 +68,73 @@ class Choice(NamedTuple):
 
     @property
     def believed(self) -> Believed:
-        """Which of them knows the car, and can be planned with."""
-        if self.found.doubts:
-            return "neither"
-        if self._identified and not self.beyond:
-            return "identified"
-        return "learnt" if self.found.learnt <= self.learnt_limit else "neither"
+        """Whether the identified car is the car, and can be planned with; else the learnt model adapts."""
+        return "identified" if self._as_usual and not self.found.doubts and not self.beyond else "adapting"
 
     @property
-    def _identified(self) -> bool:
-        learnt, car = self.found.learnt, self.found.identified
-        as_usual = car <= min(learnt, self.identified_limit)
-        return as_usual or (learnt <= self.learnt_limit and car < NEARER * learnt)
+    def _as_usual(self) -> bool:
+        return self.found.error <= self.limit
 
     def sentence(self) -> str:
         """What follows from it."""
         found = self.found
+        adapt = "let the learnt model adapt as it drives (drift-drake drive --model online)"
         if found.doubts:
             return f"no model is believed on these drives: {'; '.join(found.doubts)}"
-        follow = {
-            "learnt": "drive with the learnt model",
-            "identified": f"drive with {found.car.name if found.car else 'the identified car'}",
-            "neither": "let the model of more kinds of cars adapt as it drives (drift-drake drive --model broad)",
-        }[self.believed]
-        if self._identified and self.beyond:
+        if self.believed == "identified":
+            follow = f"drive with {found.car.name if found.car else 'the identified car'}"
+        elif self._as_usual:
             beyond = ", ".join(self.beyond)
             follow = (
-                f"the car is identified with {beyond}, which a controller does not plan with: mend that, or {follow}"
+                f"the car is identified with {beyond}, which a controller does not plan with: mend that, or {adapt}"
             )
-        elif self.believed == "neither":
-            follow = f"no model knows this car: {follow}, or gather more"
-        car = "no car was identified"
-        if math.isfinite(found.identified):
-            rule = f"as a rule at most {self.identified_limit:.3g}{found.hint}"
-            car = f"{found.identified:.3g} for the identified car ({rule})"
+        else:
+            follow = f"no model is known to hold for this car: {adapt}, or gather more"
+        if not math.isfinite(found.error):
+            return f"{follow}; no car was identified"
         return (
-            f"{follow}: forecast errors half a second ahead are {found.learnt:.3g} for the learnt model "
-            f"(as a rule at most {self.learnt_limit:.3g}); {car}"
+            f"{follow}: half a second ahead the identified car is off by {found.error:.3g} (as a rule at most "
+            f"{self.limit:.3g}{found.hint})"
         )
 
 
-def learnt_errors(model: BayesianStepModel, runs: Sequence[WindowedRun]) -> Array:
-    """Errors of the learnt model's predictions [windows, HORIZONS, 4], each from a smoothed measurement on."""
-    return np.concatenate([_run_errors(model, run) for run in runs])
-
-
-def _run_errors(model: BayesianStepModel, run: WindowedRun) -> Array:
-    commands = np.stack([run.delta, run.tau], axis=1)
-    lagged = lagged_commands(run.period * np.arange(len(commands)), commands, model.lag)
-    x = np.concatenate([run.start_y[run.starts, :STATE_COUNT], np.zeros((len(run.starts), 2)), lagged[run.starts]], 1)
-    out = np.empty((len(x), HORIZONS, STATE_COUNT))
-    for h, ahead in enumerate(predicted_windows(model, x, commands, run.starts, run.stride_rows, HORIZONS)):
-        out[:, h] = run.y[run.starts + (h + 1) * run.stride_rows, :STATE_COUNT] - ahead[:, :STATE_COUNT]
-    return out
-
-
-def ask(
-    model: BayesianModel,
-    belief: Posterior,
-    runs: Sequence[Run],
-    first_guess: VehicleParameters,
-    progress: Progress | None = None,
-) -> Findings:
-    """Asks the drives of a car: what they identify, and how well that and the learnt model predict them.
+def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress | None = None) -> Choice:
+    """Asks the drives of a car what they identify, and how well that predicts them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
     that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, and taken if
     that is as good as usual.
 
     Args:
-        belief: of the learnt model after these drives; runs: with torque, sideslip and rim speed.
-        first_guess: of the car; progress: called with a stage and a share.
+        runs: with torque, sideslip and rim speed; first_guess: of the car; progress: called with a stage and a share.
 
     Raises:
         InvalidLogError: a column that holds no number.
     """
     tell = progress or (lambda _stage, _share: None)
     tell("the car as it is", 0.0)
-    found, usual = findings(model, belief, identified(runs, first_guess), runs, first_guess), usual_for(model)
-    if usual is None or found.doubts or found.identified <= usual.identified.limit():
+    limit, judged = usual_error().limit(), [windowed(run) for run in runs]
+    car = identified(runs, first_guess)
+    error = car_error(car, judged)
+    found = Findings(car, error, doubts(runs, first_guess), as_it_is=error)
+    if found.doubts or error <= limit:
         tell("done", 1.0)
-        return found
-    judged, cars, stages = [windowed(run) for run in runs], list[IdentifiedCar | None](), 2 + len(ONE_MORE)
+        return Choice(found, limit)
+    cars, stages = list[IdentifiedCar | None](), 2 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
         cars.append(identified(runs, first_guess, (name,)))
     best = min(cars, key=lambda car: car_error(car, judged))
-    if car_error(best, judged) > usual.identified.limit():
+    if car_error(best, judged) > limit:
         tell("on two tracks", 1.0 - 1.0 / stages)
         best = min(best, identified_double_track(runs, first_guess), key=lambda car: car_error(car, judged))
     tell("done", 1.0)
     error = car_error(best, judged)
-    if error <= usual.identified.limit():
-        return found._replace(car=best, identified=error)
-    if best is None or error > NEARER * found.identified:
-        return found
-    return found._replace(hint=f"; {error:.3g} for {best.name}")
-
-
-def findings(
-    model: BayesianModel,
-    belief: Posterior,
-    car: IdentifiedCar | None,
-    runs: Sequence[Run],
-    first_guess: VehicleParameters,
-) -> Findings:
-    """The same with the car that the drives identify, if they do."""
-    judged = [windowed(run) for run in runs]
-    learnt = forecast_error(learnt_errors(step_model(model, belief), judged))
-    error = car_error(car, judged)
-    return Findings(car, learnt, error, doubts(runs, first_guess, model.vehicle), as_it_is=error)
+    if error <= limit:
+        found = found._replace(car=best, error=error)
+    elif best is not None and error < NEARER * found.error:
+        found = found._replace(hint=f"; {error:.3g} for {best.name}")
+    return Choice(found, limit)
 
 
 def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float:
@@ -194,11 +142,11 @@ def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float
     return math.inf if car is None else forecast_error(car.errors(judged))
 
 
-def doubts(runs: Sequence[Run], vehicle: VehicleParameters, made_for: VehicleParameters) -> tuple[str, ...]:
+def doubts(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[str, ...]:
     """Why drives say nothing of which model may drive: columns that contradict the others, gentle drives, another size.
 
     Args:
-        vehicle: first guess of the car; made_for: the car that the learnt model and the limits are about.
+        vehicle: first guess of the car.
     """
     found = [doubt.sentence for doubt in suspicions(runs, vehicle) if doubt.column is not None]
     grip = vehicle.friction * vehicle.gravity
@@ -207,18 +155,19 @@ def doubts(runs: Sequence[Run], vehicle: VehicleParameters, made_for: VehiclePar
             f"they are too gentle (yaw rate times speed stays below {grip:.1f} m/s^2 in {LIVELY} % of each): drive "
             "informative ones"
         )
-    if not 1.0 / OTHER_SIZE < wheelbase(vehicle) / wheelbase(made_for) < OTHER_SIZE:
+    usual = wheelbase(VehicleParameters())
+    if not 1.0 / OTHER_SIZE < wheelbase(vehicle) / usual < OTHER_SIZE:
         found.append(
-            f"the wheelbase is {wheelbase(vehicle):.2f} m, and the model and its limits are of cars of "
-            f"{wheelbase(made_for):.2f} m: train a model on cars of this size"
+            f"the wheelbase is {wheelbase(vehicle):.2f} m, and the learnt model and the limit are of cars of "
+            f"{usual:.2f} m: train a model on cars of this size"
         )
     return tuple(found)
 
 
 class Familiar(NamedTuple):
-    """What a statistic of informative drives is on vehicles that the model was made for: its logarithm, normal.
+    """What a statistic of informative drives is on vehicles that are as they should be: its logarithm, normal.
 
-    Measured on validation vehicles (`experiments.gathering.lane_trust`), and shipped with the model.
+    Measured on validation vehicles (`experiments.gathering.lane_trust`), and shipped.
     """
 
     mean: float
@@ -229,18 +178,6 @@ class Familiar(NamedTuple):
         """What a further such vehicle exceeds with a probability `refused`."""
         quantile = -float(stdtrit(self.vehicles - 1, refused))
         return math.exp(self.mean + quantile * self.deviation * math.sqrt(1.0 + 1.0 / self.vehicles))
-
-
-class Usual(NamedTuple):
-    """What is usual for a model."""
-
-    surprise: Familiar  # mean squared distance of the first informative drive
-    learnt: Familiar  # `forecast_error` of the model after two
-    identified: Familiar  # the same of the car that these two identify
-
-    def choice(self, found: Findings) -> Choice:
-        """Which model is believed, by what a car's drives say (`ask`)."""
-        return Choice(found, self.learnt.limit(), self.identified.limit())
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
@@ -264,15 +201,27 @@ def familiar_from(values: Array) -> Familiar:
     return Familiar(float(logs.mean()), float(logs.std(ddof=1)), len(logs))
 
 
-def usual_for(model: BayesianModel, path: Path | None = None) -> Usual | None:
-    """What is usual for a model, as measured before; None for a model that nobody has asked this of."""
+def usual_error(path: Path | None = None) -> Familiar:
+    """How far off the identified car is half a second ahead, after two informative drives of a car that it follows."""
+    return Familiar(**_stored(path)[IDENTIFIED])
+
+
+def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar | None:
+    """Mean squared distance of the first informative drive (`squared_distances`) of a car that the model was made for.
+
+    None for a model that nobody has asked this of.
+    """
+    found = _stored(path)[SURPRISE].get(model.content_hash())
+    return None if found is None else Familiar(**found)
+
+
+def _stored(path: Path | None) -> dict[str, dict[str, Any]]:
     source = path or Path(str(files("drift_drake") / "data" / SHIPPED))
-    stored = json.loads(source.read_text()) if source.is_file() else {}
-    found = stored.get(model.content_hash())
-    return None if found is None else Usual(**{name: Familiar(**values) for name, values in found.items()})
+    found: dict[str, dict[str, Any]] = {IDENTIFIED: {}, SURPRISE: {}}
+    return found | (json.loads(source.read_text()) if source.is_file() else {})
 
 
-def keep_usual(model: BayesianModel, usual: Usual, path: Path) -> None:
-    """Adds what is usual for a model to a file of such."""
-    stored = json.loads(path.read_text()) if path.is_file() else {}
-    write_json(path, stored | {model.content_hash(): {name: one._asdict() for name, one in usual._asdict().items()}})
+def keep_usual(model: BayesianModel, error: Familiar, surprise: Familiar, path: Path) -> None:
+    """Writes what is usual to a file, beside what it holds of other models."""
+    surprises = _stored(path)[SURPRISE] | {model.content_hash(): surprise._asdict()}
+    write_json(path, {IDENTIFIED: error._asdict(), SURPRISE: surprises})

@@ -109,15 +109,6 @@ def paper_checkpoint() -> Path:
     return Path(str(files("drift_drake") / "data" / "bayesian_model_paper.npz"))
 
 
-def broad_checkpoint() -> Path:
-    """The shipped model of more kinds of cars, to adapt where no other model knows the car.
-
-    Gone on with from the shipped one on 120 vehicles: of three one as before, one half as wide again, one double-track
-    (`experiments.model.build --population broad`).
-    """
-    return Path(str(files("drift_drake") / "data" / "bayesian_model_broad.npz"))
-
-
 def load_model(path: str | Path | None = None) -> BayesianModel:
     """Reads a checkpoint; without a path, the one shipped with the package.
 

@@ -26,11 +26,10 @@ class DriveOptions:
     on the double-track plant, the single-track car nearest to it."""
     plant: Literal["single_track", "double_track"] = "single_track"
     """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
-    model: Literal["nominal", "known", "prior", "online", "offset_free", "broad"] = "nominal"
+    model: Literal["nominal", "known", "prior", "online", "offset_free"] = "nominal"
     """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
-    (known); the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
-    too), or adapting with what its belief leaves over as an offset; or the shipped model of more kinds of cars,
-    adapting, for a car that the others do not know."""
+    (known); or the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
+    too), or adapting with what its belief leaves over as an offset."""
     seed: int = 0
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()

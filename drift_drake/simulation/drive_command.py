@@ -13,7 +13,7 @@ from drift_drake.control.interior_point import attempt
 from drift_drake.control.known_car import KnownVehicle, known_car_model
 from drift_drake.errors import InvalidOptionError
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
-from drift_drake.model.checkpoint import broad_checkpoint, load_model
+from drift_drake.model.checkpoint import load_model
 from drift_drake.model.lag_bank import BANK
 from drift_drake.model.quality import step_model
 from drift_drake.monitoring.in_loop import CORRECTING, verdicts_of
@@ -79,7 +79,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     if config.model == "known":
         model, errors = known_car_model(car, effects), sensor_errors(effects)
     elif config.model != "nominal":
-        learnt = load_model(broad_checkpoint() if config.model == "broad" else None)
+        learnt = load_model()
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIME if config.model == "offset_free" else None
         adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
@@ -88,7 +88,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     monitor = make_monitor(parameters, used=WATCHED, period=config.control.period) if config.monitor != "off" else None
     if config.monitor == "forget" and adapter is None:
         raise InvalidOptionError(
-            "--monitor forget is for a model that learns (online, offset_free or broad); choose watch or slow"
+            "--monitor forget is for a model that learns (online or offset_free); choose watch or slow"
         )
     if config.monitor in CORRECTING:
         if config.model != "nominal":

@@ -24,7 +24,6 @@ LABELS = {
     "twice_info": "Twice-Info",
     "online": "prior, adapting",
     "offset_free": "prior, adapting, with an offset",
-    "broad": "prior of more kinds of cars, adapting",
     "twice_online": "Twice-Info, adapting",
     "identified": "identified car",
     "chosen": "chosen by the drives",
@@ -162,7 +161,11 @@ def choice_sentence(runs: pd.DataFrame) -> str:
     believed = ", ".join(f"{kind} {count}" for kind, count in chosen["believed"].value_counts().items())
     more = chosen["one_more"].fillna("").str.split(" ").str[0].loc[lambda names: names != ""].value_counts()
     named = ", ".join(f"{name} {count}" for name, count in more.items()) or "none"
-    return f"Chosen by the drives: {believed}; identified with one thing more: {named}.\n\n"
+    double = int(chosen["double_track"].sum())
+    return (
+        f"Chosen by the drives: {believed}; identified with one thing more: {named}; as a double-track car: {double}."
+        "\n\n"
+    )
 
 
 def over_oracle_table(runs: pd.DataFrame) -> str:

@@ -2,11 +2,10 @@
 
 Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `once_ocp`, `once_info` and `twice_info`
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
-while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset), `broad`
-(the same as `online`, of the model that is trained on more kinds of cars), `twice_online` (Twice-Info, adapting while
-it drives), `identified` (the nominal equations with what Twice-Info's two drives identify), `chosen` (of Twice-Info and
-the identified car the one that predicts these drives better; `broad` where neither knows the car) and `oracle` (the
-true car with its true effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a
+while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset),
+`twice_online` (Twice-Info, adapting while it drives), `identified` (the car that Twice-Info's two drives identify),
+`chosen` (the identified car where it predicts these drives as is usual, else `online`) and `oracle` (the true car with
+its true effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a
 vehicle is gathered once for each noise seed, and shared by the models that need it.
 """
 
@@ -23,12 +22,12 @@ import tyro
 from drift_drake.drives.vehicles import Population, draw_effects
 from drift_drake.errors import InvalidOptionError, meant
 from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import Believed, Usual, usual_for
+from drift_drake.gathering.choice import SURPRISED, Choice, Familiar, Findings, usual_error, usual_surprise
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, broad_checkpoint, load_model
+from drift_drake.model.checkpoint import BayesianModel, load_model
 from drift_drake.model.lag_bank import BANK
 from drift_drake.model.posterior import Posterior
 from drift_drake.model.quality import step_model
@@ -45,7 +44,7 @@ from experiments.gathering.beliefs import Attempt, Taught, gather_all
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
-Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free", "broad",
+Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
                 "twice_online", "identified", "chosen", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
@@ -53,8 +52,8 @@ BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
     "identified": "identified", "chosen": "identified",
 }  # fmt: skip
-ADAPTING = ("online", "offset_free", "broad", "twice_online")
-LEARNING_LAGS = ("online", "offset_free", "broad")  # while driving; the others have them from their gathering
+ADAPTING = ("online", "offset_free", "twice_online")
+LEARNING_LAGS = ("online", "offset_free")  # while driving; the others have them from their gathering
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
@@ -221,7 +220,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
                           config.car)  # fmt: skip
-    believing = Believing(learnt, config.path_step, usual_for(learnt), config.gathering.learn_lags)
+    believing = Believing(learnt, config.path_step, usual_surprise(learnt), config.gathering.learn_lags)
     jobs = []
     for vehicle, seed in config.attempts():
         for model in config.models:
@@ -238,22 +237,21 @@ class Believing(NamedTuple):
 
     learnt: BayesianModel
     path_step: PathStep
-    usual: Usual | None  # what is usual for the learnt model, if that was measured
+    surprise: Familiar | None  # what is usual of the first drive for the learnt model, if that was measured
     learn_lags: bool = True
 
     def __call__(self, model: Model, taught: Taught | None) -> tuple[dict[str, Any], Believes]:
         """(columns of the experiment's table, what is believed) after what the gathering has taught."""
         if model == "nominal" or model == "oracle":
             return {}, model
-        learnt = load_model(broad_checkpoint()) if model == "broad" else self.learnt
-        belief, labels = learnt.prior(), dict[str, Any]()
+        learnt, belief, labels = self.learnt, self.learnt.prior(), dict[str, Any]()
         if model in BELIEFS:
             assert taught is not None
             wanted = "twice_info" if BELIEFS[model] == "identified" else BELIEFS[model]
             learnt, belief = taught.after(learnt, wanted)
             labels["second_plan"] = "twice_info" in taught.beliefs or wanted != "twice_info"
-            if taught.surprise is not None and self.usual is not None:
-                labels["refused"] = taught.surprise > self.usual.surprise.limit()
+            if taught.surprise is not None and self.surprise is not None:
+                labels["refused"] = taught.surprise > self.surprise.limit(SURPRISED)
             if BELIEFS[model] == "identified":
                 return self._of_drives(model, taught, labels)
         offset_time = OFFSET_TIME if model == "offset_free" else None
@@ -261,21 +259,18 @@ class Believing(NamedTuple):
         return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
-        """The same for `identified` and `chosen`; `broad` where no car was identified or none is known."""
-        believed: Believed = "neither"
+        """The same for `identified` and `chosen`; `online` where no car was identified or none is believed."""
         found = taught.findings
-        if found is not None and self.usual is not None:
-            believed = self.usual.choice(found).believed
-            labels |= {"learnt_error": found.learnt, "identified_error": found.identified}
-        car = None if found is None else found.car
-        labels |= {"believed": believed, "refused": believed == "neither"}
-        labels["one_more"] = ", ".join(car.one_more) if car is not None else ""
-        labels["double_track"] = car is not None and isinstance(car.vehicle, DoubleTrackParameters)
-        if car is not None and (model == "identified" or believed == "identified"):
+        choice = Choice(found or Findings(None), usual_error().limit())
+        car = choice.found.car
+        labels |= {
+            "identified_error": choice.found.error, "believed": choice.believed,
+            "refused": choice.believed != "identified", "one_more": ", ".join(car.one_more) if car else "",
+            "double_track": car is not None and isinstance(car.vehicle, DoubleTrackParameters),
+        }  # fmt: skip
+        if car is not None and (model == "identified" or choice.believed == "identified"):
             return labels, car
-        if believed == "learnt":
-            return labels, Learnt(*taught.after(self.learnt), path_step=self.path_step)
-        return labels, self("broad", None)[1]
+        return labels, self("online", None)[1]
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:
@@ -291,7 +286,6 @@ def open_folder(folder: Path, config: DriftConfig) -> None:
     """
     hashes = {
         "checkpoint": load_model(config.checkpoint).content_hash(),
-        "broad": load_model(broad_checkpoint()).content_hash(),  # what `broad` and `chosen` may drive with
     }
     free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
     keep_settings(folder, dataclasses.asdict(config) | hashes, free)

@@ -110,7 +110,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     taught = Taught(beliefs, surprise, lags=lags)
     if "identified" not in job.wanted:
         return taught
-    return dataclasses.replace(taught, findings=ask(*taught.after(learnt), runs_of(driven), learnt.vehicle))
+    return dataclasses.replace(taught, findings=ask(runs_of(driven), learnt.vehicle).found)
 
 
 def gather_all(
@@ -189,5 +189,6 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
             else VehicleParameters.from_dict(numbers, str(path))
         )
         car = IdentifiedCar(vehicle, make_effects(found["effects"]))
-    told = {name: stored[name] for name in ("learnt", "identified", "hint", "as_it_is") if name in stored}
-    return Findings(car, doubts=tuple(stored["doubts"]), **told)
+    if "error" not in stored:
+        raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
+    return Findings(car, stored["error"], tuple(stored["doubts"]), stored["hint"], stored["as_it_is"])

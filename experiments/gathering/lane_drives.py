@@ -24,7 +24,7 @@ from drift_drake.control.plan import DT
 from drift_drake.drives.drivers import wander
 from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, results_of
-from drift_drake.gathering.config import GatheringConfig, lane
+from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import execution
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.model.checkpoint import BayesianModel, load_model
@@ -34,9 +34,8 @@ from drift_drake.model.samples import DECIMATION, Samples, all_phases, concatena
 from drift_drake.model.training_config import LANE_ROUND
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
-from drift_drake.simulation.true_plant import effects_on, plant_of
 from drift_drake.vehicle.parameters import VehicleParameters
-from experiments.model.drives import join_vehicles, plant_kind
+from experiments.model.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
 # inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.
@@ -56,8 +55,6 @@ class LaneDrivesConfig:
     first: int = 0  # of the training vehicles: a round may leave some out
     train: int = 360  # vehicles, up to this one
     validation: int = 20
-    broad: int = 0  # `experiments.model.drives`
-    broad_validation: int = 0
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     """A cluster's machines must share the output folder."""
@@ -128,8 +125,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
         return dict(json.loads((folder / f"{name}.json").read_text()))
     folder.mkdir(parents=True, exist_ok=True)
     parameters, model = VehicleParameters(), load_model(options.checkpoint)
-    plant = plant_kind(population, index)
-    effects = effects_on(plant, draw_effects(population, index, options.seed))
+    effects = draw_effects(population, index, options.seed)
     generator = np.random.default_rng([options.seed, POPULATIONS.index(population), index, stream(options.round)])
     chosen = iter(1 + generator.choice(len(pool) - 1, len(SCHEDULE), replace=False))
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
@@ -150,7 +146,7 @@ def lane_drives(job: tuple[LaneDrivesConfig, Population, int, list[Trajectory]])
             low = [-parameters.steering_limit, parameters.torque_min]
             high = [parameters.steering_limit, parameters.torque_max]
             trajectory = trajectory._replace(u=np.clip(trajectory.u + shake[: config.steps + 1], low, high))
-        drive = execution(trajectory, effects, parameters, config, plant_of(plant, effects, lane(config).path))
+        drive = execution(trajectory, effects, parameters, config)
         table, ending = drive.run(trajectory.x[0, :6], 0.0, config.steps * DT, int(generator.integers(2**31)))
         endings[ending] = endings.get(ending, 0) + 1
         for phase in range(DECIMATION):
@@ -181,8 +177,6 @@ def main(config: LaneDrivesConfig) -> None:
     driven: list[tuple[Population, range]] = [
         ("train", range(config.first, config.train)),
         ("validation", range(config.validation)),
-        ("broad", range(config.broad)),
-        ("broad_validation", range(config.broad_validation)),
     ]
     jobs = [(config, index) for index in range(PLANS)]
     plans = [p for p in results_of(config.run_on, lane_plan, jobs, "plan", RENEWED) if p is not None]

@@ -1,13 +1,11 @@
 """Makes the learnt model from nothing: drives, rounds of lane drives, and the training after each.
 
     python -m experiments.model.build --output runs/model
-    python -m experiments.model.build --output runs/broad --population broad --start runs/model/model_1.npz --rounds 1
 
 1. `drives`: the training vehicles' drives, and the validation and held-out vehicles' (`experiments.model.drives`).
 2. `plain`: one plain training on windows of these. It plans the first round of lane drives; nothing else is left of it.
 3. `lane_K`: lane drives of every vehicle, planned by the model so far (`experiments.gathering.lane_drives`).
 4. `model_K`: meta-training on all drives (`drift-drake train`); after the first round from where the last one ended.
-   With `start` there is no plain training, and the first round is planned and gone on with by that model.
 5. `quality`: beside the shipped model on held-out vehicles (`experiments.model.quality`).
 
 What is done is listed in build.json with its seconds and is not done again: start again to go on. The same seed gives
@@ -21,7 +19,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -37,7 +35,6 @@ from experiments.model import drives, quality
 POINTS = "100"  # that the models that are compared have adapted to
 STATES = ("r", "v", "beta", "omega_r")
 UNLIMITED = 1e9  # [s] a limit of time would make the model depend on the machine
-WATCHED = {"train": "validation", "broad": "broad_validation"}  # population to train on: the one watched meanwhile
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,10 +44,6 @@ class BuildConfig:
     output: Path = Path("runs/model")
     """Run folder; one that holds some stages of the same build is gone on with."""
     seed: int = 0
-    population: Literal["train", "broad"] = "train"
-    """Of the vehicles to train on; broad: wide and double-track ones, too."""
-    start: Path | None = None
-    """A model to go on from; without, one is trained from nothing."""
     train: int = 360
     """Vehicles to train on."""
     validation: int = 20
@@ -82,8 +75,7 @@ def stages(config: BuildConfig) -> list[Stage]:
     """All stages, in order."""
     table = config.output / "drives"
     plain = config.output / "plain.npz"
-    population, watched = config.population, WATCHED[config.population]
-    vehicles = dict.fromkeys((*WATCHED, *WATCHED.values()), 0) | {population: config.train, watched: config.validation}
+    vehicles = {"train": config.train, "validation": config.validation}
 
     def drive() -> None:
         drives.main(drives.DrivesConfig(
@@ -92,8 +84,8 @@ def stages(config: BuildConfig) -> list[Stage]:
         ))  # fmt: skip
 
     def trained(output: Path, recipe: Recipe = "transfer", **changes: Any) -> None:
-        lanes = {"lane": table / f"{population}_lane_phases.npz", "validation_lane": table / f"{watched}_lane.npz"}
-        tables: dict[str, Any] = {"data": table / f"{population}_phases.npz", "validation": table / f"{watched}.npz"}
+        lanes = {"lane": table / "train_lane_phases.npz", "validation_lane": table / "validation_lane.npz"}
+        tables: dict[str, Any] = {"data": table / "train_phases.npz", "validation": table / "validation.npz"}
         tables |= lanes if recipe == "transfer" else {"lane": None, "validation_lane": None}
         options = tables | {
             "output": output,
@@ -103,9 +95,8 @@ def stages(config: BuildConfig) -> list[Stage]:
         }
         run_train(Train(TrainingConfig(**(options | changes)), recipe))
 
-    out, before = [Stage("drives", drive)], config.start or plain
-    if config.start is None:
-        out.append(Stage("plain", partial(trained, plain, "windows", epochs=config.plain_epochs)))
+    before, trained_plainly = plain, partial(trained, plain, "windows", epochs=config.plain_epochs)
+    out = [Stage("drives", drive), Stage("plain", trained_plainly)]
     for k in range(config.rounds):
         lane = lane_drives.LaneDrivesConfig(
             config.seed, round=k, checkpoint=before, run_on=config.run_on, output=table, **vehicles
@@ -115,7 +106,7 @@ def stages(config: BuildConfig) -> list[Stage]:
         model = config.output / f"model_{k}.npz"
         out += [
             Stage(f"lane_{k}", partial(lane_drives.main, lane)),
-            Stage(f"model_{k}", partial(trained, model, **(first if before == plain else later))),
+            Stage(f"model_{k}", partial(trained, model, **(later if k else first))),
         ]
         before = model
     return [*out, Stage("quality", lambda: write_json(config.output / "quality.json", compared(config, before)))]
@@ -165,12 +156,9 @@ def main(config: BuildConfig) -> None:
 
     Raises:
         OtherBuildError: the folder holds another build, or none can be made.
-        InvalidCheckpointError: there is no model to start from in that file.
     """
     if config.rounds < 1:
         raise OtherBuildError(f"--rounds {config.rounds}: give 1 or more; without lane drives a model learns no drift")
-    if config.start is not None:
-        load_model(config.start)  # now, not after an hour of drives
     seconds = do_stages(config, stages(config))
     result = json.loads((config.output / "quality.json").read_text())
     ratios = ", ".join(f"{state} {ratio:.2f}" for state, ratio in result["ratio"].items() if math.isfinite(ratio))

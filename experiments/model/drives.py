@@ -25,7 +25,7 @@ from drift_drake.control.controller import MpcController
 from drift_drake.control.mpc import Mpc
 from drift_drake.control.plan import DT, Plan
 from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
-from drift_drake.drives.vehicles import BROAD, KINDS, POPULATIONS, Population, draw_effects
+from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.table import COLUMNS, Run, write_run
 from drift_drake.model.samples import (
@@ -45,7 +45,6 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import is_done
 from drift_drake.safe_files import write_text
 from drift_drake.simulation.drive import Drive
-from drift_drake.simulation.true_plant import TruePlant, effects_on, plant_of
 from drift_drake.vehicle.effects import Effects, changed_constants
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
@@ -78,8 +77,6 @@ class DrivesConfig:
     validation: int = 20  # for choices made while training
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution
-    broad: int = 0  # of three one like the training vehicles, one like the wide ones, one on the double-track car
-    broad_validation: int = 0  # the same distributions, for choices made while training
     samples: int = 325  # a vehicle, at 10 Hz, the first of each drive among them
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     """A cluster's machines must share the output folder."""
@@ -137,11 +134,6 @@ def _join(output: Path, population: str, folders: list[Path]) -> dict[str, Any]:
     }
 
 
-def plant_kind(population: Population, index: int) -> TruePlant:
-    """What the vehicle's effects are put on: every third broad one is a double-track car."""
-    return "double_track" if population in BROAD and index % KINDS == KINDS - 1 else "single_track"
-
-
 def _drive_vehicle(job: tuple[Path, Population, int, int, int]) -> None:
     drive_vehicle(*job)
 
@@ -152,8 +144,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
     if is_done(folder / "samples.npz"):
         return
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, plant = VehicleParameters(), plant_kind(population, index)
-    effects = effects_on(plant, draw_effects(population, index, seed))
+    parameters, effects = VehicleParameters(), draw_effects(population, index, seed)
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index, DRIVING_STREAM])
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
     drives: list[dict[str, Any]] = []
@@ -162,7 +153,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         kind, duration = SCHEDULE[turn % len(SCHEDULE)]
         turn += 1
         noise_seed = int(generator.integers(2**31))
-        drive, state, s, reference = _prepare(kind, duration, parameters, effects, generator, plant)
+        drive, state, s, reference = _prepare(kind, duration, parameters, effects, generator)
         table, ending = drive.run(state, s, duration, noise_seed)
         if len(table) <= MIN_SAMPLES * DECIMATION:
             continue
@@ -184,7 +175,6 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
 
 def _prepare(
     kind: str, duration: float, parameters: VehicleParameters, effects: Effects, generator: np.random.Generator,
-    plant: TruePlant,
 ) -> tuple[Drive, Array, float, Reference | None]:  # fmt: skip
     """(the drive, its first state [6], where on the path [m], the reference) of one kind."""
     shake = dither(duration, generator)
@@ -195,15 +185,13 @@ def _prepare(
         holder = HoldDriver(parameters, drift, drifting)
         state = np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
         state[:4] += STATE_SCATTER[:4] * generator.standard_normal(4)
-        drive = Drive(parameters, holder, 1, ROW_PERIOD, shake, holder.initial_command(), effects,
-                      plant=plant_of(plant, effects, None))  # fmt: skip
+        drive = Drive(parameters, holder, 1, ROW_PERIOD, shake, holder.initial_command(), effects)
         return drive, state, 0.0, None
     if kind == "manual":
         script = manual_script(parameters, duration, generator)
         source = ConstantVectorSource(Plan(0.0, script).vector())
         speed = float(generator.uniform(8.0, 18.0))
-        drive = Drive(parameters, source, len(script) - 1, DT, shake, (script[0, 0], script[0, 1]), effects,
-                      plant=plant_of(plant, effects, None))  # fmt: skip
+        drive = Drive(parameters, source, len(script) - 1, DT, shake, (script[0, 0], script[0, 1]), effects)
         return drive, np.array([0.0, speed, 0.0, speed, 0.0, 0.0]), 0.0, None
     believed = _true_parameters(parameters, effects) if kind == "mpc_true" else parameters
     reference = _reference(kind, believed, generator)
@@ -212,8 +200,7 @@ def _prepare(
     steering, torque = (float(value) for value in reference.input(start))
     mpc = Mpc(NominalStepModel(believed), parameters, reference, HORIZON, delay=PERIOD,
               initial_command=(steering, torque))  # fmt: skip
-    drive = Drive(parameters, MpcController(mpc, PERIOD), HORIZON, DT, shake, (steering, torque), effects, reference,
-                  plant=plant_of(plant, effects, reference.path))  # fmt: skip
+    drive = Drive(parameters, MpcController(mpc, PERIOD), HORIZON, DT, shake, (steering, torque), effects, reference)
     return drive, state, float(start), reference
 
 

@@ -14,7 +14,7 @@ from drift_drake.control.known_car import KnownVehicle
 from drift_drake.errors import InvalidOptionError
 from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.gathering import choice
-from drift_drake.gathering.choice import Findings, usual_for
+from drift_drake.gathering.choice import Findings, usual_surprise
 from drift_drake.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.model.checkpoint import paper_checkpoint
@@ -118,30 +118,28 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
 
 
 def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:
-    """The car that they identify where that predicts them; else what is learnt of it, or the prior, adapting."""
+    """The car that they identify where that predicts them; else the prior, adapting."""
     both = dataclasses.replace(config(tmp_path, here), models=("identified", "chosen"))
     main(both)  # of drives of 1.5 s no car is identified
     kept = json.loads((tmp_path / "chosen-000-0.json").read_text())
     assert kept["identified_error"] is None  # infinite
-    assert kept["believed"] in ("learnt", "neither")
-    assert "chosen by the drives" in capsys.readouterr().out
+    assert kept["believed"] == "adapting"
+    said = capsys.readouterr().out
+    assert "Chosen by the drives: adapting 1; identified with one thing more: none; as a double-track car: 0." in said
     learnt = drift_runs.load_model(None)
     taught = beliefs.gather_all([(0, 0)], both.effects, frozenset({"identified"}), learnt, SHORT, tmp_path, here)[0, 0]
     car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
-    believing = drift_runs.Believing(learnt, "trapezoid", usual_for(learnt))
-    broad = drift_runs.load_model(drift_runs.broad_checkpoint()).content_hash()
-    for errors, found in (((0.03, 0.007), "identified"), ((0.03, 0.1), "learnt"), ((0.3, 0.1), "neither")):
-        believing = drift_runs.Believing(
-            drift_runs.load_model(None), "trapezoid", usual_for(drift_runs.load_model(None))
-        )
-        told = dataclasses.replace(taught, findings=Findings(car, *errors))
+    believing = drift_runs.Believing(learnt, "trapezoid", usual_surprise(learnt))
+    for error, found in ((0.007, "identified"), (0.1, "adapting")):
+        told = dataclasses.replace(taught, findings=Findings(car, error))
         labels, believes = believing("chosen", told)
-        assert (labels["believed"], labels["refused"]) == (found, found == "neither")
-        assert believes == car if found == "identified" else isinstance(believes, Learnt)
-        if found == "neither":
+        assert (labels["believed"], labels["refused"]) == (found, found == "adapting")
+        if found == "identified":
+            assert believes == car
+        else:
             assert isinstance(believes, Learnt)
-            assert believes.adapting
-            assert believes.model.content_hash() == broad
+            assert (believes.adapting, believes.lags) == (True, True)
+            assert believes.model.content_hash() == learnt.content_hash()
         assert believing("identified", told)[1] == car
 
 
@@ -172,7 +170,7 @@ def test_an_identified_car_is_kept_with_what_was_taught(
                                 SHORT, tmp_path, here)[0, 0]  # fmt: skip
     assert taught.findings is not None
     assert taught.findings.car == car
-    assert np.isfinite(taught.findings[1:3]).all()
+    assert np.isfinite([taught.findings.error, taught.findings.as_it_is]).all()
     assert "too gentle" in taught.findings.doubts[-1]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drift_drake.drives.vehicles import EXTREME
-from drift_drake.gathering.choice import Findings, usual_for
+from drift_drake.gathering.choice import Findings, usual_error, usual_surprise
 from drift_drake.model.checkpoint import load_model
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught
@@ -23,14 +23,13 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
     def gathered(attempts, effects_of, _wanted, _learnt, _gathering, folder, _run_on, car_of):
         name = folder.name
         asked.append((name, len(attempts), car_of(0), effects_of(0).mass_error))
-        surprise, learnt_error, as_it_is, further = {
-            "extreme": (40.0, 0.08, 0.0075, 0.0075), "double-track": (30.0, 0.15, 0.12, 0.0075),
-            "brush": (30.0, 0.15, 0.12, 0.12),
-        }.get(name, (8.0, 0.03, 0.0072, 0.0072))  # fmt: skip
-        shares = np.exp(0.1 * rng.standard_normal((len(attempts), 3)))
+        surprise, as_it_is, further = {
+            "extreme": (40.0, 0.0075, 0.0075), "double-track": (30.0, 0.12, 0.0075), "brush": (30.0, 0.04, 0.03),
+        }.get(name, (8.0, 0.0072, 0.0072))  # fmt: skip
+        shares = np.exp(0.1 * rng.standard_normal((len(attempts), 2)))
         return {
-            attempt: Taught({}, surprise * a, Findings(None, learnt_error * b, further * c, as_it_is=as_it_is * c))
-            for attempt, (a, b, c) in zip(attempts, shares, strict=True)
+            attempt: Taught({}, surprise * a, Findings(None, further * b, as_it_is=as_it_is * b))
+            for attempt, (a, b) in zip(attempts, shares, strict=True)
         }
 
     monkeypatch.setattr(lane_trust, "gather_all", gathered)
@@ -45,12 +44,13 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
     said = capsys.readouterr().out
     rows = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in said.splitlines()
             if line.startswith("| ")}  # fmt: skip
-    assert int(rows["double-track"][-2].split()[0]) >= 11
-    assert rows["brush"][-3:] == ["0 of 12", "0 of 12", "12 of 12"]
+    assert int(rows["double-track"][-1].split()[0]) >= 11
+    assert rows["brush"][-1] == "0 of 12"
     assert rows["extreme"][1] == "4 of 4"
-    assert int(rows["extreme"][-2].split()[0]) >= 3  # believed as the identified car
-    usual = usual_for(load_model(), keep)
-    assert usual is not None
-    assert usual.surprise.mean == pytest.approx(np.log(8.0), abs=0.1)
+    assert int(rows["extreme"][-1].split()[0]) >= 3  # believed as the identified car
+    surprise = usual_surprise(load_model(), keep)
+    assert surprise is not None
+    assert surprise.mean == pytest.approx(np.log(8.0), abs=0.1)
+    assert usual_error(keep).mean == pytest.approx(np.log(0.0072), abs=0.1)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"lane_trust.png", "report.md", "numbers.json"}
-    assert json.loads((tmp_path / "out" / "numbers.json").read_text())["usual"]["identified"]["vehicles"] == 12
+    assert json.loads((tmp_path / "out" / "numbers.json").read_text())["identified"]["vehicles"] == 12

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from drift_drake.model.checkpoint import InvalidCheckpointError, broad_checkpoint
 from experiments.model import build
 
 
@@ -49,30 +48,6 @@ def test_each_round_is_planned_by_the_model_before_and_trained_from_it(
     assert {config.seed for _, config in calls[:1]} | {command.config.seed for command in trained} == {3}
     assert calls[-1] == ("quality", outputs[-1])
     assert "over the shipped model's: r 1.10, v 1.00" in capsys.readouterr().out
-
-
-def test_a_model_to_start_from_plans_the_first_round_and_is_gone_on_with(
-    calls: list[tuple[str, Any]], tmp_path: Path
-) -> None:
-    start, output = broad_checkpoint(), tmp_path / "broad"
-    build.main(build.BuildConfig(output=output, population="broad", start=start, train=6, validation=3, rounds=1))
-    assert [name for name, _ in calls] == ["drives", "lane", "train", "quality"]
-    driven, lane, trained = (call for _, call in calls[:3])
-    for config in (driven, lane):
-        assert (config.train, config.validation, config.broad, config.broad_validation) == (0, 0, 6, 3)
-    assert lane.checkpoint == trained.config.start == start
-    assert trained.config.data == output / "drives" / "broad_phases.npz"
-    assert trained.config.validation_lane == output / "drives" / "broad_validation_lane.npz"
-    assert trained.config.epochs == build.BuildConfig().later_epochs
-    with pytest.raises(build.OtherBuildError, match="another start"):
-        build.main(build.BuildConfig(output=output, population="broad", train=6, validation=3, rounds=1))
-
-
-def test_a_model_to_start_from_that_is_not_there_is_said_at_once(calls: list[tuple[str, Any]], tmp_path: Path) -> None:
-    with pytest.raises(InvalidCheckpointError, match=r"nowhere\.npz: no such file"):
-        build.main(build.BuildConfig(output=tmp_path / "broad", start=tmp_path / "nowhere.npz"))
-    assert calls == []
-    assert not (tmp_path / "broad").exists()
 
 
 def test_stages_that_are_done_are_not_done_again(

@@ -9,12 +9,17 @@ import pytest
 
 from drift_drake.cli import main
 from drift_drake.drives.vehicles import draw_effects
+from drift_drake.gathering.choice import Choice, Findings
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather
+from drift_drake.gathering.identified import IdentifiedCar
 from drift_drake.gathering.plan import plan_drive
 from drift_drake.interruption import BAD_INPUT
 from drift_drake.logs.table import COLUMNS
 from drift_drake.model.checkpoint import BayesianModel
+from drift_drake.vehicle.double_track.car_file import read_double_track
+from drift_drake.vehicle.double_track.parameters import CARS
+from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 
@@ -36,11 +41,12 @@ def test_the_logs_of_a_car_say_which_model_may_drive_it(
     out, found = tmp_path / "identified.yaml", tmp_path / "choice.json"
     assert main(["choose", str(logs), "--out", str(out), "--json", str(found)]) == 0
     said, choice = capsys.readouterr().out, json.loads(found.read_text())
-    assert f"drive with the {'identified car' if choice['believed'] == 'identified' else 'learnt model'}: " in said
+    assert ("drive with the identified car: " in said) == (choice["believed"] == "identified")
     assert "; no car" not in said
     assert f"{out}: the car that the logs identify" in said
     assert choice["doubts"] == []
-    assert choice["forecast_error"]["identified"] < 0.05
+    assert choice["forecast_error"] < 0.05
+    assert choice["tracks"] == 1
     vehicle, effects = read_vehicle(out)
     assert vehicle.mass == pytest.approx(choice["vehicle"]["mass"])
     assert effects.steering_lag == pytest.approx(choice["effects"].get("steering_lag", 0.0))
@@ -59,7 +65,7 @@ def test_logs_too_short_identify_no_car(logs: Path, tmp_path: Path, capsys: pyte
     ("change", "said"),
     [
         (lambda table: table.drop(columns="beta"), "run run_0 has no column beta"),
-        (lambda table: table.iloc[::2], "the rows of run run_0 are 0.02 s apart; the learnt model takes rows 0.01 s"),
+        (lambda table: table.iloc[::2], "the rows of run run_0 are 0.02 s apart; what is usual was measured on rows"),
     ],
 )
 def test_a_log_that_cannot_be_asked_is_said_so(
@@ -75,9 +81,13 @@ def test_a_log_that_cannot_be_asked_is_said_so(
     assert said in capsys.readouterr().err
 
 
-def test_a_model_that_nobody_has_measured_is_refused(
-    logs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_double_track_car_is_written_as_one(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("drift_drake.gathering.choice.usual_for", lambda _: None)
-    assert main(["choose", str(logs)]) == BAD_INPUT
-    assert "what is usual for this model is not known; measure it with 'python -m exp" in capsys.readouterr().err
+    car, out = IdentifiedCar(CARS["saloon"], Effects(steering_lag=0.05)), tmp_path / "identified.yaml"
+    monkeypatch.setattr("drift_drake.gathering.choice.ask", lambda *_: Choice(Findings(car, 0.01), 0.012))
+    assert main(["choose", str(logs), "--out", str(out), "--json", str(tmp_path / "choice.json")]) == 0
+    assert "drive with the identified double-track car: " in capsys.readouterr().out
+    assert read_double_track(out) == car
+    choice = json.loads((tmp_path / "choice.json").read_text())
+    assert (choice["tracks"], choice["vehicle"]["front_tire"]["shape"]) == (2, 1.25)

@@ -1,7 +1,6 @@
 """Whether a model may be trusted on a car, from the log of its first informative drive."""
 
 import dataclasses
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,14 @@ import pytest
 from scipy.stats import t as student
 
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.choice import Familiar, Usual, familiar_from, keep_usual, squared_distances, usual_for
+from drift_drake.gathering.choice import (
+    Familiar,
+    familiar_from,
+    keep_usual,
+    squared_distances,
+    usual_error,
+    usual_surprise,
+)
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import gather
 from drift_drake.gathering.plan import Trajectory, plan_drive
@@ -66,14 +72,15 @@ def test_the_limit_is_a_predictive_quantile_of_logs() -> None:
 
 def test_the_shipped_models_are_known_and_others_are_not(model: BayesianModel, tmp_path: Path) -> None:
     for shipped in (model, load_model(paper_checkpoint())):
-        usual = usual_for(shipped)
-        assert usual is not None
-        assert min(one.vehicles for one in usual) >= 20
+        surprise = usual_surprise(shipped)
+        assert surprise is not None
+        assert surprise.vehicles >= 20
+    assert usual_error().vehicles >= 40
     other = dataclasses.replace(model, prior_mean=model.prior_mean + 1.0)
-    assert usual_for(other) is None
-    file = tmp_path / "lane_trust.json"
-    kept = Usual(Familiar(2.0, 0.2, 6), Familiar(-3.5, 0.3, 6), Familiar(-5.0, 0.1, 6))
-    keep_usual(model, Usual(*[Familiar(1.0, 0.1, 5)] * 3), file)
-    keep_usual(other, kept, file)
-    assert usual_for(other, file) == kept
-    assert len(json.loads(file.read_text())) == 2
+    assert usual_surprise(other) is None
+    file, error, surprise = tmp_path / "lane_trust.json", Familiar(-5.0, 0.1, 6), Familiar(2.0, 0.2, 6)
+    keep_usual(model, Familiar(-4.0, 0.1, 5), Familiar(1.0, 0.1, 5), file)
+    keep_usual(other, error, surprise, file)
+    assert usual_surprise(other, file) == surprise
+    assert usual_surprise(model, file) == Familiar(1.0, 0.1, 5)
+    assert usual_error(file) == error

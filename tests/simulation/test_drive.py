@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -65,21 +64,6 @@ def test_a_drive_ends_at_its_limits(hold: tuple[Drive, np.ndarray]) -> None:
     table, ending = drive.run(state, 0.0, 1.5, seed=3, limits=DriveLimits(max_speed=1.0))
     assert ending == "speed"
     assert len(table) < 3
-
-
-def test_every_third_broad_vehicle_is_a_double_track_car(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plants: list[Any] = []
-    real = drives.Drive
-    monkeypatch.setattr(drives, "SCHEDULE", (("manual", 1.0),))
-    monkeypatch.setattr(drives, "MIN_SAMPLES", 2)
-    monkeypatch.setattr(drives, "Drive", lambda *given, **more: plants.append(more["plant"]) or real(*given, **more))
-    for index in range(3):
-        drives.drive_vehicle(tmp_path, "broad", index, seed=5, wanted=5)
-    assert [plant is not None for plant in plants] == [False, False, True]
-    about = [json.loads((tmp_path / "broad" / f"vehicle_{i:02d}" / "drives.json").read_text()) for i in range(3)]
-    # Only the training distribution lacks this effect; the double-track car has a load transfer of its own.
-    assert [q["effects"]["cg_shift"] != 0.0 for q in about] == [False, True, True]
-    assert [q["effects"]["lateral_load_transfer"] != 0.0 for q in about] == [True, True, False]
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ LABELS = {
     "twice_online": "Twice-Info, adapting",
     "identified": "identified car",
     "chosen": "chosen by the drives",
+    "chosen_once": "chosen by the first drive",
     "oracle": "oracle",
 }
 # Tables II and III of Davydov et al.: best, median and worst of three attempts of one car.
@@ -155,7 +156,10 @@ def refusal_sentence(summary: dict[str, Any]) -> str:
 
 def choice_sentence(runs: pd.DataFrame) -> str:
     """What was believed by the drives, and what they identified with one thing more; empty where none was asked."""
-    chosen = runs[runs["model"] == "chosen"]
+    return "".join(_choice(runs[runs["model"] == model], LABELS[model]) for model in ("chosen_once", "chosen"))
+
+
+def _choice(chosen: pd.DataFrame, label: str) -> str:
     if chosen.empty:
         return ""
     believed = ", ".join(f"{kind} {count}" for kind, count in chosen["believed"].value_counts().items())
@@ -163,8 +167,8 @@ def choice_sentence(runs: pd.DataFrame) -> str:
     named = ", ".join(f"{name} {count}" for name, count in more.items()) or "none"
     double = int(chosen["double_track"].sum())
     return (
-        f"Chosen by the drives: {believed}; identified with one thing more: {named}; as a double-track car: {double}."
-        "\n\n"
+        f"{label[0].upper()}{label[1:]}: {believed}; identified with one thing more: {named}; as a double-track car: "
+        f"{double}.\n\n"
     )
 
 

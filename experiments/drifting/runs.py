@@ -4,9 +4,10 @@ Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `o
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
 while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset),
 `twice_online` (Twice-Info, adapting while it drives), `identified` (the car that Twice-Info's two drives identify),
-`chosen` (the identified car where it predicts these drives as is usual, else `online`) and `oracle` (the true car with
-its true effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a
-vehicle is gathered once for each noise seed, and shared by the models that need it.
+`chosen` (the identified car where it predicts these drives as is usual, else `online`), `chosen_once` (the same after
+the first of the two drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the
+same for all of them. What is gathered of a vehicle is gathered once for each noise seed, and shared by the models that
+need it.
 """
 
 import dataclasses
@@ -40,17 +41,17 @@ from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
-from experiments.gathering.beliefs import Attempt, Taught, gather_all
+from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
-                "twice_online", "identified", "chosen", "oracle"]  # fmt: skip
+                "twice_online", "identified", "chosen", "chosen_once", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
 BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
-    "identified": "identified", "chosen": "identified",
+    "identified": "identified", "chosen": "identified", "chosen_once": "identified_once",
 }  # fmt: skip
 ADAPTING = ("online", "offset_free", "twice_online")
 LEARNING_LAGS = ("online", "offset_free")  # while driving; the others have them from their gathering
@@ -247,21 +248,21 @@ class Believing(NamedTuple):
         learnt, belief, labels = self.learnt, self.learnt.prior(), dict[str, Any]()
         if model in BELIEFS:
             assert taught is not None
-            wanted = "twice_info" if BELIEFS[model] == "identified" else BELIEFS[model]
+            wanted = BELIEFS[model]
+            twice = wanted in ("twice_info", "identified")
+            labels["second_plan"] = "twice_info" in taught.beliefs or not twice
+            if wanted in ASKED:
+                return self._of_drives(model, taught, labels)
             learnt, belief = taught.after(learnt, wanted)
-            labels["second_plan"] = "twice_info" in taught.beliefs or wanted != "twice_info"
             if taught.surprise is not None and self.surprise is not None:
                 labels["refused"] = taught.surprise > self.surprise.limit(SURPRISED)
-            if BELIEFS[model] == "identified":
-                return self._of_drives(model, taught, labels)
         offset_time = OFFSET_TIME if model == "offset_free" else None
         lags = self.learn_lags and model in LEARNING_LAGS
         return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
-        """The same for `identified` and `chosen`; `online` where no car was identified or none is believed."""
-        found = taught.findings
-        choice = Choice(found or Findings(None), usual_error().limit())
+        """The same of a car that drives identify; `online` where none was, or none is believed."""
+        choice = Choice(taught.findings.get(BELIEFS[model], Findings(None)), usual_error().limit())
         car = choice.found.car
         labels |= {
             "identified_error": choice.found.error, "believed": choice.believed,

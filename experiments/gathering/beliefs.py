@@ -31,6 +31,7 @@ from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed
 
+ASKED = {"identified_once": 1, "identified": 2}  # of how many of the informative drives the car is asked
 SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
 
 
@@ -46,7 +47,7 @@ class Taught:
     surprise: (
         float | None
     )  # mean squared distance of the first informative drive (`gathering.choice`); None without one
-    findings: Findings | None = None  # of the informative drives, where the car that they identify was wanted
+    findings: dict[str, Findings] = dataclasses.field(default_factory=dict)  # by which of `ASKED` were wanted
     lags: dict[str, Array] = dataclasses.field(default_factory=dict)  # [s] of steering and torque, with each belief
 
     def after(self, learnt: BayesianModel, wanted: str = "twice_info") -> tuple[BayesianModel, Posterior]:
@@ -65,7 +66,7 @@ class GatherJob:
     """The information gathering of one vehicle; the first plans are the same for all vehicles."""
 
     attempt: Attempt
-    wanted: frozenset[str]  # of `Taught.beliefs`, and "identified"
+    wanted: frozenset[str]  # of `Taught.beliefs` and of `ASKED`
     learnt: BayesianModel
     effects: Effects
     ocp: Trajectory
@@ -86,7 +87,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
 
     if "once_ocp" in job.wanted:
         beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed, prior), config)
-    if not job.wanted & {"once_info", "twice_info", "identified"}:
+    if not job.wanted & {"once_info", "twice_info", *ASKED}:
         return Taught(beliefs, None)
 
     def told(name: str, tables: Sequence[pd.DataFrame], typical: Posterior) -> None:
@@ -96,6 +97,11 @@ def gather_beliefs(job: GatherJob) -> Taught:
             found, beliefs[name] = learn_drives(learnt, tables, config)
             lags[name] = found.lag
 
+    def asked() -> dict[str, Findings]:
+        """What the car is by as many drives as were wanted, where there are as many."""
+        counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(driven)}
+        return {name: ask(runs_of(driven[:count]), learnt.vehicle).found for name, count in counts.items()}
+
     driven = [drive(job.info, seed, prior)]
     surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
     once = learn_drive(learnt, prior, driven[0], config)
@@ -104,13 +110,10 @@ def gather_beliefs(job: GatherJob) -> Taught:
         try:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
-            return Taught(beliefs, surprise, lags=lags)
+            return Taught(beliefs, surprise, asked(), lags)
         driven.append(drive(second, SECOND_ROUND + seed, once))
         told("twice_info", driven, learn_drive(learnt, once, driven[1], config))
-    taught = Taught(beliefs, surprise, lags=lags)
-    if "identified" not in job.wanted:
-        return taught
-    return dataclasses.replace(taught, findings=ask(runs_of(driven), learnt.vehicle).found)
+    return Taught(beliefs, surprise, asked(), lags)
 
 
 def gather_all(
@@ -144,7 +147,7 @@ def gather_all(
             }
             arrays |= {f"{name}.lag": lag for name, lag in taught.lags.items()}
             arrays["surprise"] = np.nan if taught.surprise is None else taught.surprise
-            arrays["findings"] = "" if taught.findings is None else json.dumps(_plain(taught.findings))
+            arrays["findings"] = json.dumps({name: _plain(found) for name, found in taught.findings.items()})
             write_arrays(files[job.attempt], wanted=sorted(job.wanted), **arrays)
 
         run_jobs(run_on, gather_beliefs, jobs, write, "gathering")
@@ -156,14 +159,14 @@ def _read(path: Path) -> tuple[frozenset[str], Taught]:
     if not is_done(path):
         return frozenset(), Taught({}, None)
     with np.load(path) as stored:
-        if "findings" not in stored.files:
+        if "findings" not in stored.files or not str(stored["findings"]):
             raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
         names = {key.split(".")[0] for key in stored.files if "." in key}
         beliefs = {name: Posterior(*(stored[f"{name}.{field}"] for field in Posterior._fields)) for name in names}
         lags = {key.split(".")[0]: stored[key] for key in stored.files if key.endswith(".lag")}
         surprise, text = float(stored["surprise"]), str(stored["findings"])
         wanted = frozenset(str(name) for name in stored["wanted"])
-    findings = _findings(json.loads(text), path) if text else None
+    findings = {name: _findings(found, path) for name, found in json.loads(text).items()}
     return wanted, Taught(beliefs, surprise if np.isfinite(surprise) else None, findings, lags)
 
 
@@ -180,6 +183,8 @@ def _plain(findings: Findings) -> dict[str, Any]:
 
 
 def _findings(stored: dict[str, Any], path: Path) -> Findings:
+    if not isinstance(stored, dict) or "error" not in stored:
+        raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
     car, found = None, stored["car"]
     if found:
         numbers = found["vehicle"]
@@ -189,6 +194,4 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
             else VehicleParameters.from_dict(numbers, str(path))
         )
         car = IdentifiedCar(vehicle, make_effects(found["effects"]))
-    if "error" not in stored:
-        raise OtherVersionError(f"{path}: written by an older version; give another --out, or remove this file")
     return Findings(car, stored["error"], tuple(stored["doubts"]), stored["hint"], stored["as_it_is"])

@@ -119,7 +119,7 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
 
 def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:
     """The car that they identify where that predicts them; else the prior, adapting."""
-    both = dataclasses.replace(config(tmp_path, here), models=("identified", "chosen"))
+    both = dataclasses.replace(config(tmp_path, here), models=("identified", "chosen", "chosen_once"))
     main(both)  # of drives of 1.5 s no car is identified
     kept = json.loads((tmp_path / "chosen-000-0.json").read_text())
     assert kept["identified_error"] is None  # infinite
@@ -131,7 +131,7 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
     car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
     believing = drift_runs.Believing(learnt, "trapezoid", usual_surprise(learnt))
     for error, found in ((0.007, "identified"), (0.1, "adapting")):
-        told = dataclasses.replace(taught, findings=Findings(car, error))
+        told = dataclasses.replace(taught, findings={"identified": Findings(car, error)})
         labels, believes = believing("chosen", told)
         assert (labels["believed"], labels["refused"]) == (found, found == "adapting")
         if found == "identified":
@@ -141,6 +141,7 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
             assert (believes.adapting, believes.lags) == (True, True)
             assert believes.model.content_hash() == learnt.content_hash()
         assert believing("identified", told)[1] == car
+        assert believing("chosen_once", told)[0]["believed"] == "adapting"  # which asks the first drive alone
 
 
 def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_path: Path, here: ExecutorConfig) -> None:
@@ -168,10 +169,10 @@ def test_an_identified_car_is_kept_with_what_was_taught(
     main(settings)
     taught = beliefs.gather_all([(0, 0)], settings.effects, frozenset({"identified"}), drift_runs.load_model(None),
                                 SHORT, tmp_path, here)[0, 0]  # fmt: skip
-    assert taught.findings is not None
-    assert taught.findings.car == car
-    assert np.isfinite([taught.findings.error, taught.findings.as_it_is]).all()
-    assert "too gentle" in taught.findings.doubts[-1]
+    found = taught.findings["identified"]
+    assert found.car == car
+    assert np.isfinite([found.error, found.as_it_is]).all()
+    assert "too gentle" in found.doubts[-1]
 
 
 def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:

@@ -28,7 +28,7 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
         }.get(name, (8.0, 0.0072, 0.0072))  # fmt: skip
         shares = np.exp(0.1 * rng.standard_normal((len(attempts), 2)))
         return {
-            attempt: Taught({}, surprise * a, Findings(None, further * b, as_it_is=as_it_is * b))
+            attempt: Taught({}, surprise * a, {"identified": Findings(None, further * b, as_it_is=as_it_is * b)})
             for attempt, (a, b) in zip(attempts, shares, strict=True)
         }
 

@@ -22,7 +22,13 @@ STEP = 0.0034  # [s] of Runge-Kutta, at most: the rear rims ring in their tyres 
 
 
 def double_track_errors(runs: Sequence[WindowedRun], car: DoubleTrackConstants, effects: Effects) -> Array:
-    """Prediction errors [windows of all runs, HORIZONS, 5], measured less predicted; zero where nothing is measured."""
+    """Prediction errors [windows of all runs, HORIZONS, 5], measured less predicted; zero where nothing is measured.
+
+    Raises:
+        ValueError: a run without torque.
+    """
+    if any(run.fed for run in runs):
+        raise ValueError("the column tau_cmd is missing; a double-track car is predicted under its torque")
     return np.concatenate([_run_errors(run, car, effects) for run in runs])
 
 

@@ -74,6 +74,11 @@ def test_what_is_not_measured_counts_for_nothing(run: Run) -> None:
     assert errors[..., 0].any()
 
 
+def test_a_run_without_torque_is_refused(run: Run) -> None:
+    with pytest.raises(ValueError, match="tau_cmd is missing; a double-track car is predicted under its torque"):
+        double_track_errors([windowed(dataclasses.replace(run, tau_cmd=None))], LIVELY.constants(), EFFECTS)
+
+
 def test_a_prediction_that_diverges_is_bounded(seen: WindowedRun) -> None:
     light = LIVELY.constants()._replace(wheel_inertia=1e-4)
     found = double_track_errors([seen], light, EFFECTS)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.arrays import Array
-from drift_drake.control.effects_step import COMPLEX_STEP, MemoryObserver, check_one_step
+from drift_drake.control.effects_step import MemoryObserver, check_one_step
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.motion import OwnStates, check_supported, settled_states
@@ -19,12 +19,13 @@ from drift_drake.vehicle.double_track.parameters import DoubleTrackConstants, Do
 from drift_drake.vehicle.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.scalar import jitable
-from drift_drake.vehicle.step_model import STEP, StepModel
+from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE, STEP, StepModel
 
 OWN_SCALE = np.array(OwnStates(
     steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
     front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
 ))  # fmt: skip
+DIFFERENCES = 1e-7 * np.concatenate([STATE_SCALE, OWN_SCALE, INPUT_SCALE])
 LEAST_SUBSTEPS = 16
 ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
 SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
@@ -36,8 +37,9 @@ class DoubleTrackStepModel(StepModel):
     States [N, 19]: r [rad/s], v [m/s], beta [rad], omega_r [m/s] (the mean rim speed of the rear wheels, as the
     plant's sensors measure it), e [m], dphi [rad]; then `OwnStates`. Nothing is left out or taken for settled: the
     fastest mode, the difference of the rear rims ringing in the tyres at some 270 rad/s, sets the number of sub-steps.
-    The Jacobians are those of the equations (complex step), at the middle of each sub-step and constant over it:
-    second order in the sub-step, not the derivative of the integrator's sum.
+    The Jacobians are those of the equations (forward differences of a ten-millionth of the states' sizes, good to a
+    millionth), at the middle of each sub-step and constant over it: second order in the sub-step, not the derivative of
+    the integrator's sum.
 
     A transport delay is beyond it, as are a road's grade on a heading and the sensors' effects.
 
@@ -109,23 +111,23 @@ def _contiguous(u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array
 @compiled
 def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConstants, q: Effects,
                 jacobian: Array) -> None:  # fmt: skip
-    """Writes the derivatives of the rates by (x, delta, tau) [19, 21]."""
-    z, out = np.empty(SIZE + 2, np.complex128), np.empty(SIZE, np.complex128)
+    """Writes the derivatives of the rates by (x, delta, tau) [19, 21], as forward differences."""
+    z, rates, moved = np.empty(SIZE + 2), np.empty(SIZE), np.empty(SIZE)
     for i in range(SIZE):
         z[i] = x[i]
     z[SIZE], z[SIZE + 1] = command[0], command[1]
+    path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, rates)
     for j in range(SIZE + 2):
-        z[j] += COMPLEX_STEP * 1j
+        before = z[j]
+        z[j] += DIFFERENCES[j]
         if j == 4 or j == 5:  # nothing but the path's own rates depends on the place on it
-            e_dot, dphi_dot, _ = path_rates(z[0], z[1], 0.0 * z[0], z[4], z[5], curvature)
-            for i in range(SIZE):
-                jacobian[i, j] = 0.0
-            jacobian[4, j], jacobian[5, j] = e_dot.imag / COMPLEX_STEP, dphi_dot.imag / COMPLEX_STEP
+            moved[:] = rates
+            moved[4], moved[5], _ = path_rates(z[0], z[1], rates[2], z[4], z[5], curvature)
         else:
-            path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, out)
-            for i in range(SIZE):
-                jacobian[i, j] = out[i].imag / COMPLEX_STEP
-        z[j] = z[j].real
+            path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, moved)
+        for i in range(SIZE):
+            jacobian[i, j] = (moved[i] - rates[i]) / DIFFERENCES[j]
+        z[j] = before
 
 
 @compiled

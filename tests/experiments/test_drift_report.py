@@ -87,13 +87,14 @@ def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
 def test_what_the_drives_identified_is_counted(runs: pd.DataFrame) -> None:
     assert choice_sentence(runs) == ""
     chosen = runs.iloc[:3].assign(
-        model="chosen", believed=["identified", "neither", "identified"],
+        model="chosen", believed=["identified", "adapting", "identified"], double_track=[False, False, True],
         one_more=["steering_delay 0.1 s", "gyro_bias 0.02 rad/s, sideslip_bias 0.03 rad", None],
     )  # fmt: skip
     assert choice_sentence(pd.concat([runs, chosen])) == (
-        "Chosen by the drives: identified 2, neither 1; identified with one thing more: steering_delay 1, gyro_bias 1."
-        "\n\n"
+        "Chosen by the drives: identified 2, adapting 1; identified with one thing more: steering_delay 1, gyro_bias 1; "
+        "as a double-track car: 1.\n\n"
     )
+    assert choice_sentence(chosen.assign(model="chosen_once")).startswith("Chosen by the first drive: identified 2, ")
 
 
 def test_errors_are_compared_with_the_oracles_on_the_same_attempts() -> None:

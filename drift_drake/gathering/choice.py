@@ -21,7 +21,7 @@ from scipy.special import stdtrit
 
 from drift_drake.arrays import Array
 from drift_drake.estimation.windows import WindowedRun, forecast_error, windowed
-from drift_drake.gathering.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track
+from drift_drake.gathering.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import BayesianModel
@@ -102,8 +102,8 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
     """Asks the drives of a car what they identify, and how well that predicts them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
-    that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, and taken if
-    that is as good as usual.
+    that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, then one
+    whose sensors are off, and taken if that is as good as usual.
 
     Args:
         runs: with torque, sideslip and rim speed; first_guess: of the car; progress: called with a stage and a share.
@@ -120,14 +120,16 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
     if found.doubts or error <= limit:
         tell("done", 1.0)
         return Choice(found, limit)
-    cars, stages = list[IdentifiedCar | None](), 2 + len(ONE_MORE)
+    cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
         cars.append(identified(runs, first_guess, (name,)))
     best = min(cars, key=lambda car: car_error(car, judged))
-    if car_error(best, judged) > limit:
-        tell("on two tracks", 1.0 - 1.0 / stages)
-        best = min(best, identified_double_track(runs, first_guess), key=lambda car: car_error(car, judged))
+    for number, biases in enumerate(((), BIASES), 1 + len(ONE_MORE)):
+        if car_error(best, judged) > limit:
+            tell("on two tracks" + (" with sensors that are off" if biases else ""), number / stages)
+            double = identified_double_track(runs, first_guess, biases)
+            best = min(best, double, key=lambda car: car_error(car, judged))
     tell("done", 1.0)
     error = car_error(best, judged)
     if error <= limit:

@@ -31,6 +31,7 @@ from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameter
 EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
 ONE_MORE = ("steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency", "gyro_bias",
             "sideslip_bias")  # fmt: skip
+BIASES = ("gyro_bias", "sideslip_bias")  # that a double-track car may have both of
 # Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
 LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
 NOT_PLANNED = (*(name for name in BEYOND if name not in ("steering_delay", *SENSORS)), "steering_rate_limit")
@@ -98,13 +99,19 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     return IdentifiedCar(found.vehicle, found.effects)
 
 
-def identified_double_track(runs: Sequence[Run], first_guess: VehicleParameters) -> IdentifiedCar | None:
-    """The double-track car that predicts the drives best; None where they are too short or identify none."""
+def identified_double_track(
+    runs: Sequence[Run], first_guess: VehicleParameters, more: Sequence[str] = ()
+) -> IdentifiedCar | None:
+    """The double-track car that predicts the drives best; None where they are too short or identify none.
+
+    Args:
+        more: effects that it may have beside those of `identification.double_track`.
+    """
     windows = [windowed(run) for run in runs]
     if sum(len(run.starts) for run in windows) < LEAST_WINDOWS:
         return None
     try:
         with np.errstate(all="ignore"):
-            return IdentifiedCar(*identify_double_track(windows, first_guess))
+            return IdentifiedCar(*identify_double_track(windows, first_guess, more))
     except (InvalidVehicleError, np.linalg.LinAlgError):
         return None

@@ -30,6 +30,7 @@ EFFECTS = (  # of the catalogue: deviations of a vehicle file's parameters, and 
     "yaw_inertia_error", "cg_shift", "torque_gain_error", "drivetrain_inertia_error", "drivetrain_friction",
     "aero_drag", "rolling_resistance", "steering_lag", "torque_lag", "steering_offset",
 )  # fmt: skip
+NO_PARAMETERS = ("drivetrain_friction", "steering_lag", "torque_lag", "steering_offset")  # of these, of any car
 EVIDENCE = 0.2  # power of the criterion: each moment lies in five windows
 WIDTHS = (100.0, 8.0)  # of the loss (`robust_fit`)
 LARGEST_WHEELS = 0.45  # inertia of a rear wheel over that of the axle with engine and gearbox
@@ -66,9 +67,12 @@ OWN = {
 
 
 def identify_double_track(
-    runs: Sequence[WindowedRun], first_guess: VehicleParameters
+    runs: Sequence[WindowedRun], first_guess: VehicleParameters, more: Sequence[str] = ()
 ) -> tuple[DoubleTrackParameters, Effects]:
     """The double-track car that predicts the runs best, with the effects that are none of its parameters.
+
+    Args:
+        more: effects that may be there beside `EFFECTS`, such as a sensor's bias.
 
     Raises:
         InvalidVehicleError: what predicts best is no car.
@@ -76,7 +80,8 @@ def identify_double_track(
     """
     guess = nearest_double_track(first_guess)
     constants = guess.constants()
-    unknowns = [unknown(name, first_guess, frozenset()) for name in EFFECTS]
+    names = (*EFFECTS, *more)
+    unknowns = [unknown(name, first_guess, frozenset()) for name in names]
     unknowns += [_unknown(name, constants) for name in OWN]
     dense = [_dense(run) for run in runs]
 
@@ -85,8 +90,7 @@ def identify_double_track(
 
     fit = robust_fit(predicted, unknowns, EVIDENCE, widths=WIDTHS)
     car, effects = _car(constants, dict(zip(fit.names, (float(q) for q in fit.theta), strict=True)))
-    kept = ("drivetrain_friction", "steering_lag", "torque_lag", "steering_offset")
-    rest = Effects()._replace(**{name: getattr(effects, name) for name in kept})
+    rest = Effects()._replace(**{name: getattr(effects, name) for name in (*NO_PARAMETERS, *more)})
     return guess.with_constants(changed_constants(car, effects)), rest
 
 
@@ -135,7 +139,7 @@ def _car(first: DoubleTrackConstants, found: Mapping[str, float]) -> tuple[Doubl
         **own, front_roll_stiffness=total * share, rear_roll_stiffness=total * (1.0 - share),
         front_tire=tire(first.front_tire), rear_tire=tire(first.rear_tire),
     )  # fmt: skip
-    return car, make_effects({name: found[name] for name in EFFECTS})
+    return car, make_effects({name: q for name, q in found.items() if name not in OWN})
 
 
 def _moved(name: str, car: DoubleTrackConstants, by: float) -> float:

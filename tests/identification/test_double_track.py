@@ -1,5 +1,7 @@
 """A double-track car from nine seconds of lively driving: what is found, and what is never no car."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,19 @@ def test_lags_and_the_locking_differential_are_found(found: tuple[DoubleTrackPar
     assert effects.torque_lag == pytest.approx(TRUE.torque_lag, abs=0.02)
     locking = car.differential_preload + car.differential_share * 2000.0
     assert locking == pytest.approx(CAR.differential_preload + CAR.differential_share * 2000.0, rel=0.3)
+
+
+@pytest.mark.slow
+def test_sensors_that_are_off_are_found_with_it(drives: list[Run]) -> None:
+    off = [windowed(dataclasses.replace(run, r=run.r + 0.02, beta=run.beta - 0.03)) for run in drives]
+    car, effects = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"))
+    assert effects.gyro_bias == pytest.approx(0.02, abs=0.004)
+    assert effects.sideslip_bias == pytest.approx(-0.03, abs=0.004)
+    plain, none = identify_double_track(off, VehicleParameters())
+    errors_of = [
+        forecast_error(double_track_errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))
+    ]
+    assert errors_of[0] < 0.5 * errors_of[1]
 
 
 def test_the_unknowns_move_what_they_are_named_for() -> None:

@@ -8,6 +8,7 @@ from drift_drake.control.double_track_step import DoubleTrackStepModel
 from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.plan import DT
 from drift_drake.estimation.windows import forecast_error, windowed
+from drift_drake.gathering import choice as choice_module
 from drift_drake.gathering.choice import Choice, Findings, ask, car_error, doubts, usual_error
 from drift_drake.gathering.config import GatheringConfig, lane
 from drift_drake.gathering.gather import gather, learn_drive
@@ -17,7 +18,7 @@ from drift_drake.logs.table import InvalidLogError
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.sensing.sensor_errors import sensor_errors
 from drift_drake.simulation.true_plant import TruePlant, plant_of
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
+from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -157,6 +158,52 @@ def _asked(tables: list[pd.DataFrame]) -> tuple[IdentifiedCar | None, Choice]:
     """The car that informative drives identify, and whether it is believed."""
     choice = ask(runs_of(tables), VehicleParameters())
     return choice.found.car, choice
+
+
+@pytest.mark.parametrize(
+    ("errors", "taken", "hint"),
+    [
+        ({"": 0.01}, "", ""),
+        ({"": 0.05, "gyro_bias": 0.01}, "gyro_bias", ""),
+        ({"": 0.05, "gyro_bias": 0.03, "double": 0.01}, "double", ""),
+        ({"": 0.05, "gyro_bias": 0.03, "double": 0.02, "biased": 0.009}, "biased", ""),
+        (
+            {"": 0.05, "gyro_bias": 0.03, "double": 0.014, "biased": 0.012},
+            "",
+            "; 0.014 for the identified double-track",
+        ),
+        ({"": 0.03, "gyro_bias": 0.025, "double": 0.02, "biased": 0.019}, "", ""),
+        ({}, "", ""),
+    ],
+)
+def test_a_car_is_asked_for_more_only_where_it_is_not_yet_known(
+    driven: list[pd.DataFrame], monkeypatch: pytest.MonkeyPatch, errors: dict[str, float], taken: str, hint: str
+) -> None:
+    """As it is, with one thing more, as a double-track car, and as one whose sensors are off by far."""
+    asked = []
+
+    def single(_runs: object, _guess: object, more: tuple[str, ...] = ()) -> IdentifiedCar | None:
+        asked.append(more[0] if more else "")
+        known = errors.get(asked[-1])
+        return known and IdentifiedCar(VehicleParameters(), Effects()._replace(aero_drag=known))
+
+    def double(_runs: object, _guess: object, more: tuple[str, ...] = ()) -> IdentifiedCar | None:
+        asked.append("biased" if more else "double")
+        known = errors.get(asked[-1])
+        return known and IdentifiedCar(CARS["coupe"], Effects()._replace(aero_drag=known))
+
+    monkeypatch.setattr(choice_module, "identified", single)
+    monkeypatch.setattr(choice_module, "identified_double_track", double)
+    monkeypatch.setattr(choice_module, "car_error", lambda car, _: car.effects.aero_drag if car else np.inf)
+    monkeypatch.setattr(choice_module, "doubts", lambda *_: ())
+    choice = ask(runs_of(driven), VehicleParameters())
+    assert choice.found.error == errors.get(taken, np.inf)
+    assert choice.found.as_it_is == errors.get("", np.inf)
+    assert choice.found.hint.startswith(hint)
+    assert bool(choice.found.hint) == bool(hint)
+    assert ("gyro_bias" in asked) == (errors.get("", 1.0) > 0.0128)
+    assert ("double" in asked) == (min(errors.get(name, 1.0) for name in ("", "gyro_bias")) > 0.0128)
+    assert ("biased" in asked) == (min(errors.get(name, 1.0) for name in ("", "gyro_bias", "double")) > 0.0128)
 
 
 def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(

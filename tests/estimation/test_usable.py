@@ -108,7 +108,7 @@ def test_parts_are_long_enough_in_seconds_not_rows(period):
 
 
 def test_too_little_is_refused_with_what_would_be_enough():
-    with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 5 s in all, in parts of 1.5 s or more"):
+    with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 4 s in all, in parts of 1.5 s or more"):
         usable([gentle(1.5)], CAR)
     assert len(usable([gentle(2.5), gentle(2.5)], CAR)[0]) == 2
 

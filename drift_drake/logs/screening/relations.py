@@ -31,6 +31,7 @@ GRIP = 0.15  # [rad] of sideslip up to which a car goes where it steers and its 
 CALM = 0.4  # of the windows, those with least lateral acceleration
 GENTLE = 3.0  # [m/s^2] of v r below which a car whose sideslip is not logged hardly slides
 SMALLEST = 1e-9  # spread of a column that says something
+SWINGING = 0.7  # of the heading's rate, below which that of the course is a swinging car's
 WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
@@ -246,7 +247,16 @@ def relations(windows: Windows, vehicle: VehicleParameters, kinds: Mapping[str, 
         at = _ratio(measured, expected) if least is None else _slope(measured, expected, least)
         if at is not None:
             found[name] = Relation(name, kind, *at)
+    if _swings(found):
+        found.pop("across", None)
     return list(found.values())
+
+
+def _swings(found: Mapping[str, Relation]) -> bool:
+    """Whether the car turns about its course rather than along it, its yaw rate and its heading in agreement: the
+    lateral acceleration is then not that of a turn."""
+    turn, course = found.get("turn"), found.get("course")
+    return turn is not None and turn.holds and course is not None and course.sign > 0.0 and course.size < SWINGING
 
 
 def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) -> tuple[float, float, float] | None:

@@ -8,6 +8,7 @@ import pytest
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.log_mutations import unit_mistakes, with_factors
 from drift_drake.benchmarks.truths import Truth
+from drift_drake.logs.screening.relations import Windows, relations
 from drift_drake.logs.screening.suspicions import DEGREES, suspicions
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -123,3 +124,17 @@ def test_a_run_of_a_much_heavier_car_is_named(good_cases):
 
 def test_short_logs_say_nothing(case):
     assert suspicions([case[0].rows(0, 100)], VEHICLE) == []
+
+
+@pytest.mark.parametrize(("along_its_course", "judged"), [(1.0, True), (0.2, False)])
+def test_a_car_that_swings_about_its_course_is_not_held_against_its_lateral_acceleration(along_its_course, judged):
+    """As in a lively slalom of few seconds, in which the sideslip takes up most of the yaw rate."""
+    r, missing = np.sin(0.9 * np.arange(14)), np.full(14, np.nan)
+    course, v = along_its_course * r, np.full(14, 12.0)
+    columns = {field.name: missing for field in dataclasses.fields(Windows)}
+    windows = Windows(**columns | {"r": r, "turning": r, "course": course, "v": v, "moved": v, "ay": v * course})
+    found = {relation.name: relation for relation in relations(windows, VEHICLE)}
+    assert found["course"].size == pytest.approx(along_its_course)
+    assert ("across" in found) == judged
+    if judged:
+        assert found["across"].holds

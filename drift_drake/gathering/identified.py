@@ -17,7 +17,7 @@ from drift_drake.control.effects_step import BEYOND, EffectsStepModel
 from drift_drake.control.known_car import KnownVehicle, known_car_model
 from drift_drake.errors import unit_suffix
 from drift_drake.estimation.double_track_windows import double_track_errors
-from drift_drake.estimation.windows import WindowedRun, errors, windowed
+from drift_drake.estimation.windows import WindowedRun, errors
 from drift_drake.identification.double_track import identify_double_track
 from drift_drake.identification.identify import FURTHER, identify
 from drift_drake.logs.table import COLUMNS, InvalidLogError, Run
@@ -100,18 +100,17 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
 
 
 def identified_double_track(
-    runs: Sequence[Run], first_guess: VehicleParameters, more: Sequence[str] = ()
+    judged: Sequence[WindowedRun], first_guess: VehicleParameters, more: Sequence[str] = ()
 ) -> IdentifiedCar | None:
     """The double-track car that predicts the drives best; None where they are too short or identify none.
 
     Args:
         more: effects that it may have beside those of `identification.double_track`.
     """
-    windows = [windowed(run) for run in runs]
-    if sum(len(run.starts) for run in windows) < LEAST_WINDOWS:
+    if sum(len(run.starts) for run in judged) < LEAST_WINDOWS:
         return None
     try:
         with np.errstate(all="ignore"):
-            return IdentifiedCar(*identify_double_track(windows, first_guess, more))
+            return IdentifiedCar(*identify_double_track(judged, first_guess, more))
     except (InvalidVehicleError, np.linalg.LinAlgError):
         return None

@@ -11,8 +11,7 @@ from drift_drake.errors import InvalidOptionError, OutputError
 from drift_drake.interruption import ended_at_once
 from drift_drake.safe_files import alone_in, try_outputs
 from drift_drake.standard_output import said_to, write_results
-from drift_drake.vehicle.double_track.car_file import holds_double_track, read_double_track
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.vehicle.double_track.car_file import read_either
 
 MonitorPolicy = Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"]
 
@@ -76,7 +75,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
-        read_double_track(command.vehicle) if holds_double_track(command.vehicle) else read_vehicle(command.vehicle)
+        read_either(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
     with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):

@@ -33,13 +33,12 @@ from drift_drake.simulation.command import DriveOptions
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.vehicle.compilation import say_if_it_compiles
-from drift_drake.vehicle.double_track.car_file import holds_double_track, read_double_track
+from drift_drake.vehicle.double_track.car_file import read_either
 from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
-from drift_drake.vehicle.vehicle_file import read_vehicle
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,18 +54,18 @@ class ClosedLoopConfig(DriveOptions):
 
     def true_car(self) -> tuple[KnownVehicle, Effects]:
         """The plant's car: the vehicle file's, or a double-track coupe with its effects, which no controller knows."""
-        if self.vehicle is not None and holds_double_track(self.vehicle):
-            return read_double_track(self.vehicle)
-        parameters, effects = read_vehicle(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
-        return parameters if self.plant == "single_track" else CARS["coupe"], effects
+        car, effects = self._of_file()
+        coupe = self.plant == "double_track" and isinstance(car, VehicleParameters)
+        return CARS["coupe"] if coupe else car, effects
 
     def parameters(self) -> VehicleParameters:
         """What the controller is set up for: the vehicle file's car, the default coupe, or the single-track car that is
         nearest to a double-track one."""
-        car = self.true_car()[0]
-        if self.vehicle is not None and not holds_double_track(self.vehicle):
-            return read_vehicle(self.vehicle)[0]
+        car = self.true_car()[0] if self.vehicle is None else self._of_file()[0]
         return car.single_track() if isinstance(car, DoubleTrackParameters) else car
+
+    def _of_file(self) -> tuple[KnownVehicle, Effects]:
+        return read_either(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
 
 
 def build(config: ClosedLoopConfig) -> ClosedLoop:

@@ -9,8 +9,8 @@ from pydrake.systems.framework import LeafSystem
 from drift_drake.arrays import Array
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
-from experiments.other_worlds.brush_car import STATES, BrushCar, rates
-from experiments.other_worlds.brush_step import BrushStepModel
+from experiments.other_worlds.brush_car import STATES, BrushCar
+from experiments.other_worlds.brush_step import SIZE, BrushStepModel, motion
 
 OWN = ("rim_difference", *STATES[8:])  # behind `PLANT_STATES`
 
@@ -41,18 +41,17 @@ class BrushPlant(PathPlant, LeafSystem):
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: BrushCar, q: Effects) -> Sequence[Any]:
         """Rates of the state, and behind them (a_x, a_y) [m/s^2]; a disturbance acts on the body."""
-        r, v, beta, omega_r, psi, difference = x[0], x[1], x[2], x[3], x[9], x[10]
-        along, across = v * np.cos(beta), v * np.sin(beta)
-        z = np.array([along, across, r, psi, x[7], x[8], omega_r - 0.5 * difference, omega_r + 0.5 * difference,
-                      *x[11:]])  # fmt: skip
-        out = np.empty(len(z))
-        a_x, a_y = rates(z, u[0], u[1], p, q, out)
+        v, beta, out = x[1], x[2], np.empty(SIZE)
+        own = np.concatenate([x[:6], x[len(PLANT_STATES) :]])
+        room = np.zeros((2, len(STATES)))
+        a_x, a_y = motion(own, x[9], u[0], u[1], curvature, p, q, room[0], room[1], out)
         mass, inertia = p.mass * (1.0 + q.mass_error), p.yaw_inertia * (1.0 + q.yaw_inertia_error)
-        u_dot, w_dot = out[0] + wrench[0] / mass, out[1] + wrench[1] / mass
-        v_dot = (along * u_dot + across * w_dot) / v
-        beta_dot = (along * w_dot - across * u_dot) / (v * v)
-        return (out[2] + wrench[2] / inertia, v_dot, beta_dot, 0.5 * (out[6] + out[7]),
-                *kinematic_rates(x, beta_dot, curvature), out[7] - out[6], *out[8:], a_x, a_y)  # fmt: skip
+        r_dot, v_dot = (
+            out[0] + wrench[2] / inertia,
+            out[1] + (np.cos(beta) * wrench[0] + np.sin(beta) * wrench[1]) / mass,
+        )
+        beta_dot = out[2] + (np.cos(beta) * wrench[1] - np.sin(beta) * wrench[0]) / (mass * v)
+        return (r_dot, v_dot, beta_dot, out[3], *kinematic_rates(x, beta_dot, curvature), *out[6:], a_x, a_y)
 
     def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
         """The same from the Context's numbers."""

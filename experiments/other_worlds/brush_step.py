@@ -57,19 +57,20 @@ class BrushStepModel(StepModel):
 
 
 @compiled
-def motion(x: Array, delta: float, tau: float, curvature: float, p: BrushCar, q: Effects, z: Array, rate: Array,
-           out: Array) -> None:  # fmt: skip
-    """Writes the rates of the 14 states; z, rate: room for the car's own."""
+def motion(x: Array, psi: float, delta: float, tau: float, curvature: float, p: BrushCar, q: Effects, z: Array,
+           rate: Array, out: Array) -> tuple[float, float]:  # fmt: skip
+    """Writes the rates of the 14 states at a heading; returns (a_x, a_y) [m/s^2]. z, rate: room for the car's own."""
     v, beta = x[1], x[2]
-    z[0], z[1], z[2], z[3] = v * np.cos(beta), v * np.sin(beta), x[0], 0.0
+    z[0], z[1], z[2], z[3] = v * np.cos(beta), v * np.sin(beta), x[0], psi
     z[6], z[7] = x[3] - 0.5 * x[6], x[3] + 0.5 * x[6]
     z[8:] = x[7:]
-    rates(z, delta, tau, p, q, rate)
+    a_x, a_y = rates(z, delta, tau, p, q, rate)
     out[0], out[1] = rate[2], (z[0] * rate[0] + z[1] * rate[1]) / v
     out[2], out[3] = (z[0] * rate[1] - z[1] * rate[0]) / (v * v), 0.5 * (rate[6] + rate[7])
     out[4], out[5], _ = path_rates(x[0], v, out[2], x[4], x[5], curvature)
     out[6] = rate[7] - rate[6]
     out[7:] = rate[8:]
+    return a_x, a_y
 
 
 @compiled
@@ -85,6 +86,6 @@ def steps(x: Array, u: Array, u_next: Array, curvature: Array, p: BrushCar, q: E
                 share = (sub + node) / substeps
                 point = x[n] + node * h * k[stage - 1] if stage > 0 else x[n]
                 delta, tau = u[n, 0] + share * (u_next[n, 0] - u[n, 0]), u[n, 1] + share * (u_next[n, 1] - u[n, 1])
-                motion(point, delta, tau, curvature[n], p, q, z, rate, k[stage])
+                motion(point, 0.0, delta, tau, curvature[n], p, q, z, rate, k[stage])
                 k[stage, :held] = 0.0
             x[n] += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])

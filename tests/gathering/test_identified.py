@@ -263,4 +263,5 @@ def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: Tru
 
 
 def test_drives_that_are_too_short_identify_no_double_track_car(driven: list[pd.DataFrame]) -> None:
-    assert identified_double_track(runs_of([table.iloc[:150] for table in driven]), VehicleParameters()) is None
+    short = [windowed(run) for run in runs_of([table.iloc[:150] for table in driven])]
+    assert identified_double_track(short, VehicleParameters()) is None

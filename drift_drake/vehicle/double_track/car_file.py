@@ -10,8 +10,8 @@ from drift_drake.safe_files import write_text
 from drift_drake.vehicle.double_track.motion import check_supported
 from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters, TireParameters
 from drift_drake.vehicle.effects import Effects, magnitudes_of
-from drift_drake.vehicle.parameters import InvalidVehicleError, as_number, check_keys, vehicle_data
-from drift_drake.vehicle.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of
+from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters, as_number, check_keys, vehicle_data
+from drift_drake.vehicle.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of, read_vehicle
 
 TIRES = ("front_tire", "rear_tire")
 
@@ -27,6 +27,11 @@ def holds_double_track(path: str | Path) -> bool:
     """Whether a vehicle file is one of a double-track car."""
     data = vehicle_data(path)
     return isinstance(data, dict) and DOUBLE_TRACK in data
+
+
+def read_either(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParameters, Effects]:
+    """The car of a vehicle file, of one track or two, and its effects; raises InvalidVehicleError."""
+    return read_double_track(path) if holds_double_track(path) else read_vehicle(path)
 
 
 def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]:

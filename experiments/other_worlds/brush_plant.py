@@ -46,10 +46,8 @@ class BrushPlant(PathPlant, LeafSystem):
         room = np.zeros((2, len(STATES)))
         a_x, a_y = motion(own, x[9], u[0], u[1], curvature, p, q, room[0], room[1], out)
         mass, inertia = p.mass * (1.0 + q.mass_error), p.yaw_inertia * (1.0 + q.yaw_inertia_error)
-        r_dot, v_dot = (
-            out[0] + wrench[2] / inertia,
-            out[1] + (np.cos(beta) * wrench[0] + np.sin(beta) * wrench[1]) / mass,
-        )
+        r_dot = out[0] + wrench[2] / inertia
+        v_dot = out[1] + (np.cos(beta) * wrench[0] + np.sin(beta) * wrench[1]) / mass
         beta_dot = out[2] + (np.cos(beta) * wrench[1] - np.sin(beta) * wrench[0]) / (mass * v)
         return (r_dot, v_dot, beta_dot, out[3], *kinematic_rates(x, beta_dot, curvature), *out[6:], a_x, a_y)
 

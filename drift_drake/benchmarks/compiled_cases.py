@@ -16,8 +16,8 @@ from drift_drake.benchmarks.truths import Truth, true_car
 from drift_drake.logs.table import Run
 from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.delays import commands_at
-from drift_drake.vehicle.effects import MEMORIES, Effects, Memory, motion_with_effects, settled_memory
+from drift_drake.vehicle.delays import commands_at, on_time, stamped
+from drift_drake.vehicle.effects import MEMORIES, Effects, Memory, motion_with_effects, reading_gains, settled_memory
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple
 
@@ -83,7 +83,7 @@ def drive_rows(
         effects: of the car from a row to the next one; at -1 those that it has settled in before the drive;
         settles_at: the row at which actuators and tyres that begin to lag do so from where they are.
     """
-    rows, before = round(duration / PERIOD) + 1, effects(-1)
+    rows, before = round(duration / PERIOD) + 1, on_time(effects(-1))
     delta, tau = np.zeros(rows), np.zeros(rows)
     state = driver.start()
     delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
@@ -95,7 +95,7 @@ def drive_rows(
     states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
     states[0], accelerations[0] = z, scratch[STATES:]
     for row in range(rows - 1):
-        now = effects(row)
+        now = on_time(effects(row))
         if row == settles_at:
             z[LAGGED] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, now)[:4]
         delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
@@ -109,13 +109,16 @@ def drive_rows(
 
 def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau: np.ndarray, effects: Effects,
            rng: np.random.Generator, name: str, noise: float = 1.0) -> Run:  # fmt: skip
-    """What the sensors log of true states [rows, 7 or more]: biased, late, `noise` times as noisy as usual."""
-    t = np.arange(len(states)) * PERIOD
+    """What is logged of true states [rows, 7 or more] and commands: biased, late, `noise` times as noisy as usual."""
+    commands, kept = stamped({"delta_cmd": delta, "tau_cmd": tau}, effects, PERIOD)
+    states, accelerations = states[:kept], accelerations[:kept]
+    t = np.arange(kept) * PERIOD
+    by_r, by_v, by_beta, by_rim = reading_gains(effects)
     true = {
-        "r": states[:, 0] + effects.gyro_bias,
-        "v": states[:, 1],
-        "beta": states[:, 2] + effects.sideslip_bias,
-        "omega_r": states[:, 3] * (1.0 + effects.wheel_radius_error),
+        "r": by_r * states[:, 0] + effects.gyro_bias,
+        "v": by_v * states[:, 1],
+        "beta": by_beta * states[:, 2] + effects.sideslip_bias,
+        "omega_r": by_rim * states[:, 3],
         "psi": states[:, 4],
         "x": states[:, 5],
         "y": states[:, 6],
@@ -126,7 +129,7 @@ def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau
     for column, values in true.items():
         late = np.interp(t - effects.sensor_latency, t, values)
         columns[column] = late + noise * NOISE[column] * rng.standard_normal(len(t))
-    return Run(name=name, t=t, delta_cmd=delta, tau_cmd=tau, **columns)
+    return Run(name=name, t=t, **commands, **columns)
 
 
 def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0,

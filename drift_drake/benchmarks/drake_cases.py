@@ -22,6 +22,7 @@ from drift_drake.logs.table import Run
 from drift_drake.sensing.sensors import LOG_ROW
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
+from drift_drake.vehicle.delays import on_time, stamped
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 ACCURACY = 1e-6
@@ -125,7 +126,7 @@ def drive(
     first = driver.command(0.0, np.append(driver.start(), [0.0, 0.0]), driver.resting_command())
     builder = DiagramBuilder()
     parameters = vehicle.with_constants(constants)
-    car = builder.AddNamedSystem("car", Car(parameters, effects))
+    car = builder.AddNamedSystem("car", Car(parameters, on_time(effects)))
     driving = builder.AddNamedSystem("driver", DriverSystem(driver, first))
     builder.Connect(car.GetOutputPort("state"), driving.GetInputPort("state"))
     command = driving.GetOutputPort("command")
@@ -156,9 +157,10 @@ def drive(
 
     make_simulator(diagram, context, (car, spun), ACCURACY).AdvanceTo(duration)
     rows, commands = row_log.FindLog(context).data(), command_log.FindLog(context).data()
-    columns = dict(zip(LOG_ROW, rows, strict=True))
+    given, kept = stamped({"delta_cmd": commands[0].copy(), "tau_cmd": commands[1].copy()}, effects, PERIOD)
+    columns = dict(zip(LOG_ROW, rows[:, :kept], strict=True))
     columns["t"] = np.round(columns["t"], 9)
-    return Run(name=name, delta_cmd=commands[0].copy(), tau_cmd=commands[1].copy(), **columns)
+    return Run(name=name, **given, **columns)
 
 
 def drake_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:

@@ -54,8 +54,8 @@ class Rival(NamedTuple):
 def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
     """What sensors read of the six states: gain * x + bias."""
     gain, bias = np.ones(BODY), np.zeros(BODY)
-    bias[[0, 2, 3]] = measured(0.0, 0.0, 0.0, sensors)
-    gain[[0, 2, 3]] = np.array(measured(1.0, 1.0, 1.0, sensors)) - bias[[0, 2, 3]]
+    bias[:4] = measured(0.0, 0.0, 0.0, 0.0, sensors)
+    gain[:4] = np.array(measured(1.0, 1.0, 1.0, 1.0, sensors)) - bias[:4]
     return gain, bias
 
 

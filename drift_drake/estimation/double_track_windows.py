@@ -36,7 +36,8 @@ def _run_errors(run: WindowedRun, car: DoubleTrackConstants, effects: Effects) -
     commands = np.ascontiguousarray(np.stack([run.delta, run.tau], axis=1))
     out = np.empty((len(run.starts), HORIZONS, len(PREDICTED)))
     substeps = math.ceil(run.period / STEP)
-    _predict(run.start_y, run.y, run.starts, run.stride_rows, commands, run.period, substeps, car, effects, out)
+    _predict(run.start_y, run.y, run.starts, run.stride_rows, commands, run.period, substeps, car, run.read_with(effects),
+             out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 
@@ -44,8 +45,8 @@ def _run_errors(run: WindowedRun, car: DoubleTrackConstants, effects: Effects) -
 @compiled
 def _measured(y: Array, effects: Effects, x: Array) -> None:
     """Writes the measured states, biases taken out; the path is straight, and begins where the window does."""
-    x[0], x[2], x[3] = unbiased(y[0], y[2], y[3], effects)
-    x[1] = max(y[1], MIN_FILTER_SPEED)
+    x[0], v, x[2], x[3] = unbiased(y[0], y[1], y[2], y[3], effects)
+    x[1] = max(v, MIN_FILTER_SPEED)
     x[4], x[5] = 0.0, x[2] + y[4]
 
 
@@ -81,8 +82,8 @@ def _predict(start_y: Array, y: Array, starts: NDArray[np.int_], stride_rows: in
             for k in range(stride_rows):
                 _row(x, commands, row + h * stride_rows + k, period, substeps, car, effects, work)
             end = row + (h + 1) * stride_rows
-            r, beta, omega_r = unbiased(y[end, 0], y[end, 2], y[end, 3], effects)
-            out[s, h, 0], out[s, h, 1], out[s, h, 2] = r - x[0], y[end, 1] - x[1], beta - x[2]
+            r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
+            out[s, h, 0], out[s, h, 1], out[s, h, 2] = r - x[0], v - x[1], beta - x[2]
             out[s, h, 3], out[s, h, 4] = omega_r - x[3], y[end, 4] - (x[5] - x[2])
             for i in range(out.shape[2]):
                 if not abs(out[s, h, i]) < LARGEST_ERROR:

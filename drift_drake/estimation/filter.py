@@ -27,7 +27,7 @@ from drift_drake.estimation.filter_state import (
     transition,
 )
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.effects import depends_on_heading
+from drift_drake.vehicle.effects import depends_on_heading, reading_gains
 from drift_drake.vehicle.scalar import jitable
 
 STATE_OF = (0, 1, 2, 3, -1, -1, 4, 5, 6)  # that a channel measures alone; accelerations depend on several
@@ -37,9 +37,10 @@ UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip
 @compiled
 def measurement_matrix(effects: Any, h: Any) -> Any:
     """Derivatives h [9, 9] of the channels by the corrected states; the accelerations' rows are left zero."""
+    gains = reading_gains(effects)
     for i in range(MEASURED):
         if STATE_OF[i] >= 0:
-            h[i, STATE_OF[i]] = effects.wheel_radius_error + 1.0 if i == 3 else 1.0
+            h[i, STATE_OF[i]] = gains[i] if i < len(gains) else 1.0
 
 
 @compiled

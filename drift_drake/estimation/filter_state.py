@@ -15,7 +15,7 @@ import numpy as np
 
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.delays import DELAYS, command_delays
+from drift_drake.vehicle.delays import DELAYS, HASTENERS, command_delays
 from drift_drake.vehicle.effects import (
     MEMORIES,
     Effects,
@@ -23,6 +23,7 @@ from drift_drake.vehicle.effects import (
     changed_constants,
     measured,
     motion_with_effects,
+    road_wheel,
     settled_memory,
     steering_rate,
     unbiased,
@@ -47,12 +48,15 @@ MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' f
 
 @compiled
 def delayed(command: Any, before: Any, period: Any, delay: Any) -> Any:
-    """The command [rows], linear between rows and `before` the first, on the grid [STAGES (rows - 1) + 1]."""
+    """The command [rows], linear between rows and `before` the first, on the grid [STAGES (rows - 1) + 1].
+
+    A delay below zero looks ahead, up to the last row, whose command is held.
+    """
     rows = len(command)
     count = STAGES * (rows - 1) + 1
     out = np.empty(count)
     for i in range(count):
-        place = i / STAGES - delay / period
+        place = min(i / STAGES - delay / period, rows - 1.0)
         if place < 0.0:
             out[i] = before
         else:
@@ -105,12 +109,13 @@ def actuated(
     """
     step = period / STAGES
     late_delta, late_torque = command_delays(effects)
-    delta = delayed(delta_cmd, before[0], period, late_delta + effects.sensor_latency)
+    first = float(road_wheel(before[0], effects))
+    delta = delayed(road_wheel(delta_cmd, effects), first, period, late_delta + effects.sensor_latency)
     torque = delayed(tau_cmd, before[1], period, late_torque + effects.sensor_latency)
     if effects.steering_rate_limit > 0.0:
-        delta = limited_steering(delta, before[0], step, effects)
+        delta = limited_steering(delta, first, step, effects)
     elif effects.steering_lag > 0.0:
-        delta = first_order_lag(delta, before[0], step, effects.steering_lag)
+        delta = first_order_lag(delta, first, step, effects.steering_lag)
     if effects.torque_lag > 0.0:
         torque = first_order_lag(torque, before[1], step, effects.torque_lag)
     return delta, torque
@@ -118,8 +123,8 @@ def actuated(
 
 def without_actuators(effects: Effects) -> Effects:
     """The effects that are left once `actuated` has taken those of the commands."""
-    taken = ("steering_lag", "steering_rate_limit", "torque_lag", "sensor_latency", *DELAYS)
-    return effects._replace(**dict.fromkeys(taken, 0.0))
+    taken = ("steering_ratio_error", "steering_lag", "steering_rate_limit", "torque_lag", "sensor_latency")
+    return effects._replace(**dict.fromkeys((*taken, *DELAYS, *HASTENERS), 0.0))
 
 
 @jitable
@@ -216,9 +221,9 @@ def advance_row(
 @compiled
 def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
     """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
-    r, beta, omega_r = unbiased(y[first, 0], y[first, 2], y[first, 3], effects)
+    r, v, beta, omega_r = unbiased(y[first, 0], y[first, 1], y[first, 2], y[first, 3], effects)
     z[0] = r
-    z[1] = max(y[first, 1], MIN_FILTER_SPEED)
+    z[1] = max(v, MIN_FILTER_SPEED)
     z[2] = beta if used[2] else y[first, 2]
     z[3] = omega_r if used[3] else z[1]
     for i in range(3):
@@ -231,8 +236,7 @@ def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constant
 
 @compiled
 def predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
-    out[0], out[2], out[3] = measured(z[0], z[2], z[3], effects)
-    out[1] = z[1]
+    out[0], out[1], out[2], out[3] = measured(z[0], z[1], z[2], z[3], effects)
     out[4], out[5] = a_x, a_y
     out[6], out[7], out[8] = z[4], z[5], z[6]
 

@@ -11,6 +11,7 @@ from drift_drake.logs.table import Run
 
 COURSE_TIME = 0.6  # [s] of positions that a first sideslip is taken from
 SETTLING_TIME = 0.35  # [s] at a run's start whose innovations do not count: commands before it are unknown
+ENDING_TIME = 0.15  # [s] at its end that do not either: commands that act before they are logged are unknown there
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +55,7 @@ def prepare_run(run: Run) -> RunData:
     if run.beta is None:
         y[:, CHANNELS.index("beta")] = first_sideslip(run) or 0.0  # where the filter starts; no measurement
     tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
-    counted = run.t - run.t[0] >= SETTLING_TIME
+    counted = (run.t - run.t[0] >= SETTLING_TIME) & (run.t[-1] - run.t > ENDING_TIME)
     return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)
 
 

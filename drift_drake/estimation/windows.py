@@ -62,11 +62,16 @@ class WindowedRun:
     fed: bool  # speeds are fed as measured: no torque is logged
     used: np.ndarray  # [5] bool: channels that are measured and predicted
     recording: str = ""  # that the run is a part of
+    rolls: bool = False  # no rim speed is logged: the reading of the car's speed stands for it
 
     @property
     def stride_rows(self) -> int:
         """Rows between horizons."""
         return max(round(self.stride / self.period), 1)
+
+    def read_with(self, effects: Effects) -> Effects:
+        """The effects with the rim sensor's error that of the speed's sensor, where its reading stands for the rim's."""
+        return effects._replace(wheel_radius_error=effects.speed_gain_error) if self.rolls else effects
 
     @property
     def horizons(self) -> tuple[float, ...]:
@@ -116,8 +121,9 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
     start_y = np.stack([smoothed(y[:, i], run.period, stride) for i in range(len(PREDICTED))], axis=1)
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
     return WindowedRun(
-        run.name, run.period, y, start_y, data.delta, data.tau, starts, stride, fed, used, run.recording or run.name
-    )
+        run.name, run.period, y, start_y, data.delta, data.tau, starts, stride, fed, used, run.recording or run.name,
+        run.omega_r is None,
+    )  # fmt: skip
 
 
 @compiled
@@ -133,7 +139,7 @@ def _steps(z: Any, constants: Any, effects: Any, period: Any) -> Any:
 @compiled
 def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: Any, effects: Any, fed: Any,
              fed_from: Any, fed_to: Any, push: Any, k: Any, w: Any) -> Any:  # fmt: skip
-    """One row of Runge-Kutta steps, in place; with `fed`, speeds follow the measurement instead."""
+    """One row of Runge-Kutta steps, in place; with `fed`, speeds (of car and rim [2]) are those of the measurement."""
     steps = _steps(z, constants, effects, period)
     h = period / steps
     for step in range(steps):
@@ -141,17 +147,24 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
         end = STAGES * (row + (step + 1) / steps)
         if fed:
             share = step / steps
-            z[1] = fed_from[1] + share * (fed_to[1] - fed_from[1])
-            z[3] = fed_from[3] + share * (fed_to[3] - fed_from[3])
+            z[1] = fed_from[0] + share * (fed_to[0] - fed_from[0])
+            z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
         runge_kutta(z, delta, torque, at, end, h, constants, effects, push, k, w)
 
 
 @compiled
 def _measured_state(y: Any, effects: Any, z: Any) -> Any:
-    """The car's states from what sensors read, biases taken out."""
-    z[0], z[2], z[3] = unbiased(y[0], y[2], y[3], effects)
-    z[1] = max(y[1], MIN_FILTER_SPEED)
+    """The car's states from what sensors read, their errors taken out."""
+    z[0], v, z[2], z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
+    z[1] = max(v, MIN_FILTER_SPEED)
     z[4] = y[4]
+
+
+@compiled
+def _measured_speeds(y: Any, effects: Any) -> Any:
+    """Speeds of the car and of its rim [m/s] from what sensors read, their errors taken out."""
+    _, v, _, omega_r = unbiased(y[0], y[1], y[2], y[3], effects)
+    return v, omega_r
 
 
 @compiled
@@ -190,11 +203,11 @@ def predict_windows(
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
             for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
-                _advance(z, delta, torque, row, period, constants, effects, fed, start_y[row], start_y[row + 1],
-                         push, k, w)  # fmt: skip
+                _advance(z, delta, torque, row, period, constants, effects, fed, _measured_speeds(start_y[row], effects),
+                         _measured_speeds(start_y[row + 1], effects), push, k, w)  # fmt: skip
             end = start + (h + 1) * stride_rows
-            r, beta, omega_r = unbiased(y[end, 0], y[end, 2], y[end, 3], effects)
-            out[s, h, 0], out[s, h, 1] = r - z[0], y[end, 1] - z[1]
+            r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
+            out[s, h, 0], out[s, h, 1] = r - z[0], v - z[1]
             out[s, h, 2], out[s, h, 3] = beta - z[2], omega_r - z[3]
             out[s, h, 4] = y[end, 4] - z[4]
             for i in range(5):
@@ -208,7 +221,7 @@ def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizon
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-            without_actuators(effects), run.fed, out)  # fmt: skip
+            run.read_with(without_actuators(effects)), run.fed, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 

@@ -10,7 +10,7 @@ from drift_drake.estimation.problem import NUISANCES, TOLERANCES, Problem, filte
 from drift_drake.estimation.unknowns import BROAD
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
-from drift_drake.vehicle.delays import DELAYS
+from drift_drake.vehicle.delays import DELAYS, HASTENERS
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters
 
@@ -67,6 +67,7 @@ def effect_ranges(
         "steering_lag": (0.0, LONGEST_LAG),
         "torque_lag": (0.0, LONGEST_LAG),
         **dict.fromkeys(DELAYS, (0.0, LONGEST_LAG)),
+        **dict.fromkeys(HASTENERS, (-LONGEST_LAG, LONGEST_LAG)),
     }
     return {name: own[name] for name in names if name in own}
 

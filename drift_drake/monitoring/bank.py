@@ -40,8 +40,8 @@ from drift_drake.estimation.filter_state import (
 from drift_drake.estimation.unknowns import added
 from drift_drake.vehicle.catalogue import CATALOGUE, wheelbase
 from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.delays import command_delays
-from drift_drake.vehicle.effects import COUNT, Effects
+from drift_drake.vehicle.delays import check_causal, command_delays
+from drift_drake.vehicle.effects import COUNT, Effects, depends_on_heading, road_wheel
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.scalar import fixed_tuple
 
@@ -91,7 +91,9 @@ def effect_nodes(name: str, vehicle: VehicleParameters) -> list[Node]:
     if info.signed and name in CURVED:  # the practical range's end is one standard deviation
         return [Node(name, SIGNED_AT * end, 0.0, 1.0 / SIGNED_AT) for end in (low, high)]
     if info.signed:
-        return [Node(name, SIGNED_AT * high, 0.0, 1.0 / SIGNED_AT, signed=True)]
+        # Live, no command is known ahead: what hastens them is linear from its other side.
+        end = low if info.hastens else high
+        return [Node(name, SIGNED_AT * end, 0.0, 1.0 / SIGNED_AT, signed=True)]
     if name == RATE_LIMIT:
         return [Node(name, float(low * (high / low) ** share), 1.0, 0.3) for share in LIMITS_AT]
     if info.spread:
@@ -112,8 +114,8 @@ class Bank(NamedTuple):
 
     period: float  # [s] between rows
     constants: np.ndarray  # [len(Constants)]
-    effects: np.ndarray  # [m, 28]
-    dynamic: np.ndarray  # [m, 28] without those of actuators
+    effects: np.ndarray  # [m, COUNT]
+    dynamic: np.ndarray  # [m, COUNT] without those of actuators
     delays: np.ndarray  # [m, 2] of steering and torque [rows]
     pushes: np.ndarray  # [m, 3]
     noise: np.ndarray  # [9] variances of the channels
@@ -134,7 +136,12 @@ def make_bank(
     nodes: Sequence[Node], vehicle: VehicleParameters, own: Effects, period: float, noise: np.ndarray,
     process: np.ndarray,
 ) -> Bank:  # fmt: skip
-    """The bank of a simulator's car, vehicle and own effects; noise [9], process [9]: variances."""
+    """The bank of a simulator's car, vehicle and own effects; noise [9], process [9]: variances.
+
+    Raises:
+        InvalidVehicleError: by its own effects, commands would act before they are given.
+    """
+    check_causal(own, "the calibrated car", own.sensor_latency)
     cars = [own, *(node.car(own) for node in nodes)]
     delays = [[(late + q.sensor_latency) / period for late in command_delays(q)] for q in cars]
     return Bank(
@@ -155,13 +162,14 @@ def make_state(bank: Bank) -> BankState:
 def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
     """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
-    delta, torque = np.full(1, command[0]), np.full(1, command[1])
+    delta, torque = np.empty(1), np.full(1, command[1])
     rows = np.empty((1, MEASURED))
     rows[0] = y
     for j in range(len(state.z)):
         effects = Effects(*fixed_tuple(bank.dynamic[j], COUNT))
+        delta[0] = road_wheel(command[0], Effects(*fixed_tuple(bank.effects[j], COUNT)))
         first_state(rows, 0, used, delta, torque, constants, effects, state.z[j])
-        state.actuators[j] = command
+        state.actuators[j, 0], state.actuators[j, 1] = delta[0], torque[0]
     state.commands[:] = command
     state.p[:] = 0.0
     for i in range(4):
@@ -171,13 +179,13 @@ def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
     own = Effects(*fixed_tuple(bank.dynamic[0], COUNT))
     if own.tyre_relaxation > 0.0:
         state.p[7, 7] = state.p[8, 8] = 1e-4
-    _linearised(state.z[0], command[0], command[1], constants, own, state.jacobian)
+    _linearised(state.z[0], state.actuators[0, 0], command[1], constants, own, state.jacobian)
 
 
 @compiled
 def _linearised(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, jacobian: Any) -> Any:
     probe = np.zeros(SIZE, np.complex128)
-    relaxed, graded = effects.tyre_relaxation > 0.0, effects.road_grade != 0.0
+    relaxed, graded = effects.tyre_relaxation > 0.0, depends_on_heading(effects)
     linearise(z, delta, torque, constants, effects, relaxed, graded, probe, jacobian)
 
 
@@ -197,6 +205,7 @@ def _actuated(bank: Any, state: Any, j: Any, delta: Any, torque: Any) -> Any:
     effects = Effects(*fixed_tuple(bank.effects[j], COUNT))
     step = bank.period / STAGES
     _late(state.commands, 0, bank.delays[j, 0], delta)
+    delta[:] = road_wheel(delta, effects)
     _late(state.commands, 1, bank.delays[j, 1], torque)
     if effects.steering_rate_limit > 0.0:
         delta[:] = limited_steering(delta, state.actuators[j, 0], step, effects)

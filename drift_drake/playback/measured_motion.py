@@ -40,7 +40,7 @@ class MeasuredMotion:
         """
         at = min(row + round(effects.sensor_latency / period), len(self.smooth) - 1)
         r, v, beta, omega_r, *pose = (float(value) for value in self.smooth[at])
-        r, beta, omega_r = unbiased(r, beta, omega_r, effects)
+        r, v, beta, omega_r = unbiased(r, v, beta, omega_r, effects)
         return [r, v, beta, omega_r], pose
 
 

@@ -6,9 +6,10 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from drift_drake.arrays import Array
 from drift_drake.sensing.sensors import MEASURED_STATE
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, unbiased
 
-SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error")  # errors that a reading can lose
+SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error", "gyro_gain_error", "speed_gain_error")
+"""Errors that a reading can lose."""
 
 
 def sensor_errors(effects: Effects) -> Effects:
@@ -19,11 +20,8 @@ def sensor_errors(effects: Effects) -> Effects:
 def corrected_reading(measured: Array, errors: Effects) -> Array:
     """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
     y = measured.copy()
-    at = {name: MEASURED_STATE.index(name) for name in ("r", "beta", "dphi", "omega_r")}
-    y[at["r"]] -= errors.gyro_bias
-    y[at["beta"]] -= errors.sideslip_bias
-    y[at["dphi"]] -= errors.sideslip_bias
-    y[at["omega_r"]] /= 1.0 + errors.wheel_radius_error
+    y[:4] = unbiased(*y[:4], errors)
+    y[MEASURED_STATE.index("dphi")] -= errors.sideslip_bias
     return y
 
 

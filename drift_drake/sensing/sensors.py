@@ -24,7 +24,7 @@ MEASURED_STATE = (*STATES, "s")
 LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 """Columns of the log format, the commands aside (which are known exactly)."""
 _SAMPLE = ("t", *SIGNALS)
-_R, _BETA, _OMEGA_R, _DPHI = (_SAMPLE.index(name) for name in ("r", "beta", "omega_r", "dphi"))
+_R, _V, _BETA, _OMEGA_R, _DPHI = (_SAMPLE.index(name) for name in ("r", "v", "beta", "omega_r", "dphi"))
 
 
 class TransportDelay(LeafSystem):
@@ -147,7 +147,9 @@ def _sampled(t: float, signals: Array, levels: Array, noise: Array, magnitudes: 
     sample[0] = t
     sample[1:] = signals + levels * noise
     beta = sample[_BETA]
-    sample[_R], sample[_BETA], sample[_OMEGA_R] = measured(sample[_R], beta, sample[_OMEGA_R], q)
+    sample[_R], sample[_V], sample[_BETA], sample[_OMEGA_R] = measured(
+        sample[_R], sample[_V], beta, sample[_OMEGA_R], q
+    )
     # The course is the measured heading plus the measured sideslip, so it takes over the bias.
     sample[_DPHI] += sample[_BETA] - beta
     return sample
@@ -208,7 +210,7 @@ class Sensors(Diagram):
 
     Args:
         noise: standard deviations.
-        effects: of which the sensors' are used: gyro_bias, sideslip_bias, wheel_radius_error, sensor_latency.
+        effects: of which the sensors' are used: biases, gains, sensor_latency.
         period: of sampling [s].
     """
 

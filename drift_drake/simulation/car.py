@@ -5,7 +5,7 @@ from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
 from drift_drake.sensing.sensors import NoiseLevels, Sensors, TransportDelay
 from drift_drake.vehicle.bicycle import STATES
-from drift_drake.vehicle.delays import command_delays
+from drift_drake.vehicle.delays import check_causal, command_delays
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, CurvedPath, PathPlant
@@ -36,7 +36,7 @@ class Car(Diagram):
             delays and sensors' effects still act here.
 
     Raises:
-        InvalidVehicleError: a parameter or an effect that no car has.
+        InvalidVehicleError: a parameter or an effect that no car has, or commands that act before they are given.
     """
 
     def __init__(
@@ -51,6 +51,7 @@ class Car(Diagram):
         Diagram.__init__(self)
         check_plausible(parameters, "the car")
         check_effects(effects, parameters, "the car")
+        check_causal(effects, "the car")
         builder = DiagramBuilder()
         made = VehiclePlant(parameters, effects, path) if plant is None else plant
         self.plant = builder.AddNamedSystem("plant", made)

@@ -100,6 +100,24 @@ OWN: dict[str, Effect] = {
         spread=True,
         remembers=(*STEERING, *TORQUE),
     ),
+    "steering_ratio_error": Effect(
+        "-", -0.3, 0.3, "commanded road-wheel angle times (1 + q)", stage="actuator", daily=0.2
+    ),
+    "gyro_gain_error": Effect(
+        "-", -0.1, 0.1, "measured yaw rate times (1 + q)", stage="sensor", needs=("psi",), daily=0.5
+    ),
+    "speed_gain_error": Effect("-", -0.08, 0.08, "measured speed times (1 + q), the rim's not", stage="sensor"),
+    "road_bank": Effect("rad", -0.2, 0.2, "the road's left side is higher by q", varies=True),
+    "command_clock_error": Effect(
+        "s",
+        -0.1,
+        0.1,
+        "commands act earlier by q than the log says",
+        stage="command",
+        hastens=(*STEERING, *TORQUE),
+        below_zero="sensor_latency",
+        remembers=(*STEERING, *TORQUE),
+    ),
 }
 
 if twice := sorted(set(OWN) & set(installed_effects())):

@@ -1,19 +1,29 @@
-"""Pure delays of the commands: how late they reach the car, by the effects whose records say that they delay one.
+"""Times of the commands: how late they reach the car, by the effects whose records say that they delay or hasten one.
 
 A delay has no finite state and is none of the equations of motion: whoever hands a car its commands takes them from
-so much earlier.
+so much earlier. A command that acts before the log says so is no car's but a wrong clock's: a log can be looked ahead
+in, a car that is driven now cannot (`check_causal`), and a simulated log is stamped wrongly afterwards (`stamped`).
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
+
+from drift_drake.arrays import Array
 
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effect import Command
 from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import InvalidVehicleError
 from drift_drake.vehicle.scalar import jitable
 
+ROUNDING = 1e-9  # [s]
+
 DELAYS = tuple(name for name, effect in CATALOGUE.items() if effect.delays)
+HASTENERS = tuple(name for name, effect in CATALOGUE.items() if effect.hastens)
 
 
 def _sum_of_delays(command: Command) -> Callable[[Effects], Any]:
@@ -21,6 +31,9 @@ def _sum_of_delays(command: Command) -> Callable[[Effects], Any]:
     for name in DELAYS:
         if CATALOGUE[name].delays == command:
             total = jitable(_with_delay(total, Effects._fields.index(name)))
+    for name in HASTENERS:
+        if command in CATALOGUE[name].hastens:
+            total = jitable(_without_delay(total, Effects._fields.index(name)))
     return total
 
 
@@ -28,13 +41,56 @@ def _with_delay(before: Any, index: int) -> Callable[[Effects], Any]:
     return lambda q: before(q) + q[index]
 
 
+def _without_delay(before: Any, index: int) -> Callable[[Effects], Any]:
+    return lambda q: before(q) - q[index]
+
+
 _steering_delay, _torque_delay = _sum_of_delays("delta_cmd"), _sum_of_delays("tau_cmd")
 
 
 @jitable
 def command_delays(q: Effects) -> tuple[Any, Any]:
-    """How late the steering and the torque command reach the car [s], the sensors' latency aside."""
+    """How late the steering and the torque command reach the car [s], the sensors' latency aside.
+
+    Below zero where they act before the log says so.
+    """
     return _steering_delay(q), _torque_delay(q)
+
+
+def check_causal(q: Effects, source: str, late: float = 0.0) -> None:
+    """Raises an InvalidVehicleError, which names `source`, where commands would act before they are given.
+
+    Args:
+        late: [s] that what follows from commands comes later by.
+    """
+    early = -min(command_delays(q)) - late
+    if early > ROUNDING:
+        names = ", ".join(name for name in HASTENERS if getattr(q, name) > 0.0)
+        raise InvalidVehicleError(
+            f"{source}: with {names} commands would act {early:g} s before they are given, which only a log that was "
+            "stamped late can show; leave it out here, and take it off the commands' times in the logs"
+        )
+
+
+def on_time(q: Effects) -> Effects:
+    """The effects with the commands' clock right: what a car has, and not its log."""
+    return q._replace(**dict.fromkeys(HASTENERS, 0.0))
+
+
+def stamped(columns: Mapping[Command, Array], q: Effects, period: float) -> tuple[dict[Command, Array], int]:
+    """Columns of commands [rows], `period` [s] apart, as a log with a wrong clock has them, and how many rows it has.
+
+    What was commanded at t is logged at t + q; before the first row commands were what they are there. A clock that is
+    early logs nothing for the last rows.
+    """
+    out, rows = {}, min(len(values) for values in columns.values())
+    kept = rows
+    for name, values in columns.items():
+        late = sum(getattr(q, effect) for effect in HASTENERS if name in CATALOGUE[effect].hastens)
+        t = period * np.arange(rows)
+        out[name] = np.interp(t - late, t, values)
+        kept = min(kept, rows - math.ceil(max(-late, 0.0) / period - ROUNDING))
+    return {name: values[:kept] for name, values in out.items()}, kept
 
 
 @compiled

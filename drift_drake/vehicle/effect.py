@@ -91,6 +91,8 @@ class Effect:
     tolerance: str | None = None  # of the vehicle file, that this effect is a larger deviation of
     spread: bool = False  # magnitudes are spread evenly by their logarithm
     delays: Command | None = None  # the command that reaches the car late by the magnitude [s]: a pure delay
+    hastens: tuple[Command, ...] = ()  # commands that reach it earlier than the log says, by the magnitude [s]
+    below_zero: str | None = None  # the effect of the size -q that no log tells from this one of a magnitude q < 0
     remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter, beside a delayed one
     mass: float = 0.0
     length: float = 0.0
@@ -171,13 +173,15 @@ def _loaded(point: EntryPoint) -> Effect:
         raise InvalidExtensionError(f"{where}: its name is no name of a variable; choose one such as side_wind")
     if not isinstance(effect, Effect):
         raise InvalidExtensionError(f"{where}: is no drift_drake.Effect; name one in the entry point")
-    (_check_delay if effect.delays else _check_physics)(where, effect)
+    (_check_delay if effect.delays or effect.hastens else _check_physics)(where, effect)
     return effect
 
 
 def _check_delay(where: str, effect: Effect) -> None:
     """Sees that a delay is nothing but one, of a command of the logs."""
     functions = [name for name in FUNCTIONS if getattr(effect, name) is not None]
+    if effect.hastens:
+        raise InvalidExtensionError(f"{where}: hastens commands, as the catalogue's own command_clock_error does; use it")
     if effect.delays not in COMMANDS or effect.stage != "command" or functions:
         raise InvalidExtensionError(
             f"{where}: delays '{effect.delays}' at stage '{effect.stage}' with {functions or 'no functions'}; let a "

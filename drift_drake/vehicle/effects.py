@@ -69,6 +69,11 @@ class Effects(NamedTuple):
     sideslip_bias: Any = 0.0
     wheel_radius_error: Any = 0.0
     sensor_latency: Any = 0.0
+    steering_ratio_error: Any = 0.0
+    gyro_gain_error: Any = 0.0
+    speed_gain_error: Any = 0.0
+    road_bank: Any = 0.0
+    command_clock_error: Any = 0.0
 
 
 class Memory(NamedTuple):
@@ -164,6 +169,12 @@ def relaxation_rate(speed: Any, slip: Any, kinematic: Any, q: Effects) -> Any:
 
 
 @jitable
+def road_wheel(delta: Any, q: Effects) -> Any:
+    """The road-wheel angle [rad] that a command delta [rad] asks for: the car's steering ratio is its own."""
+    return delta * (1.0 + q.steering_ratio_error)
+
+
+@jitable
 def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
                         nominal: Constants, q: Effects,
                         force_x: Any = 0.0, force_y: Any = 0.0,
@@ -177,6 +188,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         force_x, force_y, moment: optional further force [N] and moment [N m] on the body.
     """
     p = changed_constants(nominal, q)
+    delta = road_wheel(delta, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
     own_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
     own_torque = select(0.0, q.torque_lag, memory.torque, tau)
@@ -203,7 +215,8 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
     f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - switched(uphill, cos, psi)
-    f_x, f_y = f_x + force_x + own_x, f_y - drag * sin(beta) + switched(uphill, sin, psi) + force_y + own_y
+    downhill = switched(uphill, sin, psi) - p.mass * p.gravity * sin(q.road_bank)
+    f_x, f_y = f_x + force_x + own_x, f_y - drag * sin(beta) + downhill + force_y + own_y
     m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
@@ -232,33 +245,41 @@ def settled_memory(
 ) -> Memory:
     """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
-    zero = 0.0 * v
-    starts = installed_starts(r, v, beta, omega_r, delta + q.steering_offset, tau, p, q)
+    zero, steering = 0.0 * v, road_wheel(delta, q)
+    starts = installed_starts(r, v, beta, omega_r, steering + q.steering_offset, tau, p, q)
     unmoved = Memory(*((zero, zero, zero, zero, zero, zero, zero, zero) + starts))  # noqa: RUF005 (for numba)
-    angle, _ = installed_actuation(delta + q.steering_offset, tau, v, q, unmoved)
+    angle, _ = installed_actuation(steering + q.steering_offset, tau, v, q, unmoved)
     v_x, v_y = front_contact_velocity(r, v, beta, angle, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
-    settled = (delta + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero)
+    settled = (steering + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero)
     memory = Memory(*(settled + (zero, zero) + starts))  # noqa: RUF005 (for numba)
     motion, _ = motion_with_effects(r, v, beta, omega_r, psi, memory, delta, tau, nominal, q)
     return Memory(*(settled + (motion.a_x, motion.a_y) + starts))  # noqa: RUF005 (for numba)
 
 
 @jitable
-def measured(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any]:
-    """What biased sensors read for the yaw rate, sideslip and rim speed, latency aside."""
+def measured(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
+    """What wrong sensors read for the yaw rate, speed, sideslip and rim speed, latency aside."""
     r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
-    return (r + q.gyro_bias + r_error, beta + q.sideslip_bias + beta_error,
-            omega_r * (1.0 + q.wheel_radius_error) + rim_error)  # fmt: skip
+    by_r, by_v, by_beta, by_rim = reading_gains(q)
+    return (by_r * r + q.gyro_bias + r_error, by_v * v, by_beta * beta + q.sideslip_bias + beta_error,
+            by_rim * omega_r + rim_error)  # fmt: skip
 
 
 @jitable
-def unbiased(r: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any]:
-    """What readings of the yaw rate, sideslip and rim speed stand for: `measured` the other way, to first order."""
+def unbiased(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
+    """What readings of the yaw rate, speed, sideslip and rim speed stand for: `measured` the other way, to first order."""
     r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
-    return (r - q.gyro_bias - r_error, beta - q.sideslip_bias - beta_error,
-            (omega_r - rim_error) / (1.0 + q.wheel_radius_error))  # fmt: skip
+    by_r, by_v, by_beta, by_rim = reading_gains(q)
+    return ((r - q.gyro_bias - r_error) / by_r, v / by_v, (beta - q.sideslip_bias - beta_error) / by_beta,
+            (omega_r - rim_error) / by_rim)  # fmt: skip
+
+
+@jitable
+def reading_gains(q: Effects) -> tuple[Any, Any, Any, Any]:
+    """What readings of the yaw rate, speed, sideslip and rim speed change by with what they are of."""
+    return 1.0 + q.gyro_gain_error, 1.0 + q.speed_gain_error, 1.0, 1.0 + q.wheel_radius_error
 
 
 @jitable

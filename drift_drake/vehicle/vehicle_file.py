@@ -38,7 +38,8 @@ REACH = 5.0  # times the larger end of the catalogue's range for a vehicle of th
 LEAST_FACTOR = 0.05  # of an effect that multiplies a parameter by 1 + q
 FACTORS = (
     "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error", "mass_error",
-    "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error")  # fmt: skip
+    "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error", "steering_ratio_error",
+    "gyro_gain_error", "speed_gain_error")  # fmt: skip
 SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
 FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
 FASTEST_SETTLING = 2e4  # [1/s]; the reference car's rim has 400, its body 30

@@ -70,6 +70,10 @@ def test_predictions_are_the_nominal_equations_integrated(inertia):
         {"tyre_relaxation": 0.6},
         {"steering_lag": 0.1},
         {"steering_delay": 0.06},
+        {"command_clock_error": 0.06},
+        {"command_clock_error": -0.06},
+        {"steering_ratio_error": -0.2, "steering_lag": 0.1},
+        {"road_bank": 0.1},
         {"steering_rate_limit": 0.3},
         {"torque_lag": 0.2},
         {"longitudinal_load_transfer": 0.5},
@@ -84,7 +88,8 @@ def test_memory_is_carried_as_in_a_simulation_of_the_whole_run(effects):
 
 
 def test_biases_of_sensors_are_taken_out_of_what_is_compared():
-    biases = {"gyro_bias": 0.03, "sideslip_bias": -0.02, "wheel_radius_error": 0.04}
+    biases = {"gyro_bias": 0.03, "sideslip_bias": -0.02, "wheel_radius_error": 0.04, "gyro_gain_error": 0.06,
+              "speed_gain_error": -0.05}  # fmt: skip
     plain, biased = (exact(slalom(q)) for q in ({}, biases))
     e = run_errors(biased, CAR.constants(), make_effects(biases))
     np.testing.assert_allclose(e, run_errors(plain, CAR.constants(), Effects()), atol=1e-9)

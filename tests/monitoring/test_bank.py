@@ -29,7 +29,8 @@ def test_the_first_car_is_the_estimators_filter(changed_run, commands):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["steering_delay", "steering_lag", RATE_LIMIT, "torque_lag", "sensor_latency"])
+@pytest.mark.parametrize("name", ["steering_delay", "steering_lag", RATE_LIMIT, "torque_lag", "sensor_latency",
+                                  "command_clock_error", "steering_ratio_error", "road_bank"])  # fmt: skip
 def test_commands_pass_actuators_row_by_row_as_all_at_once(changed_run, commands, name):
     """A car of the bank alone is the estimator's filter of that effect."""
     problem = make_problem([changed_run], VEHICLE)

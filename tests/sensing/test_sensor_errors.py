@@ -12,13 +12,16 @@ from drift_drake.vehicle.effects import Effects, make_effects, measured
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
 
-ERRORS = make_effects({"gyro_bias": 0.02, "sideslip_bias": -0.03, "wheel_radius_error": 0.04})
+ERRORS = make_effects(
+    {"gyro_bias": 0.02, "sideslip_bias": -0.03, "wheel_radius_error": 0.04, "gyro_gain_error": 0.05,
+     "speed_gain_error": -0.03}
+)  # fmt: skip
 TRUE = np.array([0.5, 11.0, -0.4, 14.0, 0.1, 0.05, 3.0])
 
 
 def _reading() -> np.ndarray:
     reading = TRUE.copy()
-    reading[0], reading[2], reading[3] = measured(TRUE[0], TRUE[2], TRUE[3], ERRORS)
+    reading[:4] = measured(*TRUE[:4], ERRORS)
     reading[5] += ERRORS.sideslip_bias
     return reading
 

@@ -94,6 +94,21 @@ def test_road_grade(psi):
     assert along_y == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("psi", [0.0, 2.0])
+@pytest.mark.parametrize("state", [COASTING, DRIFTING])
+def test_road_bank(state, psi):
+    """The car is pulled to its right by g sin(q), whatever its heading and sideslip; no moment turns it."""
+    q = 0.12
+    banked, flat = (acceleration_of(effects, state, pose=(0.0, 0.0, psi)) for effects in ({"road_bank": q}, {}))
+    np.testing.assert_allclose(banked - flat, [0.0, -P.gravity * math.sin(q)], rtol=1e-12, atol=1e-12)
+    turned, free = rates_of({"road_bank": q}, state), rates_of({}, state)
+    assert turned.r == pytest.approx(free.r, rel=1e-12)
+    # In numpy: gravity's part along and across the course.
+    v, beta, pull = state[1], state[2], -P.gravity * math.sin(q)
+    assert turned.v - free.v == pytest.approx(pull * math.sin(beta), abs=1e-12)
+    assert turned.beta - free.beta == pytest.approx(pull * math.cos(beta) / v, rel=1e-12)
+
+
 def test_road_grade_slows_a_coasting_car():
     view, _, _ = simulate({"road_grade": 0.05}, COASTING, 2.0)
     assert 12.0 - view.v == pytest.approx(2.0 * P.gravity * math.sin(0.05) * P.mass / ROLLING_MASS, rel=0.01)

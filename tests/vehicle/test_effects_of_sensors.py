@@ -50,6 +50,24 @@ def test_wheel_radius_error():
             np.testing.assert_allclose(error, expected, atol=1e-12, err_msg=name)
 
 
+def check_gain(effect, channel, place):
+    by_state, by_row, truth = sensed({effect: 0.06})
+    np.testing.assert_array_equal(truth, sensed({})[2])
+    for errors in (by_state, by_row):
+        for name, error in errors.items():
+            expected = 0.06 * truth[place] if name == channel else 0.0 * truth[place]
+            np.testing.assert_allclose(error, expected, atol=1e-12, err_msg=name)
+
+
+def test_gyro_gain_error():
+    check_gain("gyro_gain_error", "r", 0)
+
+
+def test_speed_gain_error():
+    """The rim's speed, the place and the accelerations stay right."""
+    check_gain("speed_gain_error", "v", 1)
+
+
 @pytest.mark.parametrize("q", [0.02, 0.037, 0.12])
 def test_sensor_latency(q):
     """Every measured column at a sampling time is what was true q before; before the start, it stood still."""

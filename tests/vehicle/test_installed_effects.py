@@ -60,8 +60,8 @@ except ValueError as error:
 
 # Sensors, and back.
 q = make_effects({"gyro_scale": 0.002, "gyro_bias": 0.01})
-assert measured(0.1, 0.0, 10.0, q)[0] == 0.1 + 0.01 + 0.02
-np.testing.assert_allclose(unbiased(*measured(0.1, 0.02, 10.0, q), q), [0.1, 0.02, 10.0], atol=1e-12)
+assert measured(0.1, 9.0, 0.0, 10.0, q)[0] == 0.1 + 0.01 + 0.02
+np.testing.assert_allclose(unbiased(*measured(0.1, 9.0, 0.02, 10.0, q), q), [0.1, 9.0, 0.02, 10.0], atol=1e-12)
 
 # A one-step model takes what has no heading, states included, and differentiates it.
 EffectsStepModel(car, make_effects({"limp_mode": 0.3}))

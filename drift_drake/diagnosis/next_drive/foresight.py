@@ -128,8 +128,8 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     dynamic = without_actuators(effects)
     states[0, 7:] = settled_memory(*states[0, :4], delta[0], torque[0], constants, dynamic, drive.heading)[2:]
     y = np.zeros((rows, MEASURED))
-    y[0, [0, 2, 3]] = measured(states[0, 0], states[0, 2], states[0, 3], effects)
-    y[0, [1, CHANNELS.index("psi")]] = drive.speed, drive.heading
+    y[0, :4] = measured(*states[0, :4], effects)
+    y[0, CHANNELS.index("psi")] = drive.heading
     after = np.empty((1, rows - 1, MEASURED))
     roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, after)
     y[1:] = after[0]

@@ -298,8 +298,8 @@ def stand_ins(effects: Effects) -> Effects:
     q: Mapping[str, Any] = effects._asdict()
     late, (late_steering, late_torque) = q["sensor_latency"], command_delays(effects)
     return effects._replace(
-        steering_lag=q["steering_lag"] + late_steering + late,
-        torque_lag=q["torque_lag"] + late_torque + late,
+        steering_lag=q["steering_lag"] + max(late_steering + late, 0.0),
+        torque_lag=q["torque_lag"] + max(late_torque + late, 0.0),
         rolling_resistance=q["rolling_resistance"] + float(np.sin(q["road_grade"])),
         **dict.fromkeys(BEYOND, 0.0),
     )

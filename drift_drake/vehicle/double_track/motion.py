@@ -19,6 +19,7 @@ from drift_drake.vehicle.effects import (
     Effects,
     installed_actuation,
     installed_force,
+    road_wheel,
     steering_rate,
 )
 from drift_drake.vehicle.parameters import InvalidVehicleError
@@ -254,6 +255,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
         force_x, force_y, moment: optional further force [N] and moment [N m] on the body.
     """
     p = changed_constants(nominal, q)
+    delta = road_wheel(delta, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
     steering, torque = installed_actuation(
         select(0.0, lagged_steering, own.steering, delta) + q.steering_offset,
@@ -267,7 +269,8 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
     drag, uphill = p.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
     a_x = (ground_x - drag * cos(beta) - uphill * cos(psi) + force_x + own_x) / p.mass
-    a_y = (ground_y - drag * sin(beta) + uphill * sin(psi) + force_y + own_y) / p.mass
+    downhill = uphill * sin(psi) - p.mass * p.gravity * sin(q.road_bank)
+    a_y = (ground_y - drag * sin(beta) + downhill + force_y + own_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
@@ -301,6 +304,7 @@ def settled_states(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any
                    nominal: DoubleTrackConstants, q: Effects) -> OwnStates:  # fmt: skip
     """The car's own states under constant (r, v, beta, omega_r) and commands, its rear wheels at equal slip."""
     p = changed_constants(nominal, q)
+    delta = road_wheel(delta, q)
     steering, zero = delta + q.steering_offset, 0.0 * (r + v + beta + omega_r + delta + tau)
     arm = roll_arm_moment(p)
     roll_stiffness = p.front_roll_stiffness + p.rear_roll_stiffness - arm * p.gravity

@@ -18,7 +18,7 @@ from drift_drake.executors import ExecutorConfig
 from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
-from drift_drake.logs.table import OPTIONAL, InvalidLogError, run_paths
+from drift_drake.logs.table import OPTIONAL, ROAD, InvalidLogError, run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.run_folder import write_results_table
 from drift_drake.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results, write_text
@@ -93,7 +93,7 @@ def run_diagnose(command: Diagnose) -> int:
     if not command.most_seconds >= PIECE:
         raise InvalidOptionError(f"--most-seconds {command.most_seconds:g}: give {PIECE:g} or more")
     for name in command.without:
-        if name not in OPTIONAL:
+        if name not in (*OPTIONAL, *ROAD):
             raise InvalidLogError(f"--without {name}: not a column that can be left out; {meant(name, OPTIONAL)}")
     if command.every < 1:
         raise InvalidLogError(f"--every {command.every}: give 1 or more")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.estimation.filter_state import MIN_FILTER_SPEED
+from drift_drake.estimation.road import on_road
 from drift_drake.estimation.windows import HORIZONS, LARGEST_ERROR, PREDICTED, WindowedRun
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.double_track.motion import settled_states
@@ -36,8 +37,10 @@ def _run_errors(run: WindowedRun, car: DoubleTrackConstants, effects: Effects) -
     commands = np.ascontiguousarray(np.stack([run.delta, run.tau], axis=1))
     out = np.empty((len(run.starts), HORIZONS, len(PREDICTED)))
     substeps = math.ceil(run.period / STEP)
-    _predict(run.start_y, run.y, run.starts, run.stride_rows, commands, run.period, substeps, car, run.read_with(effects),
-             out)  # fmt: skip
+    dynamic, banked = on_road(run.bank, car.mass, car.gravity, effects)
+    force_y = np.ascontiguousarray(banked[:, 1]) if len(banked) else np.zeros(len(commands))
+    _predict(run.start_y, run.y, run.starts, run.stride_rows, commands, force_y, run.period, substeps, car,
+             run.read_with(dynamic), out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 
@@ -51,18 +54,22 @@ def _measured(y: Array, effects: Effects, x: Array) -> None:
 
 
 @compiled
-def _row(x: Array, commands: Array, row: int, period: float, substeps: int, car: DoubleTrackConstants,
+def _row(x: Array, commands: Array, force_y: Array, row: int, period: float, substeps: int, car: DoubleTrackConstants,
          effects: Effects, work: Array) -> None:  # fmt: skip
     """One row on, in place."""
     for sub in range(substeps):
         advance_state(x, commands[row], commands[row + 1], sub / substeps, (sub + 1) / substeps, 0.0, car, effects,
-                      period / substeps, work)  # fmt: skip
+                      period / substeps, work, force_y[row])  # fmt: skip
 
 
 @compiled
-def _predict(start_y: Array, y: Array, starts: NDArray[np.int_], stride_rows: int, commands: Array, period: float,
-             substeps: int, car: DoubleTrackConstants, effects: Effects, out: Array) -> None:  # fmt: skip
-    """Writes errors [windows, horizons, 5]; start_y, y: smoothed and raw measurements [rows, 5]; commands [rows, 2]."""
+def _predict(start_y: Array, y: Array, starts: NDArray[np.int_], stride_rows: int, commands: Array, force_y: Array,
+             period: float, substeps: int, car: DoubleTrackConstants, effects: Effects,
+             out: Array) -> None:  # fmt: skip
+    """Writes errors [windows, horizons, 5]; start_y, y: smoothed and raw measurements [rows, 5]; commands [rows, 2].
+
+    force_y: of gravity on a banked road, along the body's y [rows].
+    """
     x, carried, work = np.zeros(SIZE), np.zeros(SIZE), np.empty((3, SIZE))
     _measured(start_y[0], effects, carried)
     own = settled_states(
@@ -74,13 +81,13 @@ def _predict(start_y: Array, y: Array, starts: NDArray[np.int_], stride_rows: in
     for s in range(len(starts)):
         while row < starts[s]:
             _measured(start_y[row], effects, carried)
-            _row(carried, commands, row, period, substeps, car, effects, work)
+            _row(carried, commands, force_y, row, period, substeps, car, effects, work)
             row += 1
         x[:] = carried
         _measured(start_y[row], effects, x)
         for h in range(out.shape[1]):
             for k in range(stride_rows):
-                _row(x, commands, row + h * stride_rows + k, period, substeps, car, effects, work)
+                _row(x, commands, force_y, row + h * stride_rows + k, period, substeps, car, effects, work)
             end = row + (h + 1) * stride_rows
             r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
             out[s, h, 0], out[s, h, 1], out[s, h, 2] = r - x[0], v - x[1], beta - x[2]

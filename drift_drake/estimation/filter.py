@@ -151,7 +151,7 @@ def update_covariance(
 @compiled
 def filter_run(
     y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, noise: Any,
-    process: Any, innovations: Any, gain: Any, whitening: Any,
+    process: Any, pushes: Any, innovations: Any, gain: Any, whitening: Any,
 ) -> Any:  # fmt: skip
     """Extended Kalman filter over one run.
 
@@ -160,6 +160,7 @@ def filter_run(
             before are left zero; used: which channels count [9].
         delta, torque: on the stages' grid (`filter_state.actuated`); period: [s]; constants, effects: the car.
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
+        pushes: as in `observe_run`.
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
     """
     rows = y.shape[0]
@@ -174,6 +175,7 @@ def filter_run(
     predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
     moving = CORRECTED if relaxed else UNRELAXED
+    pushed = pushes.shape[0] == rows
     graded = depends_on_heading(effects)
     measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
@@ -190,7 +192,11 @@ def filter_run(
     for row in range(first + 1, rows):
         transition(jacobian, period, moving, f, t, scratch)
         propagate(f, process, period, moving, p, t)
+        if pushed:
+            push[:] = pushes[row - 1]
         advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        if pushed:
+            push[:] = pushes[row]
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
         rates_of(z, delta[at], torque[at], constants, effects, push, k)

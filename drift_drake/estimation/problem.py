@@ -23,6 +23,7 @@ from drift_drake.estimation.filter_state import (
     without_actuators,
 )
 from drift_drake.estimation.prior import bounds, scale
+from drift_drake.estimation.road import NO_PUSH, on_road, with_bank
 from drift_drake.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -63,7 +64,6 @@ FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque 
 FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
 NO_ROWS = np.empty((0, SIZE))
 NO_STATE = np.empty(0)
-NO_PUSH = np.empty((0, 3))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,16 +234,16 @@ def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effec
 def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Gains:
     """The full filter over all runs: innovations with gains that fit these parameters."""
     constants, effects = car(problem, theta, names)
-    dynamic = without_actuators(effects)
     gains, whitenings, innovations, logdet = [], [], [], 0.0
     for i, run in enumerate(problem.runs):
         rows = len(run.y)
         e, k = np.empty((rows, MEASURED)), np.empty((rows, CORRECTED, MEASURED))
         w = np.empty((rows, MEASURED, MEASURED))
         delta, torque = run_commands(problem, i, theta, effects)
+        dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
         filter_run(
             run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
-            problem.noise**2, problem.process, e, k, w,
+            problem.noise**2, problem.process, banked, e, k, w,
         )  # fmt: skip
         # The whitening matrices are inverse Cholesky factors of the innovations' covariances.
         logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
@@ -274,10 +274,11 @@ def observe(
     if extra_torque is not None:
         grid = np.arange(len(torque)) / STAGES
         torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
+    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     e = np.empty((len(run.y) - since, MEASURED))
     observe_run(
         run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
-        torque[STAGES * since :], run.period, constants, without_actuators(effects), push[since:],
+        torque[STAGES * since :], run.period, constants, dynamic, with_bank(push, banked)[since:],
         gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
     )  # fmt: skip
     return e if run.trace is None else e + run.trace[since:]

@@ -20,6 +20,7 @@ from drift_drake.estimation.fit import Fit, minimise, sensitivity
 from drift_drake.estimation.freeform import with_more_process_noise
 from drift_drake.estimation.problem import Gains, Problem, car, filter_case, filtered_states, run_commands
 from drift_drake.estimation.regression import Equations, Responses, equations, summed_equations
+from drift_drake.estimation.road import on_road
 from drift_drake.estimation.run_data import RunData
 from drift_drake.vehicle.compilation import compiled
 
@@ -40,14 +41,16 @@ def start_rows(run: RunData) -> np.ndarray:
 
 @compiled
 def roll_out(
-    states: Any, starts: Any, steps: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, out: Any
-) -> Any:
+    states: Any, starts: Any, steps: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
+    pushes: Any, out: Any,
+) -> Any:  # fmt: skip
     """Predicted measurements out [starts, horizons, 9] at `steps` [horizons] rows after each start; NaN beyond the end.
 
     Args:
         states: filtered states [rows, SIZE]; the rest as in `filter.filter_run`.
     """
     rows = states.shape[0]
+    pushed = pushes.shape[0] == rows
     step = period / SUBSTEPS
     z, k, w, push = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     predicted = np.zeros(MEASURED)
@@ -60,9 +63,13 @@ def roll_out(
                 out[s, h] = np.nan
                 continue
             for row in range(starts[s] + done, end):
+                if pushed:
+                    push[:] = pushes[row]
                 advance_row(z, delta, torque, row, step, constants, effects, push, k, w)
             done = steps[h]
             at = STAGES * end
+            if pushed:
+                push[:] = pushes[end]
             rates_of(z, delta[at], torque[at], constants, effects, push, k)
             predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
             out[s, h] = predicted
@@ -83,7 +90,8 @@ def predicted_ahead(
     states = filtered_states(problem, gains, theta, names, index)
     delta, torque = run_commands(problem, index, theta, effects)
     out = np.empty((len(starts), len(steps), MEASURED))
-    roll_out(states, starts, steps, delta, torque, run.period, constants, without_actuators(effects), out)
+    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
+    roll_out(states, starts, steps, delta, torque, run.period, constants, dynamic, banked, out)
     return out
 
 

@@ -25,6 +25,7 @@ class RunData:
     delta: np.ndarray
     tau: np.ndarray
     counted: np.ndarray  # [rows] bool: rows whose innovations count
+    bank: np.ndarray | None = None  # [rows] of the road [rad], where the log has it
     trace: np.ndarray | None = None  # [rows, 9] that the misfit of every day leaves in the innovations
 
 
@@ -56,7 +57,7 @@ def prepare_run(run: Run) -> RunData:
         y[:, CHANNELS.index("beta")] = first_sideslip(run) or 0.0  # where the filter starts; no measurement
     tau = run.tau_cmd if run.tau_cmd is not None else np.zeros(len(run))
     counted = (run.t - run.t[0] >= SETTLING_TIME) & (run.t[-1] - run.t > ENDING_TIME)
-    return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted)
+    return RunData(run.name, run.period, y, used, run.delta_cmd.astype(float), tau.astype(float), counted, run.bank)
 
 
 def noise_levels(runs: Sequence[RunData]) -> np.ndarray:

@@ -63,10 +63,22 @@ def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], 
     missing = [name for name in OPTIONAL if any(run.column(name) is None for run in runs)]
     kept = [name for name in names if not set(CATALOGUE[name].needs) & set(missing)]
     lost = [name for name in names if name not in kept]
+    kept, road = _with_road(runs, kept)
     if not missing:
-        return kept, []
+        return kept, road
     what = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
-    return kept, [f"{what}: {', '.join(lost)} cannot be judged without" if lost else what]
+    return kept, [f"{what}: {', '.join(lost)} cannot be judged without" if lost else what, *road]
+
+
+def _with_road(runs: Sequence[Run], names: list[str]) -> tuple[list[str], list[str]]:
+    """Effects that can be judged beside a logged bank of the road, and what a magnitude of `road_bank` is then."""
+    banked = [run.bank is not None for run in runs]
+    if not any(banked) or "road_bank" not in names:
+        return names, []
+    if all(banked):
+        return names, ["column bank is known: road_bank is its relative error, the true bank (1 + road_bank) times it"]
+    left = [name for name in names if name != "road_bank"]
+    return left, ["column bank is in some runs only: road_bank cannot be judged; give it in all runs or in none"]
 
 
 def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:

@@ -26,6 +26,7 @@ from drift_drake.estimation.filter_state import (
     wheel_rate,
     without_actuators,
 )
+from drift_drake.estimation.road import on_road
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import wheelbase
@@ -62,6 +63,7 @@ class WindowedRun:
     fed: bool  # speeds are fed as measured: no torque is logged
     used: np.ndarray  # [5] bool: channels that are measured and predicted
     recording: str = ""  # that the run is a part of
+    bank: np.ndarray | None = None  # [rows] of the road [rad], where the log has it
     rolls: bool = False  # no rim speed is logged: the reading of the car's speed stands for it
 
     @property
@@ -70,7 +72,7 @@ class WindowedRun:
         return max(round(self.stride / self.period), 1)
 
     def read_with(self, effects: Effects) -> Effects:
-        """The effects with the rim sensor's error that of the speed's sensor, where its reading stands for the rim's."""
+        """The effects, the rim sensor's error that of the speed's sensor where its reading stands for the rim's."""
         return effects._replace(wheel_radius_error=effects.speed_gain_error) if self.rolls else effects
 
     @property
@@ -122,7 +124,7 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
     return WindowedRun(
         run.name, run.period, y, start_y, data.delta, data.tau, starts, stride, fed, used, run.recording or run.name,
-        run.omega_r is None,
+        run.bank, run.omega_r is None,
     )  # fmt: skip
 
 
@@ -170,14 +172,16 @@ def _measured_speeds(y: Any, effects: Any) -> Any:
 @compiled
 def predict_windows(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, out: Any,
+    effects: Any, fed: Any, pushes: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
-            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); effects: without those of actuators.
+            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); effects: without those of actuators;
+            pushes: further force and moment on the body [rows, 3] (`road.on_road`), none with zero rows.
     """
+    pushed = pushes.shape[0] == y.shape[0]
     z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     _measured_state(start_y[0], effects, memory)
     settled = settled_memory(memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects)
@@ -188,6 +192,8 @@ def predict_windows(
         start = starts[s]
         # The effects' own states follow the measured motion up to this start.
         while carried < start:
+            if pushed:
+                push[:] = pushes[carried]
             for step in range(follow):
                 share = (step + 0.5) / follow
                 at = STAGES * (carried + share)
@@ -203,8 +209,11 @@ def predict_windows(
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
             for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
-                _advance(z, delta, torque, row, period, constants, effects, fed, _measured_speeds(start_y[row], effects),
-                         _measured_speeds(start_y[row + 1], effects), push, k, w)  # fmt: skip
+                if pushed:
+                    push[:] = pushes[row]
+                _advance(z, delta, torque, row, period, constants, effects, fed,
+                         _measured_speeds(start_y[row], effects), _measured_speeds(start_y[row + 1], effects),
+                         push, k, w)  # fmt: skip
             end = start + (h + 1) * stride_rows
             r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
             out[s, h, 0], out[s, h, 1] = r - z[0], v - z[1]
@@ -220,8 +229,9 @@ def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizon
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
+    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-            run.read_with(without_actuators(effects)), run.fed, out)  # fmt: skip
+                    run.read_with(dynamic), run.fed, banked, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 

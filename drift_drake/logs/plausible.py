@@ -12,6 +12,7 @@ LARGEST = {  # what reaches beyond these for more than a few rows is in another 
     "ay": (100.0, "m/s^2", ""),
     "delta_cmd": (1.2, "rad", "degrees, or the steering wheel's angle"),
     "tau_cmd": (1e5, "N m", ""),
+    "bank": (1.2, "rad", "degrees"),
 }
 GUESSED = 60.0  # times the largest, up to which the guess is made
 ABSURD = 1e6  # no number of these columns, or of the yaw rate, in any unit

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
 OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
+ROAD = ("bank",)  # of the road, known like a command; without it the road is taken to be flat
 UNITS = {"t": "s", "x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s",
-         "ax": "m/s^2", "ay": "m/s^2", "delta_cmd": "rad", "tau_cmd": "N m"}  # fmt: skip
+         "ax": "m/s^2", "ay": "m/s^2", "delta_cmd": "rad", "tau_cmd": "N m", "bank": "rad"}  # fmt: skip
 COLUMNS = tuple(UNITS)
 
 SHORTEST_RUN = 50  # rows; less holds nothing to learn from
@@ -44,7 +45,8 @@ class Run:
 
     `t` [s]; `x`, `y` [m] and `psi` [rad] of the centre of gravity in a fixed frame; `r` [rad/s]; `v` [m/s]; `beta`
     [rad] course minus heading; `omega_r` [m/s] rear rim speed; `ax`, `ay` [m/s^2] in the body frame; `delta_cmd`
-    [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows.
+    [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows; `bank` [rad] of the road under the
+    car, its left side higher, known too.
 
     `filled`: rows (bool) in which the screening has filled a bad sample, so that a column is no measurement there.
     `trusted`: columns that are asked no questions, since somebody has looked at them. `recording`: the name of the run
@@ -64,6 +66,7 @@ class Run:
     x: np.ndarray | None = None
     y: np.ndarray | None = None
     psi: np.ndarray | None = None
+    bank: np.ndarray | None = None
     filled: np.ndarray | None = None
     trusted: tuple[str, ...] = ()
     recording: str = ""
@@ -114,7 +117,7 @@ def read_run(path: str | Path) -> Run:
     if missing:
         raise InvalidLogError(
             f"{path}: missing column {', '.join(missing)}; a run needs {', '.join(REQUIRED)} "
-            f"and may have {', '.join(OPTIONAL)}"
+            f"and may have {', '.join((*OPTIONAL, *ROAD))}"
         )
     return make_run(path, columns)
 

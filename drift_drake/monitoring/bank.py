@@ -151,6 +151,17 @@ def make_bank(
     )  # fmt: skip
 
 
+def on_bank(bank: Bank, angle: float) -> Bank:
+    """The bank of filters on a road that is known to be banked [rad], its left side higher."""
+    if angle == 0.0:
+        return bank
+    constants, at = Constants(*bank.constants), Effects._fields.index("mass_error")
+    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, at])
+    pushes = bank.pushes.copy()
+    pushes[:, 1] -= weights * np.sin(angle)
+    return bank._replace(pushes=pushes)
+
+
 def make_state(bank: Bank) -> BankState:
     """A state to be filled by `start`."""
     m, kept = len(bank.effects), int(np.ceil(bank.delays.max())) + 2

@@ -14,7 +14,7 @@ from drift_drake.estimation.reduction import STATES
 from drift_drake.logs.driving import slowest
 from drift_drake.logs.plausible import ABSURD
 from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes
+from drift_drake.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes, on_bank
 from drift_drake.monitoring.evidence import (
     ALARM,
     NAMED,
@@ -81,8 +81,11 @@ class Monitor:
 
 
 def seen(used: Sequence[str]) -> list[str]:
-    """Effects that the measured channels `used` can show; the commands are known."""
-    return [name for name, info in CATALOGUE.items() if set(info.needs) <= {*used, "tau_cmd"}]
+    """Effects that the measured channels `used` can show; the commands are known.
+
+    Live, commands do not act before they are given, and that they act later is a latency of the sensors.
+    """
+    return [name for name, info in CATALOGUE.items() if set(info.needs) <= {*used, "tau_cmd"} and not info.hastens]
 
 
 def make_monitor(
@@ -114,17 +117,18 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
     return out
 
 
-def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float) -> State:
-    """The state after one more row, at t [s]; y and command as `row_taken` wants them."""
-    state = row_taken(monitor, state, y, command)
+def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
+    """The state after one more row, at t [s]; y, command and road as `row_taken` wants them."""
+    state = row_taken(monitor, state, y, command, road)
     return _closed(monitor, state, t) if state.clock[1] >= max(round(BLOCK / monitor.bank.period), 1) else state
 
 
-def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray) -> State:
+def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, road: float = 0.0) -> State:
     """The state with one more row in its block.
 
     Args:
-        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]).
+        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]);
+        road: its known bank [rad]; an effect `road_bank` comes to it.
     """
     used = monitor.used & (np.abs(y) < ABSURD)
     commanded = bool((np.abs(command) < ABSURD).all())
@@ -138,7 +142,7 @@ def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray
         return state._replace(clock=np.array([1.0, filled, edge, allowance(monitor.bank)]), bank=bank)
     if not commanded:
         command = state.bank.commands[-1].copy()
-    bank, innovations, left = gated_row(monitor.bank, state.bank, left, y, used, command)
+    bank, innovations, left = gated_row(on_bank(monitor.bank, road), state.bank, left, y, used, command)
     if not np.isfinite(bank.z).all():  # all cars of the bank begin anew at the next row, and what was found stays
         return state._replace(clock=np.array([0.0, filled, edge, left]))
     block, (_, v, beta) = state.block, bank.z[0, :3]

@@ -41,7 +41,7 @@ def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
     """Sums of the full blocks of a run."""
     state, out = monitor.start(), list[Sums]()
     for row in rows_of(run):
-        state = row_taken(monitor, state, row.y, row.command)
+        state = row_taken(monitor, state, row.y, row.command, row.road)
         if state.block.rows * monitor.bank.period >= BLOCK:
             out.append(state.block)
             state = state._replace(block=no_sums(len(monitor.problem.nodes)))

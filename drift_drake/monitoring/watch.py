@@ -29,6 +29,7 @@ class Row(NamedTuple):
     t: float
     y: np.ndarray  # [9] `CHANNELS`, NaN where there is none
     command: np.ndarray  # [2]
+    road: float = 0.0  # its bank [rad]
 
 
 def rows_of(run: Run) -> Iterator[Row]:
@@ -36,8 +37,9 @@ def rows_of(run: Run) -> Iterator[Row]:
     y = np.stack([np.full(len(run), np.nan) if a is None else a for a in columns], axis=1)
     y[:, CHANNELS.index("psi")] = np.unwrap(y[:, CHANNELS.index("psi")])
     commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
+    road = np.zeros(len(run)) if run.bank is None else run.bank
     for i in range(len(run)):
-        yield Row(float(run.t[i]), y[i], commands[i])
+        yield Row(float(run.t[i]), y[i], commands[i], float(road[i]))
 
 
 def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects, watched: Sequence[str] = WATCHED) -> Monitor:
@@ -65,7 +67,7 @@ def watched(monitor: Monitor, rows: Iterator[Row]) -> Iterator[tuple[float, np.n
     state, reported = monitor.start(), Events()
     for row in rows:
         before = state.verdict
-        state = after_row(monitor, state, row.y, row.command, row.t)
+        state = after_row(monitor, state, row.y, row.command, row.t, row.road)
         if state.verdict is not before:
             reported, events = reported.after(monitor, state.verdict, row.t)
             yield row.t, state.verdict, [with_group(monitor, state, event) for event in events]
@@ -187,4 +189,4 @@ def as_rows(rows: Iterator[dict[str, float]]) -> Iterator[Row]:
         y = np.array([columns.get(name, np.nan) for name in CHANNELS])
         if np.isfinite(y[PSI]):
             psi = y[PSI] = y[PSI] if np.isnan(psi) else psi + math.remainder(y[PSI] - psi, 2.0 * math.pi)
-        yield Row(columns["t"], y, np.array([columns["delta_cmd"], columns["tau_cmd"]]))
+        yield Row(columns["t"], y, np.array([columns["delta_cmd"], columns["tau_cmd"]]), columns.get("bank", 0.0))

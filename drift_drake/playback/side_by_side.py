@@ -9,16 +9,18 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import LogVectorOutput, Multiplexer, TrajectorySource
+from pydrake.systems.primitives import Adder, LogVectorOutput, Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.arrays import Array
+from drift_drake.estimation.road import bank_force
 from drift_drake.logs.driving import SPUN, driven, slowest, spans
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
 from drift_drake.simulation.car import Car
 from drift_drake.simulation.runner import make_simulator
+from drift_drake.vehicle.delays import as_commanded, on_time
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE_AT
@@ -93,43 +95,67 @@ class SideBySide:
                 "throughout; log a drive"
             )
         builder = DiagramBuilder()
-        steering = self._source(builder, "steering", run.delta_cmd)
-        follow, keep = run.tau_cmd is None and run.omega_r is not None, run.tau_cmd is None and run.omega_r is None
-        if follow:
+        self._follow = run.tau_cmd is None and run.omega_r is not None
+        self._keep = run.tau_cmd is None and run.omega_r is None
+        if self._follow:
             self.remarks.append("no tau_cmd: the cars' rear wheels follow the measured rim speed")
-            wanted = self._source(builder, "rim_speed", self.motion.omega_r)
-        elif keep:
+            self._wanted = self._source(builder, "rim_speed", self.motion.omega_r)
+        elif self._keep:
             self.remarks.append("no tau_cmd and no omega_r: the cars roll freely, and a force keeps the measured speed")
-            wanted = self._source(builder, "speed", run.v)
-        if not follow:
-            torque = self._source(builder, "torque", np.zeros(len(run)) if run.tau_cmd is None else run.tau_cmd)
-            commands = self._join(builder, "commands", steering, torque)
+            self._wanted = self._source(builder, "speed", run.v)
         self.cars, self._loggers = {}, {}
         for name, model in cars.items():
-            # A follower supplies the torque at the wheel: no lag comes between.
-            effects = model.effects._replace(torque_lag=0.0) if follow else model.effects
-            made = Car(model.parameters, effects, noise=NoiseLevels.none(), period=run.period)
-            car = builder.AddNamedSystem(name, made)
-            if follow:
-                follower = builder.AddNamedSystem(f"{name}_wheels", rim_speed_follower(model.parameters))
-                builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
-                builder.Connect(wanted, follower.GetInputPort("wanted"))
-                commands = self._join(builder, f"{name}_commands", steering, follower.get_output_port())
-            elif keep:
-                keeper = builder.AddNamedSystem(f"{name}_speed", speed_keeper(model.parameters))
-                builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
-                builder.Connect(wanted, keeper.GetInputPort("wanted"))
-                builder.Connect(keeper.get_output_port(), car.GetInputPort("disturbance"))
-            builder.Connect(commands, car.GetInputPort("command"))
-            sink = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
-            sink.set_name(f"log_of_{name}")
-            self.cars[name], self._loggers[name] = car, sink
+            self._add(builder, name, model)
         self.diagram = builder.Build()
         self.diagram.set_name("side_by_side")
 
+    def _add(self, builder: DiagramBuilder, name: str, model: CarModel) -> None:
+        """A car under the log's commands, on its road, and a logger of what it would log."""
+        run, effects = self._log, model.effects
+        torque = np.zeros(len(run)) if run.tau_cmd is None else run.tau_cmd
+        given = as_commanded({"delta_cmd": run.delta_cmd, "tau_cmd": torque}, effects, run.period)
+        if self._follow:  # it supplies the torque at the wheel: no lag comes between
+            effects = effects._replace(torque_lag=0.0)
+        if run.bank is not None:
+            effects = effects._replace(road_bank=0.0)
+        made = Car(model.parameters, on_time(effects), noise=NoiseLevels.none(), period=run.period)
+        car = self.cars[name] = builder.AddNamedSystem(name, made)
+        steering, wrenches = self._source(builder, f"steering_of_{name}", given["delta_cmd"]), []
+        if self._follow:
+            follower = builder.AddNamedSystem(f"{name}_wheels", rim_speed_follower(model.parameters))
+            builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
+            builder.Connect(self._wanted, follower.GetInputPort("wanted"))
+            driving = follower.get_output_port()
+        else:
+            driving = self._source(builder, f"torque_of_{name}", given["tau_cmd"])
+        if self._keep:
+            keeper = builder.AddNamedSystem(f"{name}_speed", speed_keeper(model.parameters))
+            builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
+            builder.Connect(self._wanted, keeper.GetInputPort("wanted"))
+            wrenches.append(keeper.get_output_port())
+        if run.bank is not None:
+            weight = model.parameters.mass * (1.0 + model.effects.mass_error) * model.parameters.gravity
+            force = bank_force(run.bank, weight, model.effects.road_bank)
+            none = np.zeros(len(run))
+            wrenches.append(self._source(builder, f"bank_under_{name}", np.stack([none, force, none])))
+        if wrenches:
+            builder.Connect(self._sum(builder, name, wrenches), car.GetInputPort("disturbance"))
+        builder.Connect(self._join(builder, f"{name}_commands", steering, driving), car.GetInputPort("command"))
+        sink = self._loggers[name] = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
+        sink.set_name(f"log_of_{name}")
+
+    @staticmethod
+    def _sum(builder: DiagramBuilder, name: str, wrenches: Sequence[Any]) -> Any:
+        if len(wrenches) == 1:
+            return wrenches[0]
+        adder = builder.AddNamedSystem(f"{name}_wrench", Adder(len(wrenches), 3))
+        for i, wrench in enumerate(wrenches):
+            builder.Connect(wrench, adder.get_input_port(i))
+        return adder.get_output_port()
+
     def _source(self, builder: DiagramBuilder, name: str, values: Array) -> Any:
-        """A column of the log, linear between rows."""
-        trajectory = PiecewisePolynomial.FirstOrderHold(self._t, values[None, :])
+        """A column of the log, or several [columns, rows], linear between rows."""
+        trajectory = PiecewisePolynomial.FirstOrderHold(self._t, np.atleast_2d(values))
         return builder.AddNamedSystem(f"logged_{name}", TrajectorySource(trajectory)).get_output_port()
 
     @staticmethod

@@ -107,7 +107,9 @@ OWN: dict[str, Effect] = {
         "-", -0.1, 0.1, "measured yaw rate times (1 + q)", stage="sensor", needs=("psi",), daily=0.5
     ),
     "speed_gain_error": Effect("-", -0.08, 0.08, "measured speed times (1 + q), the rim's not", stage="sensor"),
-    "road_bank": Effect("rad", -0.2, 0.2, "the road's left side is higher by q", varies=True),
+    "road_bank": Effect(
+        "rad", -0.2, 0.2, "the road's left side is higher by q; where it is logged, by (1 + q) times that", varies=True
+    ),
     "command_clock_error": Effect(
         "s",
         -0.1,

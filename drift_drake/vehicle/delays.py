@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from drift_drake.arrays import Array
-
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effect import Command
@@ -83,14 +82,23 @@ def stamped(columns: Mapping[Command, Array], q: Effects, period: float) -> tupl
     What was commanded at t is logged at t + q; before the first row commands were what they are there. A clock that is
     early logs nothing for the last rows.
     """
-    out, rows = {}, min(len(values) for values in columns.values())
-    kept = rows
-    for name, values in columns.items():
-        late = sum(getattr(q, effect) for effect in HASTENERS if name in CATALOGUE[effect].hastens)
-        t = period * np.arange(rows)
-        out[name] = np.interp(t - late, t, values)
-        kept = min(kept, rows - math.ceil(max(-late, 0.0) / period - ROUNDING))
-    return {name: values[:kept] for name, values in out.items()}, kept
+    moved = {name: _moved(values, -_clock(q, name), period) for name, values in columns.items()}
+    kept = min(len(v) - math.ceil(max(-_clock(q, name), 0.0) / period - ROUNDING) for name, v in columns.items())
+    return {name: values[:kept] for name, values in moved.items()}, kept
+
+
+def as_commanded(columns: Mapping[Command, Array], q: Effects, period: float) -> dict[Command, Array]:
+    """`stamped` the other way: a log's commands [rows] when they were given; after its last row they are held."""
+    return {name: _moved(values, _clock(q, name), period) for name, values in columns.items()}
+
+
+def _clock(q: Effects, command: Command) -> float:
+    return float(sum(getattr(q, name) for name in HASTENERS if command in CATALOGUE[name].hastens))
+
+
+def _moved(values: Array, ahead: float, period: float) -> Array:
+    t = period * np.arange(len(values))
+    return np.asarray(np.interp(t + ahead, t, values)) if ahead != 0.0 else values
 
 
 @compiled

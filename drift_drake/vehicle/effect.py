@@ -181,7 +181,9 @@ def _check_delay(where: str, effect: Effect) -> None:
     """Sees that a delay is nothing but one, of a command of the logs."""
     functions = [name for name in FUNCTIONS if getattr(effect, name) is not None]
     if effect.hastens:
-        raise InvalidExtensionError(f"{where}: hastens commands, as the catalogue's own command_clock_error does; use it")
+        raise InvalidExtensionError(
+            f"{where}: hastens commands, as the catalogue's own command_clock_error does; use it"
+        )
     if effect.delays not in COMMANDS or effect.stage != "command" or functions:
         raise InvalidExtensionError(
             f"{where}: delays '{effect.delays}' at stage '{effect.stage}' with {functions or 'no functions'}; let a "

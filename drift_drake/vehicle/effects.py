@@ -269,7 +269,7 @@ def measured(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, 
 
 @jitable
 def unbiased(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
-    """What readings of the yaw rate, speed, sideslip and rim speed stand for: `measured` the other way, to first order."""
+    """What readings (yaw rate, speed, sideslip, rim speed) stand for: `measured` the other way, to first order."""
     r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
     by_r, by_v, by_beta, by_rim = reading_gains(q)
     return ((r - q.gyro_bias - r_error) / by_r, v / by_v, (beta - q.sideslip_bias - beta_error) / by_beta,

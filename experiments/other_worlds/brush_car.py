@@ -100,7 +100,7 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
     mass = p.mass * (1.0 + q.mass_error)
     length, weight = a + b, mass * p.gravity
     friction = p.friction * (1.0 + q.friction_level)
-    lagging = q.steering_lag + q.steering_rate_limit > 0.0
+    lagging, delta = q.steering_lag + q.steering_rate_limit > 0.0, delta * (1.0 + q.steering_ratio_error)
     steering = (z[8] if lagging else delta) + q.steering_offset
     torque = z[9] if q.torque_lag > 0.0 else tau
 
@@ -130,6 +130,7 @@ def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
     uphill = weight * np.sin(q.road_grade)
     f_x = left_x + right_x - side_front * np.sin(angle_front) - rolling - drag * u - uphill * np.cos(psi)
     f_y = left_y + right_y + side_front * np.cos(angle_front) - drag * w + uphill * np.sin(psi)
+    f_y -= weight * np.sin(q.road_bank)
     moment = a * side_front * np.cos(angle_front) - b * (left_y + right_y) + half * (right_x - left_x)
     a_x, a_y = f_x / mass, f_y / mass
 

@@ -33,6 +33,33 @@ def steering_offset(run: Run, q: float) -> Run:
     return dataclasses.replace(run, delta_cmd=run.delta_cmd - q)
 
 
+def steering_ratio_error(run: Run, q: float) -> Run:
+    """The road wheel turns 1 + `q` times as far as commanded."""
+    return dataclasses.replace(run, delta_cmd=run.delta_cmd / (1.0 + q))
+
+
+def gyro_gain_error(run: Run, q: float) -> Run:
+    """The measured yaw rate times 1 + `q`; the heading stays."""
+    return dataclasses.replace(run, r=run.r * (1.0 + q))
+
+
+def speed_gain_error(run: Run, q: float) -> Run:
+    """The measured speed times 1 + `q`; the rim's stays."""
+    return dataclasses.replace(run, v=run.v * (1.0 + q))
+
+
+def command_clock_error(run: Run, q: float) -> Run:
+    """Every command is stamped `q` [s] late; rows without one, at the start or (early ones) at the end, are cut."""
+    commands: dict[str, Any] = {
+        name: np.interp(run.t - q, run.t, values)
+        for name in ("delta_cmd", "tau_cmd")
+        if (values := run.column(name)) is not None
+    }
+    cut = rows_in(run, abs(q))
+    rows = (cut, len(run)) if q > 0.0 else (0, len(run) - cut)
+    return dataclasses.replace(run, **commands).rows(*rows)
+
+
 def torque_gain_error(run: Run, q: float) -> Run:
     """The torque at the axle is 1 + `q` times the logged one."""
     return dataclasses.replace(run, tau_cmd=needed(run, "tau_cmd") / (1.0 + q))
@@ -72,6 +99,10 @@ CHANGES: dict[str, Callable[[Run, float], Run]] = {
     "wheel_radius_error": wheel_radius_error,
     "sensor_latency": sensor_latency,
     "torque_gain_error": torque_gain_error,
+    "steering_ratio_error": steering_ratio_error,
+    "gyro_gain_error": gyro_gain_error,
+    "speed_gain_error": speed_gain_error,
+    "command_clock_error": command_clock_error,
 }
 
 

@@ -35,6 +35,13 @@ def test_a_delayed_command_is_logged_earlier(run, q):
     assert len(run) - len(changed) == 3
 
 
+@pytest.mark.parametrize("q", [-0.05, 0.05])
+def test_a_wrong_clock_stamps_both_commands(run, q):
+    changed = CHANGES["command_clock_error"](run, q)
+    np.testing.assert_allclose(changed.delta_cmd, command(changed.t - q), atol=2e-4)
+    np.testing.assert_array_equal(changed.r, run.r[3:] if q > 0.0 else run.r[:-3])
+
+
 def test_the_lag_of_the_changed_command_is_the_recorded_one(run):
     changed = CHANGES["steering_lag"](run, 0.1)
     fine = np.interp(np.arange(STAGES * 299 + 1) / STAGES, np.arange(300), changed.delta_cmd)
@@ -57,6 +64,9 @@ def test_late_sensors_leave_commands_alone_and_headings_unwrapped(run):
         ("sideslip_bias", "beta", lambda a: a + 0.02),
         ("wheel_radius_error", "omega_r", lambda a: a * 1.02),
         ("torque_gain_error", "tau_cmd", lambda a: a / 1.02),
+        ("steering_ratio_error", "delta_cmd", lambda a: a / 1.02),
+        ("gyro_gain_error", "r", lambda a: a * 1.02),
+        ("speed_gain_error", "v", lambda a: a * 1.02),
     ],
 )
 def test_one_column_is_changed_alone(run, name, column, expected):

@@ -102,7 +102,7 @@ def test_what_recordings_disagree_about_is_told_in_the_vehicle_files_names(other
 
 
 def test_a_delay_may_be_a_cars_every_day(other_car):
-    for name in ("steering_delay", "sensor_latency"):
+    for name in ("steering_delay", "sensor_latency", "gyro_gain_error", "command_clock_error"):
         assert prior_of(name, other_car.guess, frozenset()) >= CATALOGUE[name].high
 
 

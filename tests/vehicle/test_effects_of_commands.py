@@ -99,7 +99,7 @@ def test_command_clock_error():
     prompt = driven_car({}, driving, 1.2)["state"]
     late = driven_car({"command_clock_error": -0.05}, driving, 1.2)["state"]
     np.testing.assert_allclose(late[:4, 50:], prompt[:4, :-50], atol=1e-6)
-    with pytest.raises(InvalidVehicleError, match="the car: with command_clock_error commands would act 0.03 s before"):
+    with pytest.raises(InvalidVehicleError, match=r"the car: with command_clock_error commands would act 0\.03 s"):
         Car(P, make_effects({"command_clock_error": 0.03}))
 
 

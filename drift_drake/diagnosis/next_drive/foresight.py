@@ -21,6 +21,7 @@ from drift_drake.estimation.problem import (
     tolerance_deviations,
 )
 from drift_drake.estimation.reduction import roll_out
+from drift_drake.estimation.road import NO_PUSH
 from drift_drake.estimation.run_data import SETTLING_TIME, RunData
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import measured, settled_memory
@@ -131,7 +132,7 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     y[0, :4] = measured(*states[0, :4], effects)
     y[0, CHANNELS.index("psi")] = drive.heading
     after = np.empty((1, rows - 1, MEASURED))
-    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, after)
+    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, NO_PUSH, after)
     y[1:] = after[0]
     return y
 

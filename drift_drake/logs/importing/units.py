@@ -37,6 +37,7 @@ QUANTITIES = {  # that the importer knows by name; other names are inputs of the
     "az": "acceleration",
     "delta_cmd": "angle",
     "tau_cmd": "torque",
+    "bank": "angle",
 }
 FRAMES = ("iso8855", "ned", "sae")
 MIRRORED = ("y", "vy", "ay", "az", "psi", "r", "beta", "delta_cmd")  # what turns its sign where y is right and z down

@@ -146,8 +146,8 @@ def predicted_with(
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
     """Standard deviation of what any effect may be on the day of calibration, before its logs.
 
-    A sensor's bias or a road's slope belongs to no car: it is as on any recording. A latency or a gain may be this car's
-    every day, where that day's drives did not show it.
+    A sensor's bias or a road's slope belongs to no car: it is as on any recording. A latency or a gain may be this
+    car's every day, where that day's drives did not show it.
     """
     info = CATALOGUE[name]
     bias = info.varies and (info.stage == "sensor" or name in ("road_grade", "road_bank"))

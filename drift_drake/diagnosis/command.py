@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 
 GAP_FOUND = 3  # exit code, where it is asked for
+LEAST_ALARMS, USUAL_ALARMS, MOST_ALARMS = 0.001, 0.05, 0.2  # rates of false alarms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +63,9 @@ class Diagnose:
     calibration: Path | None = None
     """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its
     persistent model mismatch are taken out too, so that a row is worth more."""
+    false_alarms: float | None = None
+    """Rate of false alarms, beside a --calibration by prediction: how often a day on which nothing has changed may be
+    said to have a gap; 0.05 if it is not given."""
     effects: tuple[str, ...] = tuple(CATALOGUE)
     """Effects to consider."""
     exclude: tuple[str, ...] = ()
@@ -140,11 +144,21 @@ def trust_options(command: Diagnose) -> dict[str, Any]:
     with ended_at_once():
         from drift_drake.identification.calibration import CarTrust, read_trust
 
+    asked = command.false_alarms
+    if asked is not None and not LEAST_ALARMS <= asked <= MOST_ALARMS:
+        raise InvalidOptionError(f"--false-alarms {asked:g}: give a rate from {LEAST_ALARMS:g} to {MOST_ALARMS:g}")
     if command.calibration is not None:
         trust = read_trust(command.calibration)
     else:
         trust = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
-    return {"normal": trust.normal} | (trust.options() if trust.normal is None else {})
+    if trust.normal is None and asked is not None:
+        raise InvalidOptionError(
+            "--false-alarms is a rate relative to a --calibration by prediction; give one ('drift-drake identify "
+            "--criterion prediction --json'), or leave the rate out"
+        )
+    return {"normal": trust.normal} | (
+        trust.options() if trust.normal is None else {"false_alarms": asked or USUAL_ALARMS}
+    )
 
 
 def chosen_effects(command: Diagnose) -> tuple[str, ...]:

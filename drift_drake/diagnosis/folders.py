@@ -40,9 +40,10 @@ def answer_folder(
     case = case_name(folder)
     found: Diagnosis | DayDiagnosis
     if normal is not None:
-        kept = {key: options[key] for key in ("own", "progress", "catalogue") if key in options}
+        kept = {key: options[key] for key in ("own", "progress", "catalogue", "false_alarms") if key in options}
         found = diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
     else:
+        options.pop("false_alarms", None)
         options.setdefault("stated", stated_noise(folder))
         found = diagnose(runs, vehicle, case=case, workers=workers, **options)
     answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)

@@ -1,9 +1,8 @@
-"""What is normal for a car: scores of its prediction errors, direction by direction, and how they scatter.
+"""Scores of a car's prediction errors: each window's error projected on what an effect would do to it.
 
-A score is a window's error projected on what an effect would do to it. On the day of calibration the scores of blocks
-of time show what the calibrated car lacks every day, in each direction, and how that scatters; what calibration left
-unknown (a friction limit that no drive came near) widens the scatter wherever another day's drives depend on it. A
-generalised method of moments with an empirical weight (Hansen 1982).
+Scores of blocks of time show, direction by direction, what a calibrated car lacks and how that scatters
+(`estimation.baseline` says how those of another recording scatter). Directions are the effects of the catalogue, and
+some of them in part of the driving only (`estimation.partial`).
 
 Recordings differ: batteries empty, tyres warm up, wind turns, a sensor is aligned anew, and equations that do not
 follow the car ask for other parameters on a circle than in a slalom. Blocks of time within a recording do not show
@@ -16,11 +15,11 @@ others.
 import dataclasses
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.estimation.normal import Normal, capped_squares
+from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.partial import partial_columns, standards
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.estimation.unknowns import added
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
@@ -29,24 +28,18 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
 BLOCK = 2.0  # [s]
+STRETCH = 12.0  # [s], about, of a run over which what the equations lack hangs together
 CLIPPED = 4.0  # robust scales at which a window's error in a channel is clipped (Huber)
 LARGEST = 20.0  # robust scales of a derivative
 SHARE = 0.25  # of the practical range, that derivatives are taken over
 RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
-REGULAR = 1e-2  # of the errors' covariance
-SHRUNK, SHRUNK_AT = 0.3, 24  # towards a diagonal covariance, with so many blocks
-BETWEEN_DAYS = 8.0  # by how much scores scatter more between days than between blocks of one day (validation days)
 COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is known
 GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
 BEYOND = 0.15  # share beyond, at which a window counts half
-MODEL_FORM = {"yaw_inertia_error": 0.08}
-"""Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and
-tyres relax, the yaw inertia that predicts best depends on the drive (validation cars)."""
 ALIKE = 4.0
 """Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
 (validation days and recordings)."""
 RECORDING_SHARE = 0.5  # of the least gap: what an effect deviates by from recording to recording, two are a gap
-CALIBRATED = 4.0  # by how much what calibration left unknown is wider than its own logs say (validation days)
 
 
 def units(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
@@ -85,10 +78,11 @@ class Day:
     constants: Constants
     own: Effects
     errors: np.ndarray  # of the calibrated car [windows, HORIZONS, channels]
-    jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, n]
+    jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, m]: of the effects, then of the partial ones
     block: np.ndarray  # [windows]
     run: np.ndarray  # [windows] index of the run
     weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
+    standard: np.ndarray  # of the driving, on the day of calibration (`partial.standards`)
 
     @property
     def ahead(self) -> list[str]:
@@ -110,6 +104,17 @@ class Day:
         windows = np.bincount(self.recordings[self.run]).astype(float)
         return float(windows.sum() ** 2 / np.sum(windows**2))
 
+    @property
+    def stretch(self) -> np.ndarray:
+        """Index [windows] of the stretch of about `STRETCH` seconds, within one run, that each window is of."""
+        at = np.concatenate([(run.starts - run.starts[:1]) * run.period for run in self.runs])
+        lasts = [float(np.ptp(run.starts)) * run.period if len(run.starts) else 0.0 for run in self.runs]
+        count = np.array([max(round(last / STRETCH), 1) for last in lasts])
+        length = np.maximum(np.array(lasts) / count, 1e-9)[self.run]
+        own = np.minimum((at / length).astype(int), count[self.run] - 1)
+        first = np.concatenate([[0], np.cumsum(count)[:-1]])
+        return np.asarray(np.unique(first[self.run] + own, return_inverse=True)[1])
+
     def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
         """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
         return errors(self.runs, self.constants, added(self.own, effects), horizons)
@@ -119,7 +124,8 @@ def make_day(
     runs: Sequence[WindowedRun], constants: Constants, own: Effects, names: Sequence[str], steps: np.ndarray,
     normal: Normal | None = None, threads: int = THREADS,
 ) -> Day:  # fmt: skip
-    """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`.
+    """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`, and by
+    their partial ones.
 
     Args:
         normal: what is normal for the car; None on the day of calibration, which shows it.
@@ -130,9 +136,12 @@ def make_day(
     with ThreadPoolExecutor(threads) as pool:
         moved = errors_of_all(runs, constants, cars, pool)
     columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
+    jacobian = np.stack(columns, axis=-1)
+    standard = standards(runs) if normal is None else normal.standard
+    jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard)[1]], axis=-1)
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
-    return Day(runs, constants, own, at, np.stack(columns, axis=-1), block_of(runs), run, weights)
+    return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard)
 
 
 def drive_coverage(runs: Sequence[WindowedRun]) -> np.ndarray:
@@ -146,20 +155,34 @@ def familiarity(runs: Sequence[WindowedRun], covered: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / (1.0 + (np.maximum(beyond.max(axis=1), 0.0) / BEYOND) ** 2))
 
 
-def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """Scores [blocks, n] of errors e."""
+def window_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """Scores [windows, m] of errors e."""
     weighted = day.weights[:, None] * flat_scores(e, scales)
-    score = np.einsum("wip,wi->wp", day.jacobian, weighted @ precision, optimize=True)
-    out = np.zeros((day.blocks, score.shape[1]))
-    np.add.at(out, day.block, score)
+    return np.asarray(np.einsum("wip,wi->wp", day.jacobian, weighted @ precision, optimize=True))
+
+
+def block_scores(day: Day, e: np.ndarray, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """Scores [blocks, m] of errors e."""
+    return summed_over(window_scores(day, e, scales, precision), day.block)
+
+
+def summed_over(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Sums [groups, m] of values [windows, m] over groups [windows]."""
+    out = np.zeros((int(group.max()) + 1, values.shape[1]))
+    np.add.at(out, group, values)
     return out
 
 
-def block_information(day: Day, scales: np.ndarray, precision: np.ndarray) -> np.ndarray:
-    """Sum over the blocks of the information [n, n] that clipped errors hold."""
-    weights = np.broadcast_to(huber_weights(day.errors, scales), day.errors.shape).reshape(len(day.errors), -1)
-    half = np.sqrt(weights * day.weights[:, None])[..., None] * day.jacobian
-    return np.asarray(np.einsum("wip,ij,wjq->pq", half, precision, half, optimize=True))
+def block_information(
+    day: Day, scales: np.ndarray, precision: np.ndarray, kept: np.ndarray | None = None
+) -> np.ndarray:
+    """Sum over the blocks of the information [m, m] that clipped errors hold; kept: windows [windows] (bool) of it."""
+    rows = np.arange(len(day.errors)) if kept is None else np.flatnonzero(kept)
+    weights = np.broadcast_to(huber_weights(day.errors[rows], scales), day.errors[rows].shape).reshape(len(rows), -1)
+    half = np.sqrt(weights * day.weights[rows, None])[..., None] * day.jacobian[rows]
+    size = half.shape[-1]
+    weighted = np.tensordot(half, precision, axes=(1, 0)).transpose(0, 2, 1).reshape(-1, size)
+    return np.asarray(half.reshape(-1, size).T @ weighted)
 
 
 def between_recordings(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
@@ -205,58 +228,6 @@ def shrunk(seen: np.ndarray, alone: np.ndarray, information: np.ndarray, count: 
     return np.asarray((1.0 - share) * seen + share * size * shown @ alone)
 
 
-class Learnt(NamedTuple):
-    """What a day of calibration shows of its car."""
-
-    normal: Normal
-    pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
-    between: np.ndarray  # covariance of the effects over all recordings from that, in units [n, n]
-
-
-def learn_normal(day: Day, names: Sequence[str], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray) -> Learnt:
-    """What is normal, from the day of calibration.
-
-    Args:
-        day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
-        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
-            they differ by from one recording to the next at least (`between_recordings`).
-    """
-    scales = robust_scales(day.errors)
-    f = flat_scores(day.errors, scales)
-    precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
-    score = block_scores(day, day.errors, scales, precision)
-    information = block_information(day, scales, precision)
-    scatter = np.maximum(np.cov(score.T), 0.0) * np.eye(len(names)) if len(score) < 3 else np.cov(score.T)
-    scatter = scatter + 1e-12 * np.trace(scatter) * np.eye(len(names))
-    deviation = np.sqrt(np.diag(scatter))
-    shrink = min(SHRUNK * SHRUNK_AT / len(score), 0.9)
-    correlation = (1.0 - shrink) * scatter / np.outer(deviation, deviation) + shrink * np.eye(len(names))
-    covariance = correlation * np.outer(deviation, deviation)
-    seen = np.diag(information) > 0.0
-    ratio = float(np.mean(np.diag(covariance)[seen] * len(score) / np.diag(information)[seen]))
-    temper = max(ratio, 1.0) * CALIBRATED
-    alone = np.linalg.inv(np.diag(1.0 / prior**2) + information / temper)
-    by_recording, blocks = scores_by_recording(day, score)
-    pulled = pulls(by_recording / temper, blocks, alone)
-    model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
-    seen_apart = spread(pulled)
-    # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
-    chance = len(pulled) / CALIBRATED
-    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
-    unknown = alone + model_form + recording / len(pulled)
-    run_of_block = np.array([day.run[day.block == k][0] for k in range(len(score))])
-    modes = np.array([score[run_of_block == k].mean(axis=0) for k in np.unique(run_of_block)])
-    offset = np.median(day.errors, axis=0)
-    level = capped_squares((day.errors - offset) / scales).mean(axis=0)
-    normal = Normal(
-        names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        blocks=len(score), mean=score.mean(axis=0), covariance=covariance, modes=modes,
-        information=np.diag(information) / len(score), covered=drive_coverage(day.runs), unknown=unknown,
-        recording=recording, offset=offset, level=level,
-    )  # fmt: skip
-    return Learnt(normal, pulled, seen_apart / len(pulled))
-
-
 def scores_by_recording(day: Day, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Scores summed over each recording [K, n], and its number of blocks [K]; score: of the blocks [blocks, n]."""
     of_block = np.zeros(day.blocks, dtype=int)
@@ -266,41 +237,7 @@ def scores_by_recording(day: Day, score: np.ndarray) -> tuple[np.ndarray, np.nda
     return out, np.bincount(of_block)
 
 
-@dataclasses.dataclass(frozen=True)
-class Scatter:
-    """How a day's summed scores scatter if nothing has changed, and their mean."""
-
-    mean: np.ndarray  # [n]
-    covariance: np.ndarray  # [n, n]
-    inverse: np.ndarray  # of the covariance [n, n]
-
-    def weight(self, apart: float = 0.0) -> np.ndarray:
-        """The inverse covariance [n, n] once each score scatters by a further share `apart` of its variance, alone."""
-        if apart == 0.0:
-            return self.inverse
-        return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
-
-
-def scatter_of(day: Day, normal: Normal) -> Scatter:
-    """The normal scatter of this day's scores: of blocks, of what calibration left unknown, of each new recording."""
-    parts = [
-        block_information(dataclasses.replace(day, weights=day.weights * (day.recordings[day.run] == k)),
-                          normal.scales, normal.precision)
-        for k in range(int(day.recordings.max()) + 1)
-    ]  # fmt: skip
-    information = np.sum(parts, axis=0)
-    per_block = np.diag(information) / day.blocks
-    grown = np.sqrt(per_block / np.maximum(normal.information, 1e-300 + 1e-6 * per_block))
-    covariance = BETWEEN_DAYS * day.blocks * normal.covariance * np.outer(grown, grown)
-    covariance = covariance + information @ normal.unknown @ information
-    covariance = covariance + np.sum([part @ normal.recording @ part for part in parts], axis=0)
-    mixed = day.blocks / len(normal.modes) * normal.modes
-    covariance = covariance + mixed.T @ mixed
-    covariance += 1e-9 * np.diag(np.diag(covariance)) + 1e-12 * np.eye(len(per_block))
-    return Scatter(normal.mean * day.blocks, covariance, np.linalg.inv(covariance))
-
-
 def summed(day: Day, normal: Normal, e: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
-    """Scores [n] of errors e summed over the day's blocks, or over those that are `kept` [blocks] (bool)."""
+    """Scores [m] of errors e summed over the day's blocks, or over those that are `kept` [blocks] (bool)."""
     score = block_scores(day, e, normal.scales, normal.precision)
     return np.asarray(score.sum(axis=0) if kept is None else score[kept].sum(axis=0))

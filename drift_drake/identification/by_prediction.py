@@ -6,10 +6,12 @@ from functools import partial
 
 import numpy as np
 
+from drift_drake.diagnosis.another_day.left_out import probabilities_of_none
+from drift_drake.estimation.baseline import learn_normal
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import STATES
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
-from drift_drake.estimation.scores import between_recordings, block_of, learn_normal, make_day, units
+from drift_drake.estimation.scores import between_recordings, block_of, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
 from drift_drake.identification.estimate import KEEPS
@@ -120,8 +122,9 @@ def fit_by_prediction(
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
-    learnt = learn_normal(day, seen, steps, prior, between_recordings(seen, vehicle) / steps)
-    normal = learnt.normal
+    learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps)
+    none = probabilities_of_none(learnt.left_out, learnt.normal.names, steps, car)
+    normal = dataclasses.replace(learnt.normal, left_out_none=none)
     at = [seen.index(u.name) for u in kept]
     scale = steps[at]
     covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)

@@ -13,11 +13,24 @@ TORQUE: tuple[Command, ...] = ("tau_cmd",)
 
 OWN: dict[str, Effect] = {
     "friction_level": Effect(
-        "-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction", daily=2.0, varies=True
+        "-",
+        -0.35,
+        0.2,
+        "friction of both axles times (1 + q)",
+        tolerance="friction",
+        daily=2.0,
+        varies=True,
+        of_tyres_or_body=True,
     ),
-    "front_rear_friction_split": Effect("-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear"),
-    "front_stiffness_error": Effect("-", -0.4, 0.4, "front tyre stiffness times (1 + q)", tolerance="front_stiffness"),
-    "rear_stiffness_error": Effect("-", -0.4, 0.4, "rear tyre stiffness times (1 + q)", tolerance="rear_stiffness"),
+    "front_rear_friction_split": Effect(
+        "-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear", of_tyres_or_body=True
+    ),
+    "front_stiffness_error": Effect(
+        "-", -0.4, 0.4, "front tyre stiffness times (1 + q)", tolerance="front_stiffness", of_tyres_or_body=True
+    ),
+    "rear_stiffness_error": Effect(
+        "-", -0.4, 0.4, "rear tyre stiffness times (1 + q)", tolerance="rear_stiffness", of_tyres_or_body=True
+    ),
     "tyre_relaxation": Effect(
         "m",
         0.15,
@@ -26,19 +39,43 @@ OWN: dict[str, Effect] = {
         spread=True,
         length=1.0,
         daily=0.2,
+        of_tyres_or_body=True,
     ),
-    "sliding_friction_drop": Effect("-", 0.05, 0.35, "friction falls by q as the contact slides", daily=0.2),
+    "sliding_friction_drop": Effect(
+        "-", 0.05, 0.35, "friction falls by q as the contact slides", daily=0.2, of_tyres_or_body=True
+    ),
     "tyre_thermal_fade": Effect(
-        "1/unit heat", 0.05, 0.4, "friction falls by q per unit of heat", mass=-1.0, length=-0.5, daily=0.2
+        "1/unit heat",
+        0.05,
+        0.4,
+        "friction falls by q per unit of heat",
+        mass=-1.0,
+        length=-0.5,
+        daily=0.2,
+        of_tyres_or_body=True,
     ),
     "longitudinal_load_transfer": Effect(
-        "m", 0.25, 0.7, "axle loads shift with a centre of gravity at height q", length=1.0, daily=0.2
+        "m",
+        0.25,
+        0.7,
+        "axle loads shift with a centre of gravity at height q",
+        length=1.0,
+        daily=0.2,
+        of_tyres_or_body=True,
     ),
-    "lateral_load_transfer": Effect("-", 0.05, 0.3, "friction falls by q (a_y/g)^2", daily=0.2),
-    "mass_error": Effect("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass", daily=1.5),
-    "yaw_inertia_error": Effect("-", -0.3, 0.4, "yaw inertia times (1 + q)", tolerance="yaw_inertia"),
+    "lateral_load_transfer": Effect("-", 0.05, 0.3, "friction falls by q (a_y/g)^2", daily=0.2, of_tyres_or_body=True),
+    "mass_error": Effect("-", -0.12, 0.2, "mass times (1 + q)", tolerance="mass", daily=1.5, of_tyres_or_body=True),
+    "yaw_inertia_error": Effect(
+        "-", -0.3, 0.4, "yaw inertia times (1 + q)", tolerance="yaw_inertia", of_tyres_or_body=True
+    ),
     "cg_shift": Effect(
-        "m", -0.12, 0.12, "centre of gravity moved back by q", tolerance="front_axle_distance", length=1.0
+        "m",
+        -0.12,
+        0.12,
+        "centre of gravity moved back by q",
+        tolerance="front_axle_distance",
+        length=1.0,
+        of_tyres_or_body=True,
     ),
     "steering_lag": Effect(
         "s", 0.03, 0.2, "first-order lag from command to road wheel", stage="actuator", spread=True, remembers=STEERING
@@ -71,7 +108,14 @@ OWN: dict[str, Effect] = {
     ),
     "torque_gain_error": Effect("-", -0.3, 0.2, "torque at the axle times (1 + q)", needs=TORQUE, tolerance="torque"),
     "drivetrain_inertia_error": Effect(
-        "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia", daily=0.2
+        "-",
+        -0.4,
+        0.8,
+        "rear axle inertia times (1 + q)",
+        needs=TORQUE,
+        tolerance="rear_axle_inertia",
+        daily=0.2,
+        of_tyres_or_body=True,
     ),
     "drivetrain_friction": Effect(
         "N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle", needs=TORQUE, mass=1.0, radius=1.0
@@ -80,7 +124,14 @@ OWN: dict[str, Effect] = {
     "rolling_resistance": Effect("-", 0.01, 0.05, "force q m g backwards along the body", varies=True),
     "road_grade": Effect("rad", -0.06, 0.06, "the fixed frame's +x is uphill by q", needs=("psi",), varies=True),
     "differential_yaw_moment": Effect(
-        "N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle", mass=1.0, length=1.0, daily=0.2
+        "N s^2",
+        40.0,
+        250.0,
+        "yaw moment -q r v of a locking rear axle",
+        mass=1.0,
+        length=1.0,
+        daily=0.2,
+        of_tyres_or_body=True,
     ),
     "gyro_bias": Effect(
         "rad/s", -0.04, 0.04, "added to the measured yaw rate", stage="sensor", needs=("psi",), length=-0.5, varies=True

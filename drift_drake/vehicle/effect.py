@@ -98,6 +98,7 @@ class Effect:
     length: float = 0.0
     radius: float = 0.0
     daily: float = 1.0  # how often it changes from one day to another, beside the others
+    of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it best, in words
     force: Force | None = None

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.diagnosis.another_day.left_over import LeftOver
 from drift_drake.diagnosis.another_day.posterior import tells_from_zero
 from drift_drake.diagnosis.shared.ranges import clipped
 from drift_drake.diagnosis.shared.where import onsets, region_of, regions, shares
 from drift_drake.estimation.normal import LOST, WORST, Normal
 from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
-from drift_drake.estimation.scores import make_day
+from drift_drake.estimation.scores import Day, make_day
 from drift_drake.estimation.unknowns import added
 
 ROUNDS = 3  # cars at most that a hypothesis moves on to
@@ -40,6 +41,7 @@ class At:
     nats: float  # half the squared distance of the scores from normal
     covariance: np.ndarray  # [k, k]
     step: np.ndarray  # [k] of Gauss and Newton
+    left_over: LeftOver
 
 
 def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
@@ -61,7 +63,7 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
         if at is not None:
             ranges = [search.ranges[name] for name in whole.names]
             evidence = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load).log_evidence
-            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence))
+            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence, left_over=at.left_over))
     return sorted(out, key=lambda h: -h.log_evidence)
 
 
@@ -117,7 +119,8 @@ def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None
     if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
         return None
     covariance = np.linalg.inv(hessian)
-    return At(q, 0.5 * float(s @ weight @ s), covariance, -covariance @ slopes.T @ weight @ s)
+    return At(q, 0.5 * float(s @ weight @ s), covariance, -covariance @ slopes.T @ weight @ s,
+              there.left_over(s, slopes))  # fmt: skip
 
 
 def slopes_at(
@@ -194,8 +197,6 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
     gap = (before - (normal if unexplained else squares(search.normal, day.errors_with(best.effects(day)))))[:, -1]
     by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})
     by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
-    y = np.concatenate([run.start_y[run.starts] for run in day.runs])
-    grip = float(day.constants.friction * day.constants.gravity)
     onset = onsets(
         by_run,
         [(run.name, gap[day.run == k].sum(axis=1), run.starts * run.period) for k, run in enumerate(day.runs)],
@@ -204,8 +205,22 @@ def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[s
         "states": by_state,
         "runs": by_run,
         "channels": {},
-        "regions": regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip)),
+        "regions": gap_regions(day, gap),
         "onset": onset,
         "lag": {},
         "horizons": dict(zip(day.ahead, map(float, before.mean(axis=(0, 2))), strict=True)),
     }  # fmt: skip
+
+
+def left_in(search: Search, h: Hypothesis) -> tuple[dict[str, float], list[str]]:
+    """Shares by state of the errors beyond normal that a hypothesis leaves, and the regions that hold them."""
+    day, normal = search.day, search.normal
+    rest = squares(normal, day.errors_with(h.effects(day)), LOST)[:, -1] - normal.level[-1, : len(STATES)]
+    return shares({s: float(rest[:, i].sum()) for i, s in enumerate(STATES)}), gap_regions(day, rest)
+
+
+def gap_regions(day: Day, gap: np.ndarray) -> list[str]:
+    """Operating regions that hold a gap [windows, STATES], the worst first."""
+    y = np.concatenate([run.start_y[run.starts] for run in day.runs])
+    grip = float(day.constants.friction * day.constants.gravity)
+    return regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip))

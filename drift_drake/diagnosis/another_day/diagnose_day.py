@@ -6,26 +6,26 @@ each direction, and what that day's drives left unknown.
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from drift_drake.diagnosis.another_day.changed_car import judged, reduction, stated, where
+from drift_drake.diagnosis.another_day.changed_car import judged, left_in, reduction, stated, where
+from drift_drake.diagnosis.another_day.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.diagnosis.another_day.gross_gap import judged_by_errors
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, Search, as_change
 from drift_drake.diagnosis.another_day.posterior import (
-    PRIORS,
     at_bound,
     day_beliefs,
     detection_limits,
     interval,
     not_excluded,
-    ranked,
     tells_from_zero,
 )
+from drift_drake.diagnosis.another_day.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
 from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, Ranked, hypothesis_name
+from drift_drake.diagnosis.shared.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.estimation.admitted import admit
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.prior import Interval
@@ -50,9 +50,8 @@ FAR_BEYOND = (
     "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
     "may be what the calibration could not see instead of a change since"
 )
+NEAR, NEAR_SHARE = 60.0, 0.3  # [nats] behind the best single, and share of what it explains, from where none is judged
 SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
-USUAL = 2.0  # deviations from one recording to the next, below which a cause may be what is usual
-WORTH_A_PAIR = 14.0  # [nats] that the best single leaves, below which no pair is looked for
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +60,7 @@ class DayDiagnosis:
 
     answer: Answer
     search: Search
-    ranked: Ranked[Hypothesis]
+    ranked: DayRanked
     reduction: Reduction
 
 
@@ -69,14 +68,15 @@ def diagnose_day(
     runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
     own: Effects = Effects(),
     case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
-    catalogue: Sequence[str] = tuple(CATALOGUE),
+    catalogue: Sequence[str] = tuple(CATALOGUE), false_alarms: float = FALSE_ALARMS,
 ) -> DayDiagnosis:  # fmt: skip
     """Diagnoses the runs of one day.
 
     Args:
         runs: of the same car on the same day; vehicle, own: the calibrated car; normal: what is normal for it
             (`drift-drake identify --json`); workers: threads; progress: called with a stage's name and the share done;
-        constants: of the posterior; catalogue: effects to consider.
+        constants: of the posterior; catalogue: effects to consider; false_alarms: rate at which a day without an
+            effect may be said to have a gap.
 
     Raises:
         InvalidLogError: no run can be used, a column is missing, or there is too little driving.
@@ -90,7 +90,7 @@ def diagnose_day(
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     none, others = hypotheses_of(search, tell)
     tell("how far it shrinks", 0.8)
-    found, shrinks = ranked_hypotheses(search, none, others, constants)
+    found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
         found, shrinks = judged_by_errors(
             search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
@@ -102,7 +102,8 @@ def diagnose_day(
     named = found.verdict == "effect"
     if named:
         warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
-        warnings += usual_sentences(search.normal, h, search.day.recording_count)
+    left = left_over_of(search, found, shrinks, none)
+    warnings += [left_over_sentence(left)] if left else []
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -110,6 +111,9 @@ def diagnose_day(
         reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
         seconds=time.perf_counter() - began, tolerances={},
         details=details_of(search, found, shrinks, none, causes) | {
+            "decision": found.decision,
+            "false_alarm_rate": false_alarm_rate(normal, false_alarms),
+            "left_over": left,
             "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
             "beliefs": day_beliefs(search, found, [none, *others, h], limits, constants),
@@ -120,14 +124,50 @@ def diagnose_day(
     return DayDiagnosis(answer, search, found, shrinks)
 
 
+def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:
+    """The rate that was asked for, and what it was on the baseline's own recordings, left out in turn."""
+    count = len(normal.left_out_none)
+    wrong = int(np.count_nonzero(normal.left_out_none < threshold(asked)))
+    return {"asked": asked, "observed": wrong / count if count else None, "left_out": count, "alarms": wrong}
+
+
+def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hypothesis) -> dict[str, Any]:
+    """What a named cause, or `unknown`, leaves over: share of the gap, signals, driving; empty where nothing is."""
+    h = found.leading
+    if not found.something_else and found.verdict != UNKNOWN:
+        return {}
+    signals, driving = left_in(search, h)
+    rest = h.left_over or none.left_over
+    like = rest.like if rest is not None else None
+    return {
+        "probability": found.something_else if found.verdict != UNKNOWN else found.probabilities[UNKNOWN],
+        "share": 1.0 - max(shrinks.estimate, 0.0),
+        "signals": signals,
+        "driving": driving,
+        "like": str(like) if like is not None else "",
+    }
+
+
+def left_over_sentence(left: Mapping[str, Any]) -> str:
+    """Where something is left that no catalogued effect explains, in words."""
+    most = sorted(left["signals"], key=lambda name: -left["signals"][name])[:2]
+    signals = " and ".join(f"{name} ({100 * left['signals'][name]:.0f} %)" for name in most)
+    driving = f", most of it at {left['driving'][0]}" if left["driving"] else ""
+    like = f"; it acts like {left['like']}" if left["like"] else ""
+    share = f"{100 * left['share']:.0f} % of the gap"
+    return f"{share} is left that no catalogued effect explains, in {signals}{driving}{like}"
+
+
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
     """The car as it was calibrated; leading changes, judged at the changed car, and singles that are not excluded."""
     none = search.none()
     singles = search.singles(lambda share: tell("single effects", 0.1 + 0.3 * share))
     unshown = not_excluded(search, singles)
-    leading = judged(search, [h for h in singles if tells_from_zero(h)][:SINGLES])
+    least = min(h.nats for h in (none, *singles))
+    near = least + max(NEAR, NEAR_SHARE * (none.nats - least))
+    leading = judged(search, [h for h in singles if tells_from_zero(h) and h.nats <= near][:SINGLES])
     tell("single effects", 0.5)
-    if min(h.nats for h in (none, *leading)) <= WORTH_A_PAIR:
+    if min(h.nats for h in (none, *leading)) <= 0.5 * WORTH_A_PAIR * none.scores:
         return none, [*leading, *unshown]
     first = [h.names for h in leading]
     singles = [*leading, *(h for h in singles if h.names not in first)]
@@ -137,7 +177,7 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
 
 
 def details_of(
-    search: Search, found: Ranked[Hypothesis], shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+    search: Search, found: DayRanked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
 ) -> dict[str, Any]:
     """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
     h, named, day = found.leading, found.verdict == "effect", search.day
@@ -187,13 +227,14 @@ def search_of(
 
 
 def ranked_hypotheses(
-    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants
-) -> tuple[Ranked[Hypothesis], Reduction]:
+    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
+    false_alarms: float = FALSE_ALARMS,
+) -> tuple[DayRanked, Reduction]:  # fmt: skip
     """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
     # Nothing can be judged where too little of the driving is known from the calibration.
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
-    counts = len(search.ranges), constants, len(search.normal.names), doubt
+    counts = len(search.ranges), constants, doubt, false_alarms
     while True:
         found = ranked(kept, *counts)
         leading = stated(search, found.leading)
@@ -202,8 +243,7 @@ def ranked_hypotheses(
             break
         kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:
-        doubted = max(counts[-1], CERTAIN)
-        found = ranked(kept, *counts[:-1], doubted)
+        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms)
     return dataclasses.replace(found, leading=leading), shrinks
 
 
@@ -213,21 +253,6 @@ def unseen_sentence(name: str, q: float) -> str:
         f"beside it the day asks for {name} of {q:.2g}{CATALOGUE[name].suffix}, which belongs to the car's build: the "
         "day of calibration did not show it; calibrate on such drives too"
     )
-
-
-def usual_sentences(normal: Normal, h: Hypothesis, count: float) -> list[str]:
-    """Says of which causes the recordings of the calibration differ by about as much among themselves.
-
-    Args:
-        count: of the day's recordings, whose mean a cause is.
-    """
-    deviations = dict(zip(normal.names, np.sqrt(np.diag(normal.recording)) * normal.units, strict=True))
-    return [
-        f"the calibration's recordings differ in {name} by {deviations[name]:.2g}{CATALOGUE[name].suffix} "
-        "among themselves (one standard deviation): it may be how recordings of the car differ; calibrate on more"
-        for name, q in zip(h.names, h.magnitudes, strict=True)
-        if abs(q) < USUAL * deviations[name] / np.sqrt(count)
-    ]
 
 
 def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
@@ -243,7 +268,8 @@ def gross(search: Search, h: Hypothesis) -> float:
     the scale on the day of calibration with what another recording differs by.
     """
     day, normal = search.day, search.normal
-    apart = np.sqrt(np.diag(normal.recording)) * day.jacobian.reshape(*day.errors.shape, -1)[:, -1]
+    of_effects = day.jacobian.reshape(*day.errors.shape, -1)[:, -1, :, : len(normal.names)]
+    apart = np.sqrt(np.diag(normal.recording)) * of_effects
     e = day.errors_with(h.effects(day))[:, -1] / normal.scales[-1]
     deviations = np.abs(e) / np.sqrt(1.0 + np.sum(apart**2, axis=-1))
     return float(np.max(np.median(deviations, axis=0)) / MEDIAN_OF_NORMAL)

@@ -19,8 +19,9 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     concluded,
     effects_of,
 )
-from drift_drake.diagnosis.another_day.posterior import concluded_from, prior, tells_from_zero
-from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, hypothesis_name
+from drift_drake.diagnosis.another_day.posterior import tells_from_zero
+from drift_drake.diagnosis.another_day.ranking import DayRanked, concluded_from, prior
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, hypothesis_name
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, at_end, at_shares, clipped, farther, tried_first
 from drift_drake.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.estimation.scores import Day
@@ -96,7 +97,7 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
 
 def judged_by_errors(
     search: Search, constants: PosteriorConstants, progress: Callable[[float], None]
-) -> tuple[Ranked[Hypothesis], Reduction]:
+) -> tuple[DayRanked, Reduction]:
     """Probabilities of hypotheses by what they remove, and what the leading known one does.
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best are at the

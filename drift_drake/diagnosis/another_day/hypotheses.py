@@ -11,9 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.diagnosis.another_day.left_over import LeftOver, left_over
 from drift_drake.diagnosis.shared.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
+from drift_drake.estimation.baseline import Scatter, scatter_of
 from drift_drake.estimation.normal import Normal
-from drift_drake.estimation.scores import Day, Scatter, scatter_of, summed
+from drift_drake.estimation.scores import Day, summed
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
@@ -39,6 +41,8 @@ class Hypothesis:
     log_evidence: float
     follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`with_load`)
     beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
+    scores: int = 0  # that judge it
+    left_over: LeftOver | None = None  # what it leaves over; None where it was not judged at the changed car
 
     def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
         """What is added to the calibrated car, with other magnitudes [k] if they are given."""
@@ -107,7 +111,8 @@ class Search:
                  threads: int = 2) -> None:  # fmt: skip
         self.day, self.normal, self.vehicle = day, normal, vehicle
         self.scatter: Scatter = scatter_of(day, normal)
-        self.ranges = {name: range_of(name, vehicle) for name in catalogue}
+        # A tolerance of the calibrated car is the same car's on both days.
+        self.ranges = {name: range_of(name, vehicle, tolerances=False) for name in catalogue}
         self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
         self.threads = threads
         self.curves: list[Curve] = []
@@ -119,19 +124,24 @@ class Search:
         return other
 
     def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
-        """Scores less their normal mean [n] once effects are added, of the blocks that are kept [blocks] (bool)."""
+        """Scores less their normal mean [m] once effects are added, of the blocks that are kept [blocks] (bool)."""
         e = self.day.errors_with(effects) if effects else self.day.errors
         part = 1.0 if kept is None else float(np.mean(kept))
         return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
-        """Half the squared distance from normal of scores [..., n]."""
+        """Half the squared distance from normal of scores [..., m]."""
         return np.asarray(0.5 * np.einsum("...i,ij,...j->...", scores, self.scatter.inverse, scores))
 
     def none(self) -> Hypothesis:
         """Nothing has changed."""
-        nats = float(self.nats(self.scores({})))
-        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats)
+        scores = self.scores({})
+        nats, rest = float(self.nats(scores)), self.left_over(scores, np.zeros((len(scores), 0)))
+        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest)
+
+    def left_over(self, scores: np.ndarray, slopes: np.ndarray) -> LeftOver:
+        """What scores less their normal mean [m] leave over, of magnitudes with slopes [m, k]."""
+        return left_over(scores, self.scatter, self.normal.names, slopes)
 
     def singles(self, progress: Callable[[float], None]) -> list[Hypothesis]:
         """Every single effect with its most likely magnitude, the best refined; best first."""
@@ -186,7 +196,7 @@ class Search:
         return sorted((h for h in out if h is not None), key=lambda h: -h.log_evidence)
 
     def _slope(self, name: str, single: float) -> np.ndarray:
-        """Change of the scores per magnitude of an effect [n], over its most likely one alone."""
+        """Change of the scores per magnitude of an effect [m], over its most likely one alone."""
         r = self.ranges[name]
         unit = single if abs(single) >= r.least else max(r.least, TINY * r.high)
         return np.asarray((self.scores({name: unit}) - self.scores({})) / unit)
@@ -271,7 +281,7 @@ class Curve:
         return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order])
 
     def fine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolated magnitudes [m] and scores [m, n]."""
+        """Interpolated magnitudes [k] and scores [k, m]."""
         at, s = np.array(self.magnitudes), np.array(self.scores)
         share = np.linspace(0.0, 1.0, FINE)[None, :, None]
         q = (1.0 - share[..., 0]) * at[:-1, None] + share[..., 0] * at[1:, None]

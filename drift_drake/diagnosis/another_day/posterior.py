@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drift_drake.diagnosis.another_day.constants import OF_SCATTER, STANDS_FOR
 from drift_drake.diagnosis.another_day.hypotheses import Curve, Hypothesis, Search, unusual
 from drift_drake.diagnosis.likelihood.beliefs import (
     LEAST_PROBABILITY,
@@ -16,33 +17,15 @@ from drift_drake.diagnosis.likelihood.beliefs import (
     Sensing,
     as_data,
 )
-from drift_drake.diagnosis.shared.posterior import (
-    UNKNOWN,
-    PosteriorConstants,
-    Ranked,
-    hypothesis_name,
-    log_prior,
-    ranked_by,
-)
+from drift_drake.diagnosis.shared.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range, at_end
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.prior import TWO_SIDED, Interval
 from drift_drake.estimation.problem import NUISANCES, PROCESS_NOISE
-from drift_drake.estimation.scores import BETWEEN_DAYS
 from drift_drake.estimation.windows import PREDICTED
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-PRIORS = PosteriorConstants(
-    prior_none=0.5, prior_single=0.3, prior_pair=0.08, prior_unknown=0.12, temperature=1.2
-)  # of a day of a real car; the temperature at which probabilities score best (logarithmic score, 244 validation days)
-WIDE = 30.0  # times the normal covariance that the scores of an unknown gap scatter with
-SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
-SHAPE = 0.15  # relative error of what an effect does to a real car: what it explains, it explains to that (validation)
-STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
-"""By stage: relative standard deviation with which a magnitude in the equations stands for that of a real car, whose
-tyres are not the equations' (validation days)."""
-OF_SCATTER = 0.7  # by which magnitudes scatter less than detection is guarded against (validation days)
-INDEPENDENT = 0.5  # [s] after which prediction errors of such a car are independent, roughly
+WORTH = 4.0  # [s] of such a car's rows that are worth one independent measurement, between days
 PERIOD = 0.01  # [s] of a planned drive's rows
 
 
@@ -111,54 +94,6 @@ def distances(points: np.ndarray, others: np.ndarray) -> np.ndarray:
     """From each of points [m, n] to the nearest of others [k, n]."""
     squares = np.sum(points**2, axis=1)[:, None] + np.sum(others**2, axis=1)[None, :] - 2.0 * points @ others.T
     return np.asarray(np.sqrt(np.maximum(np.min(squares, axis=1), 0.0)))
-
-
-def ranked(
-    hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, scores: int = len(CATALOGUE),
-    doubt: float = 0.0,
-) -> Ranked[Hypothesis]:  # fmt: skip
-    """Probabilities of hypotheses and of `unknown`.
-
-    Args:
-        hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing.
-        catalogue: number of effects that were considered; scores: number of scores that judge them;
-        doubt: probability that no hypothesis can be judged at all, which is `unknown`'s.
-    """
-    none = next(h for h in hypotheses if not h.names)
-    least = min(h.nats for h in hypotheses)
-    tempered = 1.0 + 2.0 * SHAPE**2 * (none.nats - least) / scores
-    scored = sorted(
-        ((h.log_evidence + h.nats * (1.0 - 1.0 / tempered) + prior(h, catalogue, constants), h) for h in hypotheses),
-        key=lambda item: item[0],
-    )
-    values = {hypothesis_name(h.names): value for value, h in scored}  # the best of each name
-    hypotheses = [h for _, h in scored]
-    price = 0.5 * scores * np.log(WIDE)
-    values[UNKNOWN] = -least / tempered / WIDE - float(price) + float(np.log(constants.prior_unknown))
-    values = {name: value / constants.temperature for name, value in values.items()}
-    return concluded_from(values, hypotheses, doubt)
-
-
-def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float:
-    """Log prior of a hypothesis, but for a constant."""
-    names = (*h.names, *h.beside)
-    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
-    return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
-
-
-def concluded_from(values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float) -> Ranked[Hypothesis]:
-    """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
-
-    Args:
-        hypotheses: that are known, `none` among them; doubt: probability of `unknown` beside what `values` give it.
-    """
-    names, v = list(values), np.array(list(values.values()))
-    p = np.exp(v - np.max(v))
-    p = (1.0 - doubt) * p / np.sum(p)
-    by_value = dict(zip(names, (float(q) for q in p), strict=True))
-    by_value[UNKNOWN] = by_value.get(UNKNOWN, 0.0) + doubt
-    probabilities = dict(sorted(by_value.items(), key=lambda item: -item[1]))
-    return ranked_by(probabilities, hypotheses)
 
 
 def deviation(h: Hypothesis, index: int) -> float:
@@ -243,7 +178,7 @@ def day_beliefs(
         there = [b.name for b in beliefs]
         unseen = [name for name in hidden(search, limits)[:MOST_UNSEEN] if name not in there]
         beliefs += [unseen_belief(search, name, likely * odds) for name in unseen]
-    row_weight = PERIOD / (INDEPENDENT * BETWEEN_DAYS)
+    row_weight = PERIOD / WORTH
     return as_data(Sensing(noise, used, PROCESS_NOISE**2, row_weight, search.day.own), beliefs)
 
 

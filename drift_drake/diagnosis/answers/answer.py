@@ -12,7 +12,7 @@ from drift_drake.plain_files import named_number, parse_json, read_text
 from drift_drake.safe_files import write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
 
-EVEN = 0.5  # probability of a verdict, below which its rivals are named beside it
+NAMED = 0.1  # probability from which a rival is named
 RIVALS = 3  # that are named; the others are counted
 MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
 ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
@@ -64,35 +64,55 @@ class Answer:
         if self.verdict == "unknown":
             return (
                 f"{self.case}: there is a gap that no catalogued effect explains "
-                f"(probability {self.posterior['unknown']:.2f}).{self._unfamiliar()}" + self._nearest()
+                f"(probability {self.posterior['unknown']:.2f}).{self._acts_like()}{self._unfamiliar()}{self._rivals()}"
+                + self._nearest()
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
+        too = ["something else that the catalogue lacks"] if self.details.get("left_over") else []
         probability = self.posterior["+".join(sorted(self.causes))]
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
+        said = f"{' and '.join(parts + too)}, probability {probability:.2f}"
+        if self.details.get("decision") == "cause_open":
+            said = f"there is a gap whose cause these logs leave open: most likely {said}"
+        remains = f" {too[0][0].upper()}{too[0][1:]} is left over." if too else ""
         return (
-            f"{self.case}: {' and '.join(parts)}, probability {probability:.2f}; {remove} of the gap on parts of runs "
-            f"that were not fitted.{self._rivals()}"
+            f"{self.case}: {said}; {remove} of the gap on parts of runs that were not fitted.{remains}{self._rivals()}"
         )
 
+    def _acts_like(self) -> str:
+        """What a gap that no catalogued effect explains is most like."""
+        like = self.details.get("left_over", {}).get("like")
+        return f" It acts like {like}." if like else ""
+
     def _rivals(self) -> str:
-        """What it may be instead, where the verdict is not even as probable as not."""
+        """What it may be instead, with the detection limit of the first."""
         leading = "+".join(sorted(self.causes)) or self.verdict
-        if self.posterior[leading] >= EVEN:
-            return ""
-        others = [f"{name.replace('+', ' and ')} ({self.posterior[name]:.2f})"
-                  for name in self.ambiguity if name != leading and name in self.posterior]  # fmt: skip
+        others = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
         if not others:
             return ""
+        parts = [f"{_in_words(name)} ({self.posterior[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
+                 for i, name in enumerate(others[:RIVALS])]  # fmt: skip
         more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
-        may_be = ", or ".join(others[:RIVALS] + more)
+        may_be = ", or ".join(parts + more)
         return f" It may be {may_be} instead: 'drift-drake plan-next' plans a drive that would tell."
+
+    def _shown_from(self, name: str) -> str:
+        """From which magnitude on these logs would have shown an effect."""
+        limit = self.details.get("detection", {}).get(name, {}).get("least")
+        if self.verdict != "none" or limit is None:
+            return ""
+        return f", which these logs would show from {significant(limit, 2)}{CATALOGUE[name].suffix} on"
 
     def _no_gap(self) -> str:
         """Beyond what there is no gap."""
         sure = f"(probability {self.posterior['none']:.2f})"
         if self.details.get("criterion") == "prediction":
-            return f"no gap beyond what is normal for this car {sure}"
+            rate = self.details.get("false_alarm_rate", {})
+            of = f", at a false-alarm rate of {rate['asked']:g}" if "asked" in rate else ""
+            if self.details.get("decision") == "undecided":
+                return f"undecided: these logs neither show nor exclude a gap {sure[:-1]} of none{of})"
+            return f"no gap beyond the car's calibrated baseline {sure[:-1]}{of})"
         worth = self.details.get("row_weight", 1.0)
         if worth < 1.0:
             beyond = f"the car's persistent model mismatch, at a row weight of {worth:.2g} {sure}"
@@ -145,6 +165,14 @@ class Answer:
         return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
 
 
+def _in_words(name: str) -> str:
+    """A hypothesis' name as a sentence has it."""
+    causes = name.split("+")
+    if len(causes) > 1 and causes[-1] == "unknown":
+        return f"{' and '.join(causes[:-1])} with something else"
+    return " and ".join(causes)
+
+
 def answer_row(answer: Answer) -> dict[str, Any]:
     """An answer as a row of a table: verdict, probability, share of the gap removed, causes with intervals."""
     causes = "+".join(sorted(answer.causes))
@@ -152,6 +180,7 @@ def answer_row(answer: Answer) -> dict[str, Any]:
         "case": answer.case,
         "verdict": answer.verdict,
         "causes": causes,
+        "decision": answer.details.get("decision"),
         "probability": answer.posterior.get(causes or answer.verdict),
         "reduction": answer.reduction.estimate,
         "reduction_low": answer.reduction.low,

@@ -42,12 +42,13 @@ class Range:
         return np.asarray((np.abs(q) >= self.least * (1.0 - 1e-9)) & (q >= self.low) & (q <= self.high))
 
 
-def range_of(name: str, vehicle: VehicleParameters) -> Range:
-    """Magnitudes of an effect that would be a gap, and are believed possible."""
+def range_of(name: str, vehicle: VehicleParameters, tolerances: bool = True) -> Range:
+    """Magnitudes of an effect that would be a gap, and are believed possible; tolerances: what is within one
+    is no gap."""
     info = CATALOGUE[name]
     low, high = info.range_for(vehicle)
     least = info.least_for(vehicle)
-    if info.tolerance:
+    if info.tolerance and tolerances:
         least = max(least, NO_GAP * float(getattr(vehicle.tolerance, info.tolerance)))
     return Range(REACH * low if info.signed else least, REACH * high, least, (low, high))
 

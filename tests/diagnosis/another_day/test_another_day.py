@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.another_day import diagnose_day as another_day
-from drift_drake.diagnosis.another_day.diagnose_day import brought_along, ranked_hypotheses, usual_sentences
+from drift_drake.diagnosis.another_day.constants import PRIORS
+from drift_drake.diagnosis.another_day.diagnose_day import (
+    brought_along,
+    false_alarm_rate,
+    left_over_sentence,
+    ranked_hypotheses,
+)
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis
-from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
+from drift_drake.diagnosis.another_day.posterior import interval
 from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.estimation.reduction import Reduction
@@ -23,7 +29,9 @@ def test_a_part_of_the_day_of_calibration_is_normal(plain_day):
     assert answer.causes == []
     assert answer.magnitudes == {}
     assert answer.details["with"] == {}
-    assert "no gap beyond what is normal for this car" in answer.sentence()
+    assert answer.details["decision"] == "none"
+    assert "no gap beyond the car's calibrated baseline" in answer.sentence()
+    assert "at a false-alarm rate of 0.05" in answer.sentence()
     assert "These logs" in answer.sentence()  # and what they could show
 
 
@@ -43,18 +51,24 @@ def test_the_detection_limit_of_what_was_named_is_below_it(late_day):
     assert limit["least"] < 0.08
 
 
-def test_what_the_calibrations_recordings_differ_by_is_said_of_a_cause_of_that_size(late_day):
-    normal, leading = late_day.search.normal, late_day.ranked.leading
-    assert usual_sentences(normal, leading, 1.0) == []
-    at = normal.names.index("steering_delay")
-    recording = normal.recording.copy()
-    recording[at, at] = (0.05 / normal.units[at]) ** 2  # half of 0.08 s and a little more
-    normal = dataclasses.replace(normal, recording=recording)
-    (sentence,) = usual_sentences(normal, leading, 1.0)
-    assert "recordings differ in steering_delay by 0.05 s among themselves" in sentence
-    # Four recordings differ so in their mean by half as much.
-    assert late_day.search.day.recording_count == pytest.approx(4.0, rel=0.02)
-    assert usual_sentences(normal, leading, late_day.search.day.recording_count) == []
+def test_a_cause_that_leaves_nothing_over_is_the_cause(late_day):
+    assert late_day.answer.details["decision"] == "cause"
+    assert late_day.answer.details["left_over"] == {}
+
+
+def test_what_is_left_over_has_signals_and_driving(strange_day):
+    left = strange_day.answer.details["left_over"]
+    assert sum(left["signals"].values()) == pytest.approx(1.0)
+    assert 0.0 <= left["share"] <= 1.0
+    assert left_over_sentence(left) in strange_day.answer.warnings
+    assert "no catalogued effect explains" in left_over_sentence(left)
+
+
+def test_the_rate_of_false_alarms_is_that_of_the_baselines_own_recordings(other_car):
+    normal = dataclasses.replace(other_car.normal, left_out_none=np.array([0.9, 0.01, 0.8, 0.95]))
+    assert false_alarm_rate(normal, 0.05) == {"asked": 0.05, "observed": 0.25, "left_out": 4, "alarms": 1}
+    alone = dataclasses.replace(normal, left_out_none=np.zeros(0))
+    assert false_alarm_rate(alone, 0.05)["observed"] is None
 
 
 @pytest.mark.slow
@@ -81,7 +95,8 @@ def test_a_gap_that_nothing_explains_is_unknown_and_has_a_place(strange_day):
     assert answer.causes == []
     assert sum(answer.where["states"].values()) == pytest.approx(1.0)
     assert max(answer.where["states"], key=answer.where["states"].get) == "r"
-    assert "The nearest known" in answer.sentence()
+    # A yaw rate in another unit is one whose error has the sign of the turn.
+    assert "It acts like gyro_bias by direction of the turn." in answer.sentence()
 
 
 def test_an_answer_survives_json(late_day, tmp_path):

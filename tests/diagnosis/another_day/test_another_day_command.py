@@ -7,6 +7,7 @@ import pytest
 
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.diagnosis.check import limits as check_limits
+from drift_drake.estimation.partial import partial_effects
 from drift_drake.identification import identify as identification
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import to_json
@@ -48,8 +49,9 @@ def test_identify_takes_several_days_and_writes_what_is_normal(other_car, tmp_pa
     vehicle, _ = read_vehicle("car.yaml")
     assert vehicle.friction == pytest.approx(data["parameters"]["friction"]["estimate"])
     normal = data["normal"]
-    assert np.shape(normal["covariance"]) == (len(normal["names"]), len(normal["names"]))
-    assert len(normal["modes"]) == 4  # runs of both days
+    scores = len(normal["names"]) + len(partial_effects(normal["names"]))
+    assert np.shape(normal["covariance"]) == np.shape(normal["left_open"]) == (scores, scores)
+    assert len(normal["left_out"]) == len(normal["left_out_none"]) == 4  # runs of both days
 
 
 def diagnose(files, *more, logs="late"):
@@ -113,7 +115,7 @@ def test_bad_input_is_one_sentence(files, capsys, options, says):
 
 
 def test_a_calibration_of_another_shape_is_refused(files, other_car, tmp_path, capsys):
-    (tmp_path / "car.json").write_text(json.dumps({"normal": other_car.normal.as_data() | {"mean": [0.0]}}))
+    (tmp_path / "car.json").write_text(json.dumps({"normal": other_car.normal.as_data() | {"expected": [0.0]}}))
     code = main(["diagnose", str(files / "late"), "--vehicle", str(files / "car.yaml"), "--calibration",
                  str(tmp_path / "car.json"), "--quiet"])  # fmt: skip
     error = capsys.readouterr().err

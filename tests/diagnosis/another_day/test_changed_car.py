@@ -33,7 +33,9 @@ def test_what_is_put_into_the_commands_is_found_as_exactly_where_it_is_large(off
     own = 0.5 * (up.magnitudes[0] + down.magnitudes[0])
     assert up.magnitudes[0] - own == pytest.approx(0.05, rel=0.01)
     assert small.magnitudes[0] - own == pytest.approx(0.015, abs=5e-4)
-    assert up.covariance[0, 0] == pytest.approx(small.covariance[0, 0], rel=0.1)
+    # A steering ratio that is not quite known makes a large offset of the commands less certain, on either side.
+    assert up.covariance[0, 0] == pytest.approx(down.covariance[0, 0], rel=0.15)
+    assert small.covariance[0, 0] < up.covariance[0, 0]
 
 
 def test_the_most_likely_magnitude_is_a_fixed_point(late_day):
@@ -57,7 +59,7 @@ def test_what_is_beside_a_cause_is_fitted_too(late_day):
 def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_not(late_day):
     right, wrong = judged(late_day.search, [change("rear_stiffness_error", -0.3), change("steering_delay", 0.07)])
     assert right.names == ("steering_delay",)
-    assert right.nats < 0.5 * len(late_day.search.normal.names)  # half a chi-squared of as many scores, in the mean
+    assert right.nats < 0.5 * len(late_day.search.normal.expected)  # half a chi-squared of as many scores, in the mean
     assert wrong.nats > right.nats + 10.0
     assert right.log_evidence > wrong.log_evidence
 

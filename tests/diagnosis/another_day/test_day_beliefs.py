@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.another_day.posterior import PRIORS, DetectionLimit, day_beliefs, hidden
+from drift_drake.diagnosis.another_day.constants import PRIORS
+from drift_drake.diagnosis.another_day.posterior import DetectionLimit, day_beliefs, hidden
 from drift_drake.diagnosis.answers.answer import UnplannableError
 from drift_drake.diagnosis.next_drive.foresight import beliefs_of
 from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from drift_drake.diagnosis.another_day.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.diagnosis.another_day.hypotheses import (
     Curve,
     Hypothesis,
@@ -16,29 +17,29 @@ from drift_drake.diagnosis.another_day.hypotheses import (
     effects_of,
     follow,
 )
+from drift_drake.diagnosis.another_day.left_over import LeftOver
 from drift_drake.diagnosis.another_day.posterior import (
-    OF_SCATTER,
-    PRIORS,
-    STANDS_FOR,
     at_bound,
     deviation,
     evidence_over,
     interval,
     not_excluded,
-    ranked,
     tells_from_zero,
 )
+from drift_drake.diagnosis.another_day.ranking import ranked, threshold
 from drift_drake.diagnosis.shared.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import effect_range
 
 CAR = VehicleParameters()
-NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0)
+NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)
 
 
-def single(name, magnitude, sigma, nats=1.0):
-    return Hypothesis((name,), np.array([magnitude]), np.array([[sigma**2]]), nats, -nats)
+def single(name, magnitude, sigma, nats=1.0, gain=None):
+    """gain: log evidence of something else being there too."""
+    left = None if gain is None else LeftOver(gain, None)
+    return Hypothesis((name,), np.array([magnitude]), np.array([[sigma**2]]), nats, -nats, left_over=left)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -226,10 +227,55 @@ def test_nothing_is_named_where_none_fits_as_well():
 
 
 def test_a_gap_that_the_best_hypothesis_leaves_is_unknown():
-    gap = dataclasses.replace(NONE, nats=3000.0, log_evidence=-3000.0)
-    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=1000.0)], 28, PRIORS)
+    gap = dataclasses.replace(NONE, nats=3000.0, log_evidence=-3000.0, left_over=LeftOver(2900.0, None))
+    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=1700.0, gain=1600.0)], 28, PRIORS)
     assert found.verdict == "unknown"
     assert found.leading.names == ("mass_error",)  # the nearest known
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+
+
+def test_a_cause_that_explains_half_of_a_gap_is_a_cause_and_something_else():
+    gap = dataclasses.replace(NONE, nats=300.0, log_evidence=-300.0, left_over=LeftOver(150.0, None))
+    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=60.0, gain=20.0)], 28, PRIORS)
+    assert (found.verdict, found.decision) == ("effect", "cause")
+    assert found.something_else > 0.99
+    assert found.probabilities["mass_error"] > 0.99  # with something else or not
+    assert "mass_error+unknown" not in found.probabilities
+    # The same cause is alone where what is left over is worth nothing.
+    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=60.0, gain=-3.0)], 28, PRIORS)
+    assert found.something_else == 0.0
+    odds = found.probabilities["mass_error+unknown"] / found.probabilities["mass_error"]
+    assert np.log(odds) == pytest.approx((np.log(ELSE) - 3.0) / PRIORS.temperature)
+
+
+def test_a_cause_that_explains_less_than_half_of_a_gap_is_unknown():
+    gap = dataclasses.replace(NONE, nats=300.0, log_evidence=-300.0, left_over=LeftOver(140.0, None))
+    found = ranked([gap, single("mass_error", 0.1, 0.01, nats=250.0, gain=150.0)], 28, PRIORS)
+    assert found.verdict == "unknown"
+    assert found.leading.names == ("mass_error",)
+    assert found.something_else == 0.0
+
+
+def test_rivals_leave_the_cause_open():
+    two = [single("mass_error", 0.1, 0.01, nats=1.0), single("torque_gain_error", 0.1, 0.01, nats=1.4)]
+    assert ranked([NONE, *two], 28, PRIORS).decision == "cause_open"
+    assert ranked([NONE, two[0]], 28, PRIORS).decision == "cause"
+
+
+def test_fewer_false_alarms_are_more_often_undecided():
+    calm = dataclasses.replace(NONE, nats=6.0, log_evidence=-6.0)
+    said = [ranked([calm, single("mass_error", 0.1, 0.01, nats=1.0)], 28, PRIORS, false_alarms=rate)
+            for rate in (0.001, 0.2)]  # fmt: skip
+    assert said[0].probabilities == said[1].probabilities
+    assert 0.03 < said[0].probabilities["none"] < 0.7
+    assert (said[0].verdict, said[0].decision) == ("none", "undecided")
+    assert said[1].verdict == "effect"
+
+
+def test_a_threshold_rises_with_the_rate_of_false_alarms():
+    at = [threshold(rate) for rate in (0.001, 0.01, 0.03, 0.05, 0.1, 0.2)]
+    assert at == sorted(at)
+    assert 0.0 < at[0] < at[-1] < 1.0
 
 
 def test_an_interval_holds_what_the_magnitude_stands_for():

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drift_drake.diagnosis.another_day import gross_gap
+from drift_drake.diagnosis.another_day.constants import PRIORS
 from drift_drake.diagnosis.another_day.gross_gap import FAR, fewer_windows, judged_by_errors, mean_misfit, misfits
-from drift_drake.diagnosis.another_day.posterior import PRIORS, interval
+from drift_drake.diagnosis.another_day.posterior import interval
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,63 @@
+"""A baseline's own recordings, left out in turn and asked what a diagnosis asks: has the car a gap?
+
+To first order: what a magnitude takes off the scores is its column of the information. No window is predicted anew.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.diagnosis.another_day.constants import PRIORS
+from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, unusual
+from drift_drake.diagnosis.another_day.left_over import left_over
+from drift_drake.diagnosis.another_day.ranking import ranked
+from drift_drake.diagnosis.shared.posterior import NONE
+from drift_drake.diagnosis.shared.ranges import range_of
+from drift_drake.estimation.baseline import LeftOut, Scatter, scale_of
+from drift_drake.vehicle.parameters import VehicleParameters
+
+GRID = 81  # magnitudes of an effect
+
+
+def probabilities_of_none(
+    parts: Sequence[LeftOut], names: tuple[str, ...], units: np.ndarray, vehicle: VehicleParameters
+) -> np.ndarray:
+    """Probability [K] that each recording has no gap, at the scale of scatter that the others show.
+
+    Args:
+        names, units: of the effects [n]; vehicle: the calibrated car.
+    """
+    distances, out = np.array([part.distance for part in parts]), []
+    for k, part in enumerate(parts):
+        scale = scale_of(np.delete(distances, k))
+        s = part.scatter
+        scatter = Scatter(s.mean, scale * s.covariance, s.inverse / scale, s.information)
+        out.append(probability_of_none(part.stretches.scores.sum(axis=0) - s.mean, scatter, names, units, vehicle))
+    return np.array(out)
+
+
+def probability_of_none(
+    scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], units: np.ndarray, vehicle: VehicleParameters
+) -> float:
+    """Probability that scores less their normal mean [m] have no gap."""
+
+    def hypothesis(causes: tuple[str, ...], x: np.ndarray, log_evidence: float) -> Hypothesis:
+        rest = left_over(x, scatter, names, np.zeros((len(x), 0)))
+        nats, k = 0.5 * float(x @ scatter.inverse @ x), len(causes)
+        return Hypothesis(causes, np.zeros(k), np.eye(k), nats, log_evidence, scores=len(x), left_over=rest)
+
+    found = [hypothesis((), scores, -0.5 * float(scores @ scatter.inverse @ scores))]
+    for i, name in enumerate(names):
+        r = range_of(name, vehicle, tolerances=False)
+        q = np.linspace(r.low, r.high, GRID)
+        q = q[r.allows(q)]
+        if len(q) < 2:
+            continue
+        x = scores + q[:, None] / units[i] * scatter.information[:, i]
+        nats = 0.5 * np.einsum("ki,ij,kj->k", x, scatter.inverse, x)
+        log_density = -nats - unusual(q, r) - np.log(r.width)
+        best = int(np.argmax(log_density))
+        top = float(log_density[best])
+        evidence = top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))
+        found.append(hypothesis((name,), x[best], evidence))
+    return ranked(found, len(names), PRIORS).probabilities[NONE]

@@ -1,0 +1,281 @@
+"""How scores scatter from one recording of a car to the next where nothing has changed, from its calibration's logs.
+
+A linear mixed model (Laird and Ware 1982). A stretch of driving with information I has the scores -I (d + e) + n: d is
+what the car deviates by every day, of which its baseline tells what its drives show; e is what the equations ask for
+otherwise on one stretch than on another, small for sensors and actuators, larger for tyres and body; n is the scatter
+of blocks of time, which hangs together within a stretch. So what both days share cancels, and what the baseline did
+not show widens the scatter only where the other day's drives depend on it. The scale of it all is the car's own:
+recordings are left out of the baseline in turn and asked how far they lie from what the others predict, beside what is
+known of other cars.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.estimation.normal import Normal, capped_squares
+from drift_drake.estimation.prediction_constants import (
+    CALIBRATED,
+    FROM_LEFT_OUT,
+    HANGS,
+    LEFT_OF_PRIOR,
+    MODEL_FORM,
+    MORE_SO,
+    OFF_SHAPE,
+    PARTIAL_PRIOR,
+    PARTIAL_VARIES,
+    REGULAR,
+    SCALE,
+    SCALE_WORTH,
+    SHRUNK,
+    TYRES_AND_BODY,
+)
+from drift_drake.estimation.robust_fit import robust_scales
+from drift_drake.estimation.scores import (
+    Day,
+    block_information,
+    block_scores,
+    drive_coverage,
+    flat_scores,
+    pulls,
+    scores_by_recording,
+    shrunk,
+    spread,
+    summed_over,
+    window_scores,
+)
+from drift_drake.vehicle.catalogue import CATALOGUE
+
+TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
+
+
+class Stretches(NamedTuple):
+    """Scores and information of stretches of driving, each within one recording."""
+
+    scores: np.ndarray  # [K, m]
+    information: np.ndarray  # [K, m, m]
+    blocks: np.ndarray  # [K] of time
+    recording: np.ndarray  # [K] index
+
+    def kept(self, which: np.ndarray) -> "Stretches":
+        """Those of a mask [K]."""
+        return Stretches(*(part[which] for part in self))
+
+
+class Spread(NamedTuple):
+    """How scores scatter: from block to block, and from stretch to stretch and recording to recording in units."""
+
+    covariance: np.ndarray  # from block to block [m, m]
+    information: np.ndarray  # diagonal of a block's information [m]
+    ratio: float  # of that scatter to the one that the information tells of
+    blocks: int  # that show it
+    stretch: np.ndarray  # variances from stretch to stretch [m]
+    recording: np.ndarray  # variances from recording to recording [m]
+
+    def of_blocks(self, information: np.ndarray, blocks: float) -> np.ndarray:
+        """Covariance of one stretch's scores that its blocks make [m, m]."""
+        own = np.diag(information) / blocks
+        grown = np.sqrt(own / np.maximum(self.information, 1e-300 + 1e-6 * own))
+        known = SHRUNK / (SHRUNK + self.blocks)
+        seen = (1.0 - known) * self.covariance * np.outer(grown, grown) + known * self.ratio * information / blocks
+        out = blocks * (1.0 + HANGS * (blocks - 1.0)) * seen
+        variance = np.diag(out)
+        return np.asarray(out + np.diag(OFF_SHAPE * variance + TINY * np.mean(variance) + 1e-300))
+
+    def of_stretches(self, some: Stretches) -> np.ndarray:
+        """Covariance of the summed scores of stretches of one recording [m, m]."""
+        total = some.information.sum(axis=0)
+        out = (total * self.recording) @ total
+        for information, blocks in zip(some.information, some.blocks, strict=True):
+            out = out + (information * self.stretch) @ information + self.of_blocks(information, blocks)
+        return np.asarray(out)
+
+
+class Known(NamedTuple):
+    """What is known of a car's deviations [m], as a normal distribution."""
+
+    mean: np.ndarray  # [m]
+    covariance: np.ndarray  # [m, m]
+
+
+def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Stretches:
+    """A day's stretches, under the car that it is judged by."""
+    stretch = day.stretch
+    each = [stretch == k for k in range(int(stretch.max()) + 1)]
+    return Stretches(
+        summed_over(window_scores(day, day.errors, scales, precision), stretch),
+        np.array([block_information(day, scales, precision, windows) for windows in each]),
+        np.array([float(len(np.unique(day.block[windows]))) for windows in each]),
+        np.array([day.recordings[day.run[windows][0]] for windows in each]),
+    )
+
+
+def known_from(stretches: Stretches, spread_of: Spread, prior: np.ndarray) -> Known:
+    """What stretches tell of a car's deviations; prior: standard deviations [m] before them."""
+    precision, pull = np.diag(1.0 / prior**2), np.zeros(len(prior))
+    for k in np.unique(stretches.recording):
+        some = stretches.kept(stretches.recording == k)
+        information, scores = some.information.sum(axis=0), some.scores.sum(axis=0)
+        solved = np.linalg.solve(spread_of.of_stretches(some), np.column_stack([information, scores]))
+        precision = precision + information @ solved[:, :-1]
+        pull = pull - information @ solved[:, -1]
+    covariance = np.linalg.inv(0.5 * (precision + precision.T))
+    return Known(covariance @ pull, covariance)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How a day's summed scores scatter if nothing has changed, and their mean."""
+
+    mean: np.ndarray  # [m]
+    covariance: np.ndarray  # [m, m]
+    inverse: np.ndarray  # of the covariance [m, m]
+    information: np.ndarray  # of the day: what a unit of each effect takes off the scores [m, m]
+
+    def weight(self, apart: float = 0.0) -> np.ndarray:
+        """The inverse covariance [m, m] once each score scatters by a further share `apart` of its variance, alone."""
+        if apart == 0.0:
+            return self.inverse
+        return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
+
+
+def predicted(stretches: Stretches, known: Known, spread_of: Spread, scale: float = 1.0) -> Scatter:
+    """How the summed scores of stretches scatter, of a car of which something is known."""
+    total = stretches.information.sum(axis=0)
+    covariance = total @ known.covariance @ total
+    for k in np.unique(stretches.recording):
+        covariance = covariance + spread_of.of_stretches(stretches.kept(stretches.recording == k))
+    covariance = 0.5 * scale * (covariance + covariance.T)
+    return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
+
+
+def scatter_of(day: Day, normal: Normal) -> Scatter:
+    """How this day's scores scatter if the car is the one of its baseline."""
+    return predicted(stretches_of(day, normal.scales, normal.precision), Known(normal.expected, normal.left_open),
+                     spread_of(normal), normal.scale)  # fmt: skip
+
+
+def spread_of(normal: Normal) -> Spread:
+    """How scores of a calibrated car scatter."""
+    stretch = variances_of_stretches(normal.names, len(normal.expected))
+    recording = np.zeros(len(normal.expected))
+    recording[: len(normal.names)] = normal.everyday**2
+    return Spread(normal.covariance, normal.information, normal.ratio, normal.blocks, stretch, recording)
+
+
+def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
+    """Variances [m], in units, of what effects and partial effects are worth from one stretch to the next."""
+    own = [MORE_SO.get(name, TYRES_AND_BODY) if CATALOGUE[name].of_tyres_or_body else 0.0 for name in names]
+    return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
+
+
+class LeftOut(NamedTuple):
+    """One recording of a baseline, or one stretch of its only one, judged by the others."""
+
+    stretches: Stretches
+    scatter: Scatter  # at a scale of one
+
+    @property
+    def distance(self) -> float:
+        """Squared distance of its scores from what the others predict, per score."""
+        x = self.stretches.scores.sum(axis=0) - self.scatter.mean
+        return float(x @ self.scatter.inverse @ x / len(x))
+
+
+def left_out(stretches: Stretches, spread_: Spread, prior: np.ndarray) -> list[LeftOut]:
+    """Each recording judged by what the others tell, to first order; stretches where there is but one recording."""
+    part = stretches.recording if len(np.unique(stretches.recording)) > 1 else np.arange(len(stretches.blocks))
+    if len(np.unique(part)) < 2:
+        return []
+    out = []
+    for k in np.unique(part):
+        own = stretches.kept(part == k)
+        out.append(LeftOut(own, predicted(own, known_from(stretches.kept(part != k), spread_, prior), spread_)))
+    return out
+
+
+def scale_of(distances: np.ndarray) -> float:
+    """Scale of the scatter between recordings: what recordings left out show, and what is known of other cars.
+
+    Args:
+        distances: of each that was left out (`LeftOut.distance`) [K].
+    """
+    if not len(distances):
+        return SCALE
+    seen = FROM_LEFT_OUT * float(np.median(distances))
+    return (SCALE_WORTH * SCALE + len(distances) * seen) / (SCALE_WORTH + len(distances))
+
+
+class Learnt(NamedTuple):
+    """What a day of calibration shows of its car."""
+
+    normal: Normal
+    pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
+    between: np.ndarray  # covariance of the effects over all recordings from that, in units [n, n]
+    left_out: list[LeftOut]
+
+
+def learn_normal(
+    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray
+) -> Learnt:
+    """What is normal, from the day of calibration.
+
+    Args:
+        day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
+        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
+            they differ by from one recording to the next at least (`between_recordings`).
+    """
+    n = len(names)
+    scales = robust_scales(day.errors)
+    f = flat_scores(day.errors, scales)
+    precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
+    stretches = stretches_of(day, scales, precision)
+    score, total = block_scores(day, day.errors, scales, precision), stretches.information.sum(axis=0)
+    scatter = np.cov(score.T) if len(score) > 2 else np.maximum(np.cov(score.T), 0.0) * np.eye(len(total))
+    diagonal = np.diag(total)
+    seen = diagonal > TINY * diagonal.max()
+    ratio = max(float(np.median(np.diag(scatter)[seen] * len(score) / diagonal[seen])), TINY)
+    between = np.concatenate([everyday, np.zeros(len(total) - n)])
+    spread_ = Spread(scatter, diagonal / len(score), ratio, len(score),
+                     variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
+    before = np.concatenate([LEFT_OF_PRIOR * prior, np.full(len(total) - n, PARTIAL_PRIOR)])
+    known, apart = known_from(stretches, spread_, before), left_out(stretches, spread_, before)
+    distances = np.array([part.distance for part in apart])
+    unknown, recording, pulled, seen_apart = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday,
+                                                                  names, steps)  # fmt: skip
+    offset = np.median(day.errors, axis=0)
+    normal = Normal(
+        names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
+        standard=day.standard, blocks=len(score), covariance=scatter, information=diagonal / len(score), ratio=ratio,
+        expected=known.mean, left_open=known.covariance, everyday=everyday, scale=scale_of(distances),
+        left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown,
+        recording=recording, offset=offset,
+        level=capped_squares((day.errors - offset) / scales).mean(axis=0),
+    )  # fmt: skip
+    return Learnt(normal, pulled, seen_apart / len(pulled), apart)
+
+
+def parameters_left_open(
+    day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, everyday: np.ndarray,
+    names: tuple[str, ...], steps: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Covariance of what a baseline leaves unknown of the effects and of what they differ by from recording to
+    recording [n, n], what each recording pulls the estimates by [K, n], and the scatter of that [n, n]; in units.
+
+    Args:
+        score: of the blocks [blocks, n]; information: of the whole day [n, n].
+    """
+    variances = np.diag(np.cov(score.T) if len(score) > 2 else np.maximum(np.cov(score.T), 0.0))
+    seen = np.diag(information) > 0.0
+    ratio = float(np.mean(variances[seen] * len(score) / np.diag(information)[seen]))
+    temper = max(ratio, 1.0) * CALIBRATED
+    alone = np.linalg.inv(np.diag(1.0 / prior**2) + information / temper)
+    by_recording, blocks = scores_by_recording(day, score)
+    pulled = pulls(by_recording / temper, blocks, alone)
+    model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
+    seen_apart = spread(pulled)
+    # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
+    chance = len(pulled) / CALIBRATED
+    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
+    return alone + model_form + recording / len(pulled), recording, pulled, seen_apart

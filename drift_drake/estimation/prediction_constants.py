@@ -1,0 +1,23 @@
+"""Constants of the inference by prediction: each with what it is, its unit and where it was set.
+
+Set on the days of double-track, brush and multi-body cars of `experiments.other_worlds` and on two cars of others' open
+simulators, six calibrations of four runs and 40 days without an effect, by the likelihood of those days' scores
+(`python -m experiments.other_worlds.constants` prints what halving and doubling each does). What a car's own recordings
+tell (`baseline.scale_of`) replaces what such a population says.
+"""
+
+REGULAR = 1e-2  # of the errors' covariance, added to its diagonal
+SHRUNK = 120.0  # blocks that the belief in scatter as the information tells is worth, beside those that were seen
+HANGS = 0.3  # correlation of what the equations lack, from block to block of one stretch
+OFF_SHAPE = 0.01  # share of a score's variance that it scatters by alone: derivatives are those of the equations
+TYRES_AND_BODY = 0.2  # [units] by which what an effect on the motion is worth differs from stretch to stretch
+MORE_SO = {"yaw_inertia_error": 0.6, "longitudinal_load_transfer": 0.6}  # [units] the same, where bodies roll and pitch
+PARTIAL_VARIES = 0.03  # [units] the same of a partial effect
+PARTIAL_PRIOR = 0.2  # [units] by which a car deviates in a partial effect, every day, before its logs
+LEFT_OF_PRIOR = 0.25  # of the prior deviation before calibration, what may be left after it
+SCALE, SCALE_WORTH = 0.75, 4.0  # of the scatter between recordings, of all cars; recordings that this belief is worth
+FROM_LEFT_OUT = 1.85  # by which that scale is larger than what recordings left out show, each being of another kind
+CALIBRATED = 4.0  # by how much what calibration left unknown of a parameter is wider than its own logs say
+MODEL_FORM = {"yaw_inertia_error": 0.08}
+"""Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and
+tyres relax, the yaw inertia that predicts best depends on the drive."""

@@ -169,6 +169,7 @@ OWN: dict[str, Effect] = {
         stage="command",
         hastens=(*STEERING, *TORQUE),
         below_zero="sensor_latency",
+        daily=0.5,
         remembers=(*STEERING, *TORQUE),
     ),
 }

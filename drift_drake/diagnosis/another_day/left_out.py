@@ -10,7 +10,7 @@ import numpy as np
 from drift_drake.diagnosis.another_day.constants import PRIORS
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, unusual
 from drift_drake.diagnosis.another_day.left_over import left_over
-from drift_drake.diagnosis.another_day.ranking import ranked
+from drift_drake.diagnosis.another_day.ranking import DayRanked, ranked
 from drift_drake.diagnosis.shared.posterior import NONE
 from drift_drake.diagnosis.shared.ranges import range_of
 from drift_drake.estimation.baseline import LeftOut, Scatter, scale_of
@@ -32,14 +32,15 @@ def probabilities_of_none(
         scale = scale_of(np.delete(distances, k))
         s = part.scatter
         scatter = Scatter(s.mean, scale * s.covariance, s.inverse / scale, s.information)
-        out.append(probability_of_none(part.stretches.scores.sum(axis=0) - s.mean, scatter, names, units, vehicle))
+        found = ranked_to_first_order(part.stretches.scores.sum(axis=0) - s.mean, scatter, names, units, vehicle)
+        out.append(found.probabilities[NONE])
     return np.array(out)
 
 
-def probability_of_none(
+def ranked_to_first_order(
     scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], units: np.ndarray, vehicle: VehicleParameters
-) -> float:
-    """Probability that scores less their normal mean [m] have no gap."""
+) -> DayRanked:
+    """What scores less their normal mean [m] say, of single effects alone."""
 
     def hypothesis(causes: tuple[str, ...], x: np.ndarray, log_evidence: float) -> Hypothesis:
         rest = left_over(x, scatter, names, np.zeros((len(x), 0)))
@@ -60,4 +61,4 @@ def probability_of_none(
         top = float(log_density[best])
         evidence = top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))
         found.append(hypothesis((name,), x[best], evidence))
-    return ranked(found, len(names), PRIORS).probabilities[NONE]
+    return ranked(found, len(names), PRIORS)

@@ -21,7 +21,7 @@ STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
 tyres are not the equations'."""
 OF_SCATTER = 1.0  # by which magnitudes scatter, relative to what scores say
 THRESHOLDS = {0.001: 0.03, 0.01: 0.2, 0.05: 0.4, 0.1: 0.5, 0.2: 0.65}
-"""By false-alarm rate the probability of none below which there is a gap: its quantiles on 66 validation days without an
-effect; that of the least rate is extrapolated."""
+"""By false-alarm rate the probability of none below which there is a gap: its quantiles on 66 validation days without
+an effect; that of the least rate is extrapolated."""
 SURE_OF_NONE = 0.7  # probability of none from which there is no gap; below it is undecided
 NAMED = 0.1  # probability from which a rival is named

@@ -119,8 +119,11 @@ def concluded_from(
     known = lead if verdict != NONE and lead != NONE else NONE
     if verdict == UNKNOWN and none > causes.get(lead, 0.0):
         known = NONE
+    ambiguous = ambiguity_set(probabilities)
+    # With something else or without it, a cause is among them.
+    ambiguous += [name for name in causes if name + TOO in ambiguous and name not in ambiguous]
     return DayRanked(
-        probabilities, ambiguity_set(probabilities), verdict, by_name[known], decision,
+        probabilities, ambiguous, verdict, by_name[known], decision,
         with_more if verdict == "effect" and lead + TOO not in probabilities else 0.0,
     )  # fmt: skip
 

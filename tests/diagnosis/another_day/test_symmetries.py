@@ -12,7 +12,7 @@ from drift_drake.logs.importing.units import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
 from drift_drake.vehicle.effects import Effects
 
-ODD = ("steering_offset", "gyro_bias", "sideslip_bias")  # effects that a mirror turns the sign of
+ODD = ("steering_offset", "gyro_bias", "sideslip_bias", "road_bank")  # effects that a mirror turns the sign of
 FEW = ("steering_delay", "gyro_bias", "mass_error")
 APART = 5.0  # standard deviations
 TWO_SIDED = 1.96

@@ -129,7 +129,7 @@ def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau
     for column, values in true.items():
         late = np.interp(t - effects.sensor_latency, t, values)
         columns[column] = late + noise * NOISE[column] * rng.standard_normal(len(t))
-    return Run(name=name, t=t, **commands, **columns)
+    return Run(name=name, t=t, delta_cmd=commands["delta_cmd"], tau_cmd=commands["tau_cmd"], **columns)
 
 
 def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0,

@@ -160,7 +160,7 @@ def drive(
     given, kept = stamped({"delta_cmd": commands[0].copy(), "tau_cmd": commands[1].copy()}, effects, PERIOD)
     columns = dict(zip(LOG_ROW, rows[:, :kept], strict=True))
     columns["t"] = np.round(columns["t"], 9)
-    return Run(name=name, **given, **columns)
+    return Run(name=name, delta_cmd=given["delta_cmd"], tau_cmd=given["tau_cmd"], **columns)
 
 
 def drake_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0) -> list[Run]:

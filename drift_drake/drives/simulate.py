@@ -134,7 +134,7 @@ def simulate_drive(command: Simulate, parameters: VehicleParameters, effects: Ef
     limits = DriveLimits(min_speed=slowest(parameters), max_speed=FASTEST)
     table, ending = drive.run(m.state, 0.0, command.duration or m.duration, command.seed, limits)
     table["t"] = LOG_PERIOD * np.round(table["t"] / LOG_PERIOD)
-    columns = {name: table[name].to_numpy(dtype=float) for name in COLUMNS}
+    columns = {name: table[name].to_numpy(dtype=float) for name in COLUMNS if name in table}
     try:
         return make_run(command.out, columns), ending
     except InvalidLogError as error:

@@ -27,6 +27,7 @@ from drift_drake.estimation.road import NO_PUSH, on_road, with_bank
 from drift_drake.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.vehicle.delays import HASTENERS
 from drift_drake.vehicle.effects import Effects, combined
 from drift_drake.vehicle.parameters import RELATIVE, Constants, VehicleParameters
 
@@ -58,6 +59,7 @@ FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] t
 TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
 WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
+WAITED_FOR = frozenset({"sensor_latency", *HASTENERS})  # late sensors are an early clock of the commands as well
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
 PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
 FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
@@ -217,7 +219,7 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
 
 def first_row(run: RunData, names: Sequence[str]) -> int:
     """Row that the filter starts from."""
-    return round(LATE_START / run.period) if "sensor_latency" in names else 0
+    return round(LATE_START / run.period) if WAITED_FOR.intersection(names) else 0
 
 
 def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:

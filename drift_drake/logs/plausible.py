@@ -38,7 +38,7 @@ def implausible(columns: Columns, period: float, trusted: Collection[str] = ()) 
 
 def _absurd(columns: Columns) -> str | None:
     for name in ("r", *LARGEST):
-        values = columns[name]
+        values = columns.get(name)
         if values is not None and float(np.max(np.abs(values))) > ABSURD:
             row = int(np.argmax(np.abs(values)))
             return f"column {name} holds {values[row]:g} in row {row}; fill or cut it"
@@ -47,7 +47,7 @@ def _absurd(columns: Columns) -> str | None:
 
 def _too_large(columns: Columns) -> str | None:
     for name, (largest, unit, other) in LARGEST.items():
-        values = columns[name]
+        values = columns.get(name)
         if values is None:
             continue
         reached = float(np.quantile(np.abs(values), REACHED))

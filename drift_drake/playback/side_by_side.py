@@ -103,7 +103,8 @@ class SideBySide:
         elif self._keep:
             self.remarks.append("no tau_cmd and no omega_r: the cars roll freely, and a force keeps the measured speed")
             self._wanted = self._source(builder, "speed", run.v)
-        self.cars, self._loggers = {}, {}
+        self.cars: dict[str, Car] = {}
+        self._loggers: dict[str, Any] = {}
         for name, model in cars.items():
             self._add(builder, name, model)
         self.diagram = builder.Build()

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context
 from drift_drake.errors import InvalidOptionError
 from drift_drake.sensing.sensors import MEASURED_STATE
 from drift_drake.vehicle.catalogue import OFF_THE_MOTION
-from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.effects import Effects, road_wheel
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import PathPlant
 from drift_drake.vehicle.vehicle_file import check_effects
@@ -157,6 +157,7 @@ def make_change(change: Change, plant: PathPlant, context: Context, command: Seq
     parameter.SetFromVector(change.effects)
     state, names = context.get_mutable_continuous_state_vector(), plant.state_names
     lagged = (before.steering_lag + before.steering_rate_limit, before.torque_lag)
-    for name, value, lag in zip(("steering", "torque"), command, lagged, strict=True):
+    followed = (road_wheel(command[0], before), command[1])
+    for name, value, lag in zip(("steering", "torque"), followed, lagged, strict=True):
         if lag == 0.0:
             state.SetAtIndex(names.index(name), float(value))

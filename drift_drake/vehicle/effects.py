@@ -175,6 +175,13 @@ def road_wheel(delta: Any, q: Effects) -> Any:
 
 
 @jitable
+def slope_force(psi: Any, weight: Any, q: Effects) -> tuple[Any, Any]:
+    """Gravity's force (F_x, F_y) [N] on the body, from the heading psi [rad] and the weight [N]."""
+    uphill = weight * sin(q.road_grade)
+    return -switched(uphill, cos, psi), switched(uphill, sin, psi) - weight * sin(q.road_bank)
+
+
+@jitable
 def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
                         nominal: Constants, q: Effects,
                         force_x: Any = 0.0, force_y: Any = 0.0,
@@ -213,10 +220,10 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     f_xr, f_yr = tyre_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
-    drag, uphill = q.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    f_x = f_x - drag * cos(beta) - q.rolling_resistance * p.mass * p.gravity - switched(uphill, cos, psi)
-    downhill = switched(uphill, sin, psi) - p.mass * p.gravity * sin(q.road_bank)
-    f_x, f_y = f_x + force_x + own_x, f_y - drag * sin(beta) + downhill + force_y + own_y
+    drag, weight = q.aero_drag * v * v, p.mass * p.gravity
+    slope_x, slope_y = slope_force(psi, weight, q)
+    f_x = f_x - drag * cos(beta) - q.rolling_resistance * weight + slope_x + force_x + own_x
+    f_y = f_y - drag * sin(beta) + slope_y + force_y + own_y
     m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass

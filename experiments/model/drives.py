@@ -164,7 +164,7 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
         for phase, samples in enumerate(found):
             phases[phase].append(samples.where(np.arange(len(samples.x)) >= TAKEOVER))
         name = f"run_{len(drives)}"
-        columns: dict[str, Any] = {column: table[column].to_numpy() for column in COLUMNS}
+        columns: dict[str, Any] = {column: table[column].to_numpy() for column in COLUMNS if column in table}
         write_run(Run(name, **columns), folder / f"{name}.csv")
         rms_e = None if reference is None else float(np.sqrt(np.mean(table["e"] ** 2)))
         drives.append({"kind": kind, "ending": ending, "seconds": len(table) / 100.0, "rms_e": rms_e})

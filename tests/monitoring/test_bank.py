@@ -39,7 +39,7 @@ def test_commands_pass_actuators_row_by_row_as_all_at_once(changed_run, commands
     theta[-1] = magnitude
     own = car(problem, theta, (name,))[1]
     bank = filters.make_bank([], VEHICLE, own, run.period, problem.noise**2, PROCESS_NOISE**2)
-    first = 20 if name == "sensor_latency" else 0  # the estimator waits for late sensors
+    first = 20 if name in ("sensor_latency", "command_clock_error") else 0  # the estimator waits for late sensors
     state = filters.make_state(bank)
     filters.start_bank(run.y[first], run.used, commands[first], bank, state)
     state.commands[:] = commands[np.maximum(np.arange(first + 1 - len(state.commands), first + 1), 0)]

@@ -25,7 +25,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 CAR = VehicleParameters()
-ODD = ("steering_offset", "gyro_bias", "sideslip_bias")  # effects that a mirror turns the sign of
+ODD = ("steering_offset", "gyro_bias", "sideslip_bias", "road_bank")  # effects that a mirror turns the sign of
 SIGNS = np.array([-1.0 if name in MIRRORED else 1.0 for name in CHANNELS])
 FEW = ("rear_stiffness_error", "steering_offset", "gyro_bias")
 APART = 5.0  # standard deviations

@@ -20,6 +20,7 @@ from drift_drake.vehicle.effects import (
     installed_actuation,
     installed_force,
     road_wheel,
+    slope_force,
     steering_rate,
 )
 from drift_drake.vehicle.parameters import InvalidVehicleError
@@ -267,10 +268,9 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     ground_x, ground_y, m_z = ground_wrench(forces, left, right, p)
     own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, NO_MEMORY)
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
-    drag, uphill = p.aero_drag * v * v, p.mass * p.gravity * sin(q.road_grade)
-    a_x = (ground_x - drag * cos(beta) - uphill * cos(psi) + force_x + own_x) / p.mass
-    downhill = uphill * sin(psi) - p.mass * p.gravity * sin(q.road_bank)
-    a_y = (ground_y - drag * sin(beta) + downhill + force_y + own_y) / p.mass
+    drag, (slope_x, slope_y) = p.aero_drag * v * v, slope_force(psi, p.mass * p.gravity, q)
+    a_x = (ground_x - drag * cos(beta) + slope_x + force_x + own_x) / p.mass
+    a_y = (ground_y - drag * sin(beta) + slope_y + force_y + own_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 
     axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)

@@ -99,7 +99,7 @@ def test_a_first_look_prints_a_mapping_that_works(tmp_path, capsys, kind):
 def test_a_look_at_a_table_reads_units_off_its_names():
     t = 1e3 * topics()["imu"][0]
     table = pd.DataFrame({"time_ms": t, "yaw_rate_deg_s": t, "speed [km/h]": t, "steering_angle_deg": t, "note": "a"})
-    content, missing = guessed_mapping([topics_of_arrays({"a": t})[0].__class__("", table)])
+    content, missing, _ = guessed_mapping([topics_of_arrays({"a": t})[0].__class__("", table)])
     assert not missing
     assert content["clocks"] == {"recorder": {"column": "time_ms", "unit": "ms"}}
     units = {name: signal["unit"] for name, signal in content["signals"].items()}

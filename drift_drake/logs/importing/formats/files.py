@@ -1,5 +1,6 @@
 """A recorder's file to its topics, by the file's ending."""
 
+import dataclasses
 import importlib
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from drift_drake.logs.table import InvalidLogError
 from drift_drake.plain_files import check_file
 
 READERS = {  # of an ending: module, function, what the format is called, the extra that it needs
-    ".csv": ("tables", "read_csv", "CSV", ""),
+    ".csv": ("text_tables", "read_csv", "CSV", ""),
     ".parquet": ("tables", "read_parquet", "Parquet", "parquet"),
     ".mcap": ("topics", "read_mcap", "MCAP", "ros"),
     ".bag": ("topics", "read_bag", "ROS bags", "ros"),
@@ -63,7 +64,7 @@ def read_topics(path: str | Path) -> list[Topic]:
         raise InvalidRecordingError(f"{path}: cannot be read as {title} ({reason}); give {KNOWN}") from None
     if not any(len(topic.table) for topic in topics):
         raise InvalidRecordingError(f"{path}: the file has a header and no rows; give a recording with readings")
-    return [Topic(topic.name, with_yaw(topic.table), topic.units) for topic in topics if len(topic.table)]
+    return [dataclasses.replace(topic, table=with_yaw(topic.table)) for topic in topics if len(topic.table)]
 
 
 def _ending(path: Path) -> str:

@@ -1,5 +1,5 @@
-"""CSV and Parquet, one topic, whose rows were written together; and files of named arrays: MATLAB's .mat (also 7.3),
-NumPy's .npz and HDF5. A unit may stand in a column's name: `speed [km/h]`.
+"""Parquet, one topic, whose rows were written together; and files of named arrays: MATLAB's .mat (also 7.3), NumPy's
+.npz and HDF5. A unit may stand in a column's name: `speed [km/h]`.
 
 Arrays of one length below the same name at the file's top are one topic: of the structs `imu` and `gps` one each, and
 the plain vectors of a workspace one for each length.
@@ -7,39 +7,23 @@ the plain vectors of a workspace one for each length.
 
 import gc
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from drift_drake.logs.importing.formats.text_tables import topic_of_table
 from drift_drake.logs.importing.formats.topics import LONGEST_ARRAY, Topic
 
 SHORTEST = 2  # rows of a topic
 
 
-def read_csv(path: Path) -> list[Topic]:
-    """The table of a CSV file; ValueError or OSError where it is none."""
-    table = pd.read_csv(path, low_memory=False)
-    header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
-    return [_topic(table, [str(name).strip() for name in header])]
-
-
 def read_parquet(path: Path) -> list[Topic]:
     """The table of a Parquet file; ImportError where pyarrow is not installed."""
     table = pd.read_parquet(path)
-    return [_topic(table, [str(name).strip() for name in table.columns])]
-
-
-def _topic(table: pd.DataFrame, names: Sequence[str]) -> Topic:
-    """The table by the names in the file; where one is there twice, both say which column they are."""
-    if len(names) != len(table.columns):  # rows that are longer than their header
-        names = [str(name).strip() for name in table.columns]
-    table.columns = [
-        name if names.count(name) == 1 else f"{name} (column {number})" for number, name in enumerate(names, 1)
-    ]
-    return Topic("", table)
+    return [topic_of_table(table, [str(name).strip() for name in table.columns])]
 
 
 def read_mat(path: Path) -> list[Topic]:

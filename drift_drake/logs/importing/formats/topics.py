@@ -17,11 +17,15 @@ PIECE = 1e-9  # [s] of the second field of a stamp
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """Columns of n rows by full name (`/imu.angular_velocity.z`), and units as far as the file states them."""
+    """Columns of n rows by full name (`/imu.angular_velocity.z`), and units as far as the file states them.
+
+    first_line: the line of the file, from 1, where the rows begin.
+    """
 
     name: str
     table: pd.DataFrame
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    first_line: int = 2
 
 
 def topics_of_messages(messages: Iterable[tuple[str, int, Any]]) -> list[Topic]:

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.arrays import Array
-from drift_drake.logs.importing.formats.times import PACKED, packed_seconds, packed_unit
+from drift_drake.logs.importing.formats.times import packed_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import fit, stated_unit
-from drift_drake.logs.importing.spelling import unit_of
+from drift_drake.logs.importing.spelling import PACKED, unit_of
 from drift_drake.logs.importing.units import factor
 
 STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
          "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip
-"""Steps between two readings, from 20 kHz (of s 1.2 kHz) to 0.5 Hz, by the unit that is then guessed, the first first."""
+"""Steps between two readings, 20 kHz (of s 1.2 kHz) to 0.5 Hz, by the unit that is then guessed, the first first."""
 DATES = (25569.0, 73050.0), (719529.0, 767011.0)  # 1970 to 2100 as days of spreadsheets, and of MATLAB
 ADVANCES = 0.9  # share of a clock's steps that do not go back
 STANDS = 0.5  # share of steps from which a clock repeats its readings

@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.spelling import DIMENSIONS
-from drift_drake.logs.importing.units import factor
+from drift_drake.logs.importing.units import QUANTITIES, factor
 
 LIKE = 0.85  # correlation from which two signals are believed to be of one motion
 EXACT = math.log(1.08)  # of a ratio to one, within which units fit
@@ -116,7 +116,7 @@ def units_by_motion(signals: Mapping[str, Signal], speed: Signal | None = None) 
         moving = (x > 0.2 * np.max(x, initial=0.0)) & (y > 0.0)
         if np.count_nonzero(moving) >= LEAST:
             size = float(np.median(y[moving] / x[moving]))
-            found |= {"v": unit for unit in USUAL["v"] if abs(math.log(size / factor(unit))) < 0.5 * EXACT}
+            found.update(("v", unit) for unit in USUAL["v"] if abs(math.log(size / factor(unit))) < 0.5 * EXACT)
     if {"v", "r", "ay"} <= set(signals):
         given = {name: found.get(name, signals[name].unit) for name in ("v", "r", "ay")}
         found |= _turning(signals, given)
@@ -162,8 +162,9 @@ def _turning(signals: Mapping[str, Signal], given: Mapping[str, str | None]) -> 
     for units in itertools.product(*(USUAL[name] if unit is None else (unit,) for name, unit in given.items())):
         v, r, ay = (factor(unit) for unit in units)
         off = abs(math.log(size * v * r / ay))
-        changed = sum(unit != DIMENSIONS[kind][0] and given[name] is None
-                      for unit, name, kind in zip(units, given, ("speed", "angular rate", "acceleration"), strict=True))  # fmt: skip
+        changed = sum(
+            unit != DIMENSIONS[QUANTITIES[n]][0] for unit, n in zip(units, given, strict=True) if not given[n]
+        )
         if off < EXACT and (best is None or changed + off < best[0]):
             best = changed + off, {name: unit for name, unit in zip(given, units, strict=True) if given[name] is None}
     return {} if best is None else best[1]
@@ -174,7 +175,8 @@ def _rate(r: Signal, heading_rate: Signal) -> dict[str, str]:
     if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
         return {}
     size = float(np.std(y) / np.std(x))
-    return {"r": unit for unit in USUAL["r"] if abs(math.log(size / factor(unit))) < 3.0 * EXACT}
+    unit = next((unit for unit in USUAL["r"] if abs(math.log(size / factor(unit))) < 3.0 * EXACT), None)
+    return {} if unit is None else {"r": unit}
 
 
 def _paired(a: Signal, b: Signal) -> tuple[Array, Array]:

@@ -8,7 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from pandas.api.types import is_numeric_dtype
 
-from drift_drake.logs.importing.clocks import clock_of, numbers_of_column, own_name, rate_of, read_together, seconds, time_unit
+from drift_drake.logs.importing.clocks import (
+    clock_of,
+    numbers_of_column,
+    own_name,
+    rate_of,
+    read_together,
+    seconds,
+    time_unit,
+)
 from drift_drake.logs.importing.evidence import (
     LIKE,
     RADII,
@@ -22,7 +30,7 @@ from drift_drake.logs.importing.evidence import (
     wheel_unit,
 )
 from drift_drake.logs.importing.formats.topics import Topic
-from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
+from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_in_g, stated_unit
 from drift_drake.logs.importing.spelling import DIMENSIONS
 from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
 
@@ -109,7 +117,9 @@ def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, st
             if fits is None:
                 continue
             values = topic.table[column].to_numpy()
-            still = len(values) > 1 and bool(np.all(values == values[0])) or not np.any(np.isfinite(values.astype(float)))
+            still = (len(values) > 1 and bool(np.all(values == values[0]))) or not np.any(
+                np.isfinite(values.astype(float))
+            )
             late = SLOWER * still + SLOWER * (topic.name not in clocks)
             found.append(Candidate(topic, str(column), fits[0] + late, fits[1]))
     return sorted(found, key=lambda candidate: candidate.rank)
@@ -154,7 +164,9 @@ def _choices_said(found: Mapping[str, Candidate], choices: Mapping[str, list[Can
     used = {(c.topic.name, c.column) for c in found.values()}
     for name, candidates in choices.items():
         others = [c.column for c in candidates if (c.topic.name, c.column) not in used]
-        listed = ", ".join(others[:MOST_NAMED]) + (f" and {len(others) - MOST_NAMED} more" if others[MOST_NAMED:] else "")
+        listed = ", ".join(others[:MOST_NAMED]) + (
+            f" and {len(others) - MOST_NAMED} more" if others[MOST_NAMED:] else ""
+        )
         if name in found and others:
             sentences.append(f"{name} is taken from {found[name].column}; it may also be {listed}.")
         elif others and name in NEEDED and not ({"vx", "vy"} <= set(found) and name == "v"):
@@ -164,7 +176,9 @@ def _choices_said(found: Mapping[str, Candidate], choices: Mapping[str, list[Can
     return sentences
 
 
-def _units(found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[Topic]) -> tuple[dict[str, str], list[str]]:
+def _units(
+    found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[Topic]
+) -> tuple[dict[str, str], list[str]]:
     """Units of the chosen columns: as stated, else by names and motion, else SI; and sentences on them."""
     units = {key: c.unit for key, c in found.items()}
     sentences = []
@@ -172,7 +186,9 @@ def _units(found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[T
         if c.unit == "?":
             _, stated = stated_unit(own_name(c.topic, c.column), c.topic.units.get(c.column, ""), key)
             text = stated.text if stated else ""
-            sentences.append(f"The unit '{text}' of {c.column} is not known: write one of {', '.join(units_of(key))} for '?'.")
+            sentences.append(
+                f"The unit '{text}' of {c.column} is not known: write one of {', '.join(units_of(key))} for '?'."
+            )
         if c.unit is None and QUANTITIES[key] == "acceleration" and is_in_g(c.column):
             units[key] = "g"
     read = {key: dataclasses.replace(signals(c), unit=units[key]) for key, c in found.items()}
@@ -182,7 +198,8 @@ def _units(found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[T
             told[key] = "deg"
     if "omega_r" in found and units["omega_r"] is None and "v" in found:
         speed = dataclasses.replace(read["v"], unit=told.get("v", units["v"])).si()
-        told |= {"omega_r": unit for unit in [wheel_unit(read["omega_r"], speed)] if unit}
+        if unit := wheel_unit(read["omega_r"], speed):
+            told["omega_r"] = unit
     plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
     guessed = {key: unit for key, unit in told.items() if units[key] is None and unit != plain[key]}
     silent = [key for key in found if units[key] is None and key not in told]
@@ -199,8 +216,13 @@ def _speed_of_position(found: Mapping[str, Candidate], signals: _Signals, topics
     if {"x", "y"} <= set(found) and found["x"].unit in (None, "m"):
         return travelled(signals(found["x"]), signals(found["y"]), degrees=False)
     for topic in topics:
-        names = {own_name(topic, column).lower().split(".")[-1].split(" ")[0]: str(column) for column in topic.table.columns}
-        place = [next((names[n] for n in words if n in names), None) for words in (("latitude", "lat"), ("longitude", "lon", "long"))]
+        names = {
+            own_name(topic, column).lower().split(".")[-1].split(" ")[0]: str(column) for column in topic.table.columns
+        }
+        place = [
+            next((names[n] for n in words if n in names), None)
+            for words in (("latitude", "lat"), ("longitude", "lon", "long"))
+        ]
         if all(name is not None and is_numeric_dtype(topic.table[name]) for name in place):
             north, east = (signals(Candidate(topic, str(name), 0.0, "deg")) for name in place)
             if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0:

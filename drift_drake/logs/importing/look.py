@@ -71,7 +71,9 @@ def mapping_text(found: Look) -> str:
     for topic in topics:
         lines += _described(topic)
     lines.append("# A first mapping, guessed from names and numbers: see that columns, units and frame are right.")
-    lines.append(yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True).rstrip())
+    lines.append(
+        yaml.safe_dump(mapping, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True).rstrip()
+    )
     column = mapping["signals"].get("delta_cmd", {}).get("column", "")
     if is_handwheel(column.rsplit(".", 1)[-1]):
         lines.append("# delta_cmd is the road wheel's angle, and its column looks like the steering wheel's: add")

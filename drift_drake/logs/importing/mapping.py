@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.errors import DriftDrakeError, shown
-from drift_drake.logs.importing.formats.times import PACKED
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
-from drift_drake.logs.importing.spelling import DIMENSIONS, unit_of
+from drift_drake.logs.importing.spelling import DIMENSIONS, PACKED, unit_of
 from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimensions_of, units_of
 from drift_drake.logs.table import COLUMNS
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text

@@ -21,8 +21,8 @@ class Rule(NamedTuple):
     beside: str
 
 
-COMMON = frozenset("source car".split())
-SAYS = {"acceleration": "acc", "angular rate": "rate", "speed": "speed"}  # of a unit: what its column is
+COMMON = frozenset(["source", "car"])
+SAYS = {"acceleration": "acc", "angular rate": "rate", "speed": "speed"}  # what a unit says of its column
 SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v car")  # no unknown word beside these
 RULES = {
     "x": Rule(("pos x", "x"), "pos"),
@@ -56,7 +56,7 @@ UNKNOWN, NUMBERED = 1.0, 0.25  # what a word that is not known, and a number, co
 HANDWHEEL = 1.5  # what the steering wheel counts against the road wheel
 LIMIT = 4.0  # from which a column is named, and not taken
 DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to stand for it
-IN_WORDS = ("kmh kph kmph mph mps rpm dps knots kts radps degps fps percent mps2 degs kmhr").split()
+IN_WORDS = tuple("kmh kph kmph kmhr mph mps mps2 fps knots kts radps degps degs dps rpm percent".split())
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
@@ -202,10 +202,10 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     if rank is None:
         return None
     rank += NUMBERED * numbers + _topic_rank(quantity, said, around)
-    return rank, _name(known, stated, said)
+    return rank, _name(known, stated)
 
 
-def _name(known: Unit | None, stated: Stated | None, said: set[str]) -> str | None:
+def _name(known: Unit | None, stated: Stated | None) -> str | None:
     if known is not None:
         return known.name
     if stated is not None:
@@ -219,7 +219,9 @@ def _rank(quantity: str, said: set[str], unknown: int) -> float | None:
     for number, way in enumerate(rule.ways):
         needed = set(way.split())
         if needed <= said and said - needed <= free and not (unknown and way in SYMBOLS):
-            hand = quantity == "delta_cmd" and ("handwheel" in said or {"steer", "wheel"} <= said) and "road" not in said
+            hand = (
+                quantity == "delta_cmd" and ("handwheel" in said or {"steer", "wheel"} <= said) and "road" not in said
+            )
             return 0.3 * number + UNKNOWN * unknown + (HANDWHEEL if hand else 0.0)
     if quantity == "v" and {"wheel", "speed"} <= said and said - {"wheel", "speed"} <= COMMON:
         return DRIVEN + UNKNOWN * unknown

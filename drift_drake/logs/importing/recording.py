@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
-from drift_drake.logs.importing.formats.times import DAY, PACKED, packed_seconds, packed_unit, unwrapped
+from drift_drake.logs.importing.formats.times import DAY, packed_seconds, packed_unit, unwrapped
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.names import stated_unit
-from drift_drake.logs.importing.spelling import unit_of
+from drift_drake.logs.importing.spelling import PACKED, unit_of
 from drift_drake.logs.importing.units import dimension, dimensions_of, factor, to_iso8855
 from drift_drake.logs.plausible import ABSURD, LARGEST
 
@@ -102,7 +102,7 @@ def _read_together(path: Path, clock: str, readings: Readings) -> None:
         first, *others = seen
         raise InvalidRecordingError(
             f"{path}: {', '.join(others)} and {first} are read in rows of their own; give each a clock with the same "
-            f"column of times, such as 'clocks: {clock}_{others[-1]}: {{column: ...}}' and 'clock: {clock}_{others[-1]}'"
+            f"column of times, as 'import --look' does ('clock: {clock}_{others[-1]}')"
         )
 
 
@@ -193,7 +193,9 @@ def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[st
     if clock.unit in PACKED:
         return (regular_times(t) if clock.regular else t), rows, sentences
     if packed := packed_unit(numbers):
-        sentences.append(f"the clock '{clock.column}' jumps at full minutes: it looks packed, give it 'unit: {packed}'.")
+        sentences.append(
+            f"the clock '{clock.column}' jumps at full minutes: it looks packed, give it 'unit: {packed}'."
+        )
     sentences += contradicted(topic, str(name), clock.unit, "its clock's unit")
     return (regular_times(t) if clock.regular else t), rows, sentences
 
@@ -204,7 +206,7 @@ def clock_seconds(numbers: Array, unit: str) -> Array:
         return packed_seconds(numbers, unit)
     t = np.asarray(numbers * factor(unit, ("time",)))
     seen = t[np.isfinite(t)]
-    turns = len(seen) > 1 and 0.0 <= np.min(seen) and np.max(seen) <= DAY and np.min(np.diff(seen)) < -LATE_DAY
+    turns = len(seen) > 1 and np.min(seen) >= 0.0 and np.max(seen) <= DAY and np.min(np.diff(seen)) < -LATE_DAY
     return unwrapped(t) if turns else t
 
 

@@ -34,6 +34,7 @@ DIMENSIONS = {  # of a quantity: its SI unit, and the factors to it
     "force": ("N", {"N": 1.0, "kN": 1e3, "lbf": 4.4482216, "kgf": 9.80665}),
     "number": ("-", {"-": 1.0, "%": 0.01}),
 }  # fmt: skip
+PACKED = {"hhmmss": 1.0, "hhmmssfff": 1000.0}  # of a clock whose digits are packed: what its last second counts
 OTHER = "other"  # dimension of a unit that is known, and that no quantity of a log has
 
 WORDS = {  # of a unit of the table, or of a factor in products: further spellings, in lower case
@@ -90,7 +91,7 @@ FACTORS = {"m": (1, 0, 0, 0), "s": (0, 1, 0, 0), "rad": (0, 0, 1, 0), "N": (0, 0
 POWERS = {"length": FACTORS["m"], "time": FACTORS["s"], "angle": FACTORS["rad"], "force": FACTORS["N"],
           "speed": (1, -1, 0, 0), "angular rate": (0, -1, 1, 0), "acceleration": (1, -2, 0, 0),
           "torque": (1, 0, 0, 1), "number": (0, 0, 0, 0)}  # fmt: skip
-SIGNS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺−–·×⋅*∙µμº˚�", "0123456789-+--.....uu°°°")
+SIGNS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺−–·×⋅*∙µμº˚�", "0123456789-+--.....uu°°°")  # noqa: RUF001
 LONGEST = 40  # characters of a unit
 
 
@@ -103,7 +104,7 @@ class Unit(NamedTuple):
 
 
 def _table() -> tuple[dict[str, list[Unit]], dict[str, list[Unit]]]:
-    """Units by their name, and by each spelling in lower case; a spelling may be of several (`rads`, and `speed_ms`)."""
+    """Units by their name, and by each spelling in lower case; some are of several (`rads`, `speed_ms`)."""
     named = {unit: Unit(unit, kind, size) for kind, (_, units) in DIMENSIONS.items() for unit, size in units.items()}
     spelt: dict[str, list[Unit]] = {}
     for name, unit in named.items():

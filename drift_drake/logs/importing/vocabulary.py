@@ -16,8 +16,10 @@ CONCEPTS = {
     "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda tyre tire reifen pneu",
     "axle": "axle achse essieu asse",
     "revs": "rpm revs rev drehzahl regime omega w",
-    "acc": "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
-           "accelerazione gforce gforces",
+    "acc": (
+        "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
+        "accelerazione gforce gforces"
+    ),
     "gee": "g",
     "lat": "lat lateral laterale quer seitlich transversal transversale trasversale",
     "long": "long lon longitudinal longitudinale langs laengs inline",
@@ -31,8 +33,10 @@ CONCEPTS = {
     "beta": "beta",
     "delta": "delta",
     "torque": "torque torques trq tq moment drehmoment couple coppia tau",
-    "engine": "engine eng motor motors mot moteur motore crank crankshaft kurbelwelle antrieb antriebs traction "
-              "drivetrain shaft propshaft cardan powertrain emotor",
+    "engine": (
+        "engine eng motor motors mot moteur motore crank crankshaft kurbelwelle antrieb antriebs traction drivetrain "
+        "shaft propshaft cardan powertrain emotor"
+    ),
     "rear": "rear rl rr lr hl hr hinten hinter hinterachse heck arriere ar arg ard back posteriore",
     "front": "front f fl fr lf rf vl vr vorn vorne vorder vorderachse avant av avg avd anteriore",
     "earth": "north east nord sud ned enu",
@@ -40,37 +44,45 @@ CONCEPTS = {
     "pos": "pos position positions location pose",
     "v": "v",
     "r": "r",
-    "time": "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage uhrzeit uhr "
-            "utc gmt epoch unixtime tijd",
+    "time": (
+        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage uhrzeit uhr utc gmt "
+        "epoch unixtime tijd"
+    ),
     "t": "t ts",
     "date": "date datum datetime",
     "car": "car vehicle veh fahrzeug fzg fahr vehicule voiture auto vehiculo veicolo ground over own host body chassis",
     "norm": "norm magnitude abs absolute total horizontal",
-    "source": "gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
-              "messwert ist actual act est estimated estimate filtered filt raw corr corrected calc calculated kf ekf "
-              "fused state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon mocap "
-              "optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base link "
-              "frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by for "
-              "de du la le au der die das von vom rec true mean smoothed smooth lowpass lp current topic can1 can2 bus "
-              "rate_limited mm hydra daq logger adma oxts rt3000 kistler correvit inertial unit group",
-    "target": "desired des target tgt ref reference setpoint set soll sollwert consigne cible demand demanded dem "
-              "request requested req goal plan planned wanted cmd cmds command commanded commands commande befehl vorgabe "
-              "input control ctrl controller expected predicted pred nominal ackermann pilot",
-    "other": "wind vent wehen air airspeed luft gust gusts fan ventilator luefter pump pumpe pompe oil oel huile fuel "
-             "turbo turbine gear gearbox getriebe ratio brake brakes bremse bremsen frein clutch kupplung embrayage "
-             "throttle pedal gas accelerator lap laps lapnumber runde tour sector sektor split beacon distance dist "
-             "strecke altitude height hoehe elevation temp temperature temperatur pressure druck pression voltage volt "
-             "spannung battery batt power leistung lambda count counter index idx id number num nr quality valid validity "
-             "status flag flags accuracy genauigkeit precision error err fehler erreur std stddev stdev dev deviation "
-             "var variance cov covariance sigma uncertainty dop hdop vdop pdop satellites sats limit limits limited lim "
-             "max min maximum minimum maximal minimal offset bias zero null nullpunkt calib calibration trim gain scale "
-             "factor jerk ruck force forces kraft suspension damper daempfer camber toe stroke hub travel mag magnetometer "
-             "magnetic compass_error latitude longitude breite laenge course kurs bearing track trajectory path curvature "
-             "radius diff difference delta_t gap residual rest loss friction reserve best best_lap interval duration "
-             "delay latency dead remaining timeout age period mode gradient noise checksum crc cursor mouse joystick "
-             "stick touch camera lidar radar object obstacle lead leading relative rel other traffic closing conveyor "
-             "average avg trip weather driver spin spoiler drone rotor propeller prop anemometer pitot current_a counts",
-}  # fmt: skip
+    "source": (
+        "gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
+        "messwert ist actual act est estimated estimate filtered filt raw corr corrected calc calculated kf ekf fused "
+        "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
+        "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
+        "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
+        "for de du la le au der die das von vom rec true mean smoothed smooth lowpass lp current topic can1 can2 bus "
+        "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
+    ),
+    "target": (
+        "desired des target tgt ref reference setpoint set soll sollwert consigne cible demand demanded dem request "
+        "requested req goal plan planned wanted cmd cmds command commanded commands commande befehl vorgabe input "
+        "control ctrl controller expected predicted pred nominal ackermann pilot"
+    ),
+    "other": (
+        "wind vent wehen air airspeed luft gust gusts fan ventilator luefter pump pumpe pompe oil oel huile fuel "
+        "turbo turbine gear gearbox getriebe ratio brake brakes bremse bremsen frein clutch kupplung embrayage "
+        "throttle pedal gas accelerator lap laps lapnumber runde tour sector sektor split beacon distance dist "
+        "strecke altitude height hoehe elevation temp temperature temperatur pressure druck pression voltage volt "
+        "spannung battery batt power leistung lambda count counter index idx id number num nr quality valid validity "
+        "status flag flags accuracy genauigkeit precision error err fehler erreur std stddev stdev dev deviation var "
+        "variance cov covariance sigma uncertainty dop hdop vdop pdop satellites sats limit limits limited lim max "
+        "min maximum minimum maximal minimal offset bias zero null nullpunkt calib calibration trim gain scale factor "
+        "jerk ruck force forces kraft suspension damper daempfer camber toe stroke hub travel mag magnetometer "
+        "magnetic compass latitude longitude breite laenge course kurs bearing track trajectory path curvature radius "
+        "diff difference gap residual rest loss friction reserve best interval duration delay latency dead remaining "
+        "timeout age period mode gradient noise checksum crc cursor mouse joystick stick touch camera lidar radar "
+        "object obstacle lead leading relative rel other traffic closing conveyor average avg trip weather driver "
+        "spin spoiler drone rotor propeller prop anemometer pitot counts"
+    ),
+}
 PAIRS = {  # words that say two things
     "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",
     "az": "acc z", "wx": "gyro x", "wy": "gyro y", "wz": "gyro z", "omegaz": "gyro z", "omegax": "gyro x",
@@ -78,7 +90,7 @@ PAIRS = {  # words that say two things
     "psidot": "yaw rate", "dpsi": "yaw rate", "glat": "acc lat", "glong": "acc long", "glon": "acc long",
     "vcar": "car speed", "vveh": "car speed", "vfzg": "car speed", "vlat": "speed lat", "vlon": "speed long",
     "vlong": "speed long", "alat": "acc lat", "along": "acc long", "alon": "acc long", "nmot": "engine revs",
-    "vel": "speed", "strwhl": "handwheel", "steerwheel": "handwheel", "steeringwheel": "handwheel", "wss": "wheel speed",
+    "strwhl": "handwheel", "steerwheel": "handwheel", "steeringwheel": "handwheel", "wss": "wheel speed",
     "sideslip": "slip side", "schwimmwinkel": "slip angle", "drehrate": "gyro", "datetime": "date time",
     "roadwheel": "road wheel", "nengine": "engine revs", "omegar": "revs rear", "asteer": "steer angle",
     "airspeed": "other", "laptime": "other", "runtime": "other", "swangle": "handwheel angle",

@@ -66,7 +66,7 @@ def layout_of(head: bytes, whole: bool) -> Layout:
     comments = any(line.lstrip().startswith("#") for line in lines[start:])
     plain = (
         encoding.startswith("utf-8") and separator == "," and (decimal, thousands) == (".", None) and not comments
-        and len(above) == 1 and not units and not any(line.strip() for line in lines[: start - 1] if line != above[0][0])
+        and len(above) == 1 and not units and not any(map(str.strip, lines[1:start]))
         and bool(lines[0].strip()) and rows[0] == above[0][1]
     )  # fmt: skip
     return Layout(encoding, separator, decimal, thousands, "#" if comments else None, start, names, units, plain)
@@ -161,7 +161,9 @@ def _is_index(row: list[str]) -> bool:
     return len(row) > 2 and row in ([str(k) for k in range(len(row))], [str(k + 1) for k in range(len(row))])
 
 
-def _above(rows: list[list[str]], lines: list[str], start: int, width: int, separator: str) -> list[tuple[str, list[str]]]:
+def _above(
+    rows: list[list[str]], lines: list[str], start: int, width: int, separator: str
+) -> list[tuple[str, list[str]]]:
     """The lines of names, units and the like directly above the readings, the topmost first."""
     found: list[tuple[str, list[str]]] = []
     commented: list[tuple[str, list[str]]] = []

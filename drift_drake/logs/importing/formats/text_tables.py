@@ -34,9 +34,7 @@ def read_csv(path: Path) -> list[Topic]:
         header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
     except UnicodeDecodeError:
         table = pd.read_csv(path, low_memory=False, encoding=OTHERWISE)
-        header = pd.read_csv(
-            path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE
-        ).iloc[0]
+        header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE).iloc[0]
     return [topic_of_table(table, [str(name).strip() for name in header])]
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pandas.api.types import is_datetime64_any_dtype, is_numeric_dtype, is_timedelta64_dtype
 
 from drift_drake.arrays import Array
+from drift_drake.logs.importing.spelling import PACKED
 
 DAY, HOUR = 86400.0, 3600.0  # [s]
-PACKED = {"hhmmss": 1.0, "hhmmssfff": 1000.0}  # units of a packed clock: what its last second counts
 TEXT = re.compile(
     r"""^\s*(?P<date>.*?)[\sT,;_]*?(?P<first>\d{1,3}):(?P<second>\d{1,2})(?::(?P<third>\d{1,2}))?
     (?:[.,:](?P<part>\d+))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$""",
@@ -77,7 +77,9 @@ def packed_seconds(numbers: Array, unit: str) -> Array:
     """Seconds [n] of a clock whose digits are hhmmss.ss (or hhmmssfff), on across midnight; NaN where they are not."""
     digits = numbers / PACKED[unit]
     hours, minutes, seconds = digits // 1e4, digits // 1e2 % 1e2, digits % 1e2
-    clock = np.where((hours < 24.0) & (minutes < 60.0) & (seconds < 60.0), HOUR * hours + 60.0 * minutes + seconds, np.nan)
+    clock = np.where(
+        (hours < 24.0) & (minutes < 60.0) & (seconds < 60.0), HOUR * hours + 60.0 * minutes + seconds, np.nan
+    )
     return unwrapped(clock)
 
 

@@ -1,18 +1,19 @@
 """Which column of a topic is its clock, in which unit, and which columns are read at the same ticks."""
 
+import dataclasses
 import re
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.arrays import Array
-from drift_drake.logs.importing.formats.times import packed_seconds, packed_unit
+from drift_drake.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
-from drift_drake.logs.importing.names import fit, stated_unit
+from drift_drake.logs.importing.names import bracketed, concepts, fit, stated_unit
 from drift_drake.logs.importing.spelling import PACKED, unit_of
-from drift_drake.logs.importing.units import factor
 
 STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
          "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip
@@ -20,12 +21,24 @@ STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9
 DATES = (25569.0, 73050.0), (719529.0, 767011.0)  # 1970 to 2100 as days of spreadsheets, and of MATLAB
 ADVANCES = 0.9  # share of a clock's steps that do not go back
 STANDS = 0.5  # share of steps from which a clock repeats its readings
+FEWEST = 0.9  # share of a column's texts that are numbers, from which it is one of numbers
 TOGETHER = 0.9  # share of two columns' readings that stand in the same rows, where one clock serves both
 
 
 def own_name(topic: Topic, column: str) -> str:
     """A column's name without its topic's."""
-    return str(column).removeprefix(topic.name).lstrip("./") or str(column)
+    return str(column).removeprefix(f"{topic.name}.") if topic.name else str(column)
+
+
+def with_numbers(topic: Topic) -> Topic:
+    """The topic, columns of numbers with a few other texts among them as numbers (NaN where they are not)."""
+    found = {}
+    for column, values in topic.table.items():
+        if not is_numeric_dtype(values):
+            numbers = pd.to_numeric(values, errors="coerce")
+            if numbers.notna().sum() > FEWEST * values.notna().sum():
+                found[column] = numbers
+    return dataclasses.replace(topic, table=topic.table.assign(**found)) if found else topic
 
 
 def numbers_of_column(topic: Topic, column: str) -> Array:
@@ -34,21 +47,51 @@ def numbers_of_column(topic: Topic, column: str) -> Array:
 
 def clock_of(topic: Topic) -> str | None:
     """The column of times: a name of a clock, and (nearly) never backwards."""
+    if topic.name and topic.name in topic.table:  # of `by_clock`
+        return topic.name
     best: tuple[float, str] | None = None
-    for column in topic.table.columns:
-        if not is_numeric_dtype(topic.table[column]):
-            continue
+    for column in map(str, topic.table.columns):
         fits = fit("time", own_name(topic, column), topic.units.get(column, ""))
-        if fits is None:
+        if fits is None or (slow := _advances(topic, column)) is None:
             continue
-        t = seconds(topic, column)
-        steps = np.diff(t[np.isfinite(t)])
-        if len(steps) < 1 or np.mean(steps >= 0.0) <= ADVANCES or np.sum(steps) <= 0.0:
-            continue
-        rank = fits[0] + 1.5 * bool(np.mean(steps == 0.0) > STANDS) + 0.5 * str(column).endswith("log_time")
+        rank = fits[0] + 1.5 * slow + 0.5 * column.endswith("log_time")
         if best is None or rank < best[0]:
-            best = rank, str(column)
+            best = rank, column
     return None if best is None else best[1]
+
+
+def _advances(topic: Topic, column: str) -> bool | None:
+    """Whether a column of times repeats most of its readings; None where it does not advance."""
+    if not is_numeric_dtype(topic.table[column]):
+        return None
+    t = seconds(topic, column)
+    steps = np.diff(t[np.isfinite(t)])
+    if len(steps) < 1 or np.mean(steps >= 0.0) <= ADVANCES or np.sum(steps) <= 0.0:
+        return None
+    return bool(np.mean(steps == 0.0) > STANDS)
+
+
+def by_clock(topic: Topic) -> list[Topic]:
+    """A table in which each signal stands beside times of its own (`r_time, r, v_time, v`), as topics; else itself."""
+    main = clock_of(topic)
+    several = main is not None and " (column " in main
+    if (main is not None and not several) or len(topic.table.columns) < 4:
+        return [topic]
+    named = [c for c in map(str, topic.table.columns) if concepts(bracketed(own_name(topic, c))[0])[0] & {"time", "t"}]
+    timed = [column for column in named if _advances(topic, column) is not None]
+    if len(timed) < 2:
+        return [topic]
+    parts: dict[str, list[str]] = {column: [column] for column in timed}
+    clock = timed[0]
+    for column in map(str, topic.table.columns):
+        clock = column if column in parts else clock
+        if column not in parts:
+            parts[clock].append(column)
+    return [
+        dataclasses.replace(topic, name=clock, table=topic.table[columns])
+        for clock, columns in parts.items()
+        if columns[1:]
+    ]
 
 
 def time_unit(topic: Topic, column: str) -> str:
@@ -77,9 +120,7 @@ def time_unit(topic: Topic, column: str) -> str:
 def seconds(topic: Topic, column: str) -> Array:
     """Times [s] of a topic's rows by that column."""
     numbers, unit = numbers_of_column(topic, column), time_unit(topic, column)
-    if unit in PACKED:
-        return packed_seconds(numbers, unit)
-    return np.asarray(numbers * factor(unit if unit != "?" else "s", ("time",)))
+    return clock_seconds(numbers, "s" if unit == "?" else unit)
 
 
 def rate_of(t: Array) -> float:

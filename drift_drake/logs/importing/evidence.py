@@ -21,7 +21,8 @@ EARTH = 6.371e6  # [m] radius
 LEAST = 30  # readings
 RADII, LARGE = (0.015, 0.6), 0.15  # [m] of wheels, from the smallest models on, and of cars that one sits in
 FAST = 4.0  # [m/s]
-ROLLS = math.log(1.15)  # of a wheel's speed to the car's, over most of a drive
+WHEELBASES = (0.1, 8.0)  # [m] of vehicles; times the steering ratio, 10 to 20, of the steering wheel's angle
+ROLLS = math.log(1.06)  # of a wheel's speed to the car's, over most of a drive
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +122,11 @@ def units_by_motion(signals: Mapping[str, Signal], speed: Signal | None = None) 
         given = {name: found.get(name, signals[name].unit) for name in ("v", "r", "ay")}
         found |= _turning(signals, given)
     rate = found.get("r", signals["r"].unit if "r" in signals else None)
-    if "psi" in signals and signals["psi"].unit is None and np.nanmax(np.abs(signals["psi"].values)) > 4.0 * np.pi:
+    if (
+        "psi" in signals
+        and signals["psi"].unit is None
+        and np.nanmax(np.abs(signals["psi"].values), initial=0.0) > 4.0 * np.pi
+    ):
         found["psi"] = "deg"
     if rate is None and "r" in signals and "psi" in signals:
         heading = dataclasses.replace(signals["psi"], unit=found.get("psi", signals["psi"].unit)).si()
@@ -148,6 +153,17 @@ def wheel_unit(wheel: Signal, speed: Signal) -> str | None:
     radii = {unit: size / factor(unit) for unit in ("rad/s", "rpm")}
     likely = [unit for unit, radius in radii.items() if RADII[0] < radius < RADII[1] and (radius > LARGE or not fast)]
     return next(iter(likely), None)
+
+
+def steering_unit(steer: Signal, speed: Signal, rate: Signal, handwheel: bool) -> str | None:
+    """`deg` where a steering angle taken for radians belongs to no vehicle's wheelbase, and taken for degrees does."""
+    length = abs(ratio(rate, product(steer, speed)))
+    if abs(likeness(rate, product(steer, speed))) < LIKE:
+        return None
+    low, high = (10.0 * WHEELBASES[0], 20.0 * WHEELBASES[1]) if handwheel else WHEELBASES
+    fast = float(np.nanmedian(np.abs(speed.values))) > FAST
+    sensible = max(low, 1.0 if fast else 0.0) < math.radians(length) < high
+    return "deg" if length > high and sensible else None
 
 
 def _turning(signals: Mapping[str, Signal], given: Mapping[str, str | None]) -> dict[str, str]:

@@ -9,6 +9,7 @@ import numpy as np
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.logs.importing.clocks import (
+    by_clock,
     clock_of,
     numbers_of_column,
     own_name,
@@ -25,12 +26,13 @@ from drift_drake.logs.importing.evidence import (
     derivative,
     likeness,
     ratio,
+    steering_unit,
     travelled,
     units_by_motion,
     wheel_unit,
 )
 from drift_drake.logs.importing.formats.topics import Topic
-from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_in_g, stated_unit
+from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
 from drift_drake.logs.importing.spelling import DIMENSIONS
 from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
 
@@ -64,6 +66,7 @@ class Guess(NamedTuple):
 
 def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     """A first mapping of these topics."""
+    topics = [part for topic in topics for part in by_clock(topic)]
     clocks = {topic.name: clock for topic in topics if (clock := clock_of(topic)) is not None}
     times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
     rates = {name: rate_of(t) for name, t in times.items()}
@@ -116,11 +119,11 @@ def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, st
             fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
             if fits is None:
                 continue
-            values = topic.table[column].to_numpy()
-            still = (len(values) > 1 and bool(np.all(values == values[0]))) or not np.any(
-                np.isfinite(values.astype(float))
-            )
-            late = SLOWER * still + SLOWER * (topic.name not in clocks)
+            values = numbers_of_column(topic, column)
+            seen = values[np.isfinite(values)]
+            if not len(seen):
+                continue
+            late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
             found.append(Candidate(topic, str(column), fits[0] + late, fits[1]))
     return sorted(found, key=lambda candidate: candidate.rank)
 
@@ -194,12 +197,16 @@ def _units(
     read = {key: dataclasses.replace(signals(c), unit=units[key]) for key, c in found.items()}
     told = units_by_motion(read, _speed_of_position(found, signals, topics))
     for key, size in LARGEST.items():
-        if key in found and units[key] is None and np.nanmax(np.abs(read[key].values)) > size:
+        if key in found and units[key] is None and np.nanmax(np.abs(read[key].values), initial=0.0) > size:
             told[key] = "deg"
     if "omega_r" in found and units["omega_r"] is None and "v" in found:
         speed = dataclasses.replace(read["v"], unit=told.get("v", units["v"])).si()
         if unit := wheel_unit(read["omega_r"], speed):
             told["omega_r"] = unit
+    if {"delta_cmd", "v", "r"} <= set(found) and units["delta_cmd"] is None and "delta_cmd" not in told:
+        v, r = (dataclasses.replace(read[key], unit=told.get(key, units[key])).si() for key in ("v", "r"))
+        if unit := steering_unit(read["delta_cmd"], v, r, is_handwheel(found["delta_cmd"].column)):
+            told["delta_cmd"] = unit
     plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
     guessed = {key: unit for key, unit in told.items() if units[key] is None and unit != plain[key]}
     silent = [key for key in found if units[key] is None and key not in told]

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds
+from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds, with_numbers
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.guess import NEEDED, guessed_mapping
@@ -57,7 +57,7 @@ def look(path: str | Path) -> Look:
     Raises:
         InvalidRecordingError: the file cannot be read, or holds no number.
     """
-    topics = read_topics(path)
+    topics = [with_numbers(topic) for topic in read_topics(path)]
     summaries = [_summary(topic) for topic in topics]
     if all(column.low is None for topic in summaries for column in topic.columns):
         raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")

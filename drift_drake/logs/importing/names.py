@@ -47,7 +47,7 @@ RULES = {
     "az": Rule(("acc z",), "linear gee"),
     "delta_cmd": Rule(
         ("road wheel", "delta", "steer angle", "front wheel angle", "steer", "handwheel angle", "handwheel"),
-        "target wheel road front hand handwheel angle delta steer axle",
+        "target wheel road front hand handwheel angle delta steer axle pos",
     ),
     "tau_cmd": Rule(("torque target", "torque"), "engine target wheel rear axle"),
     "time": Rule(("time", "t", "date time", "date"), "t date source"),
@@ -56,7 +56,8 @@ UNKNOWN, NUMBERED = 1.0, 0.25  # what a word that is not known, and a number, co
 HANDWHEEL = 1.5  # what the steering wheel counts against the road wheel
 LIMIT = 4.0  # from which a column is named, and not taken
 DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to stand for it
-IN_WORDS = tuple("kmh kph kmph kmhr mph mps mps2 fps knots kts radps degps degs dps rpm percent".split())
+IN_WORDS = ("kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs", "dps",
+            "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
@@ -134,6 +135,7 @@ def concepts(name: str) -> tuple[set[str], int, int]:
 
 def bracketed(name: str) -> tuple[str, Stated | None]:
     """A name without its last brackets, and the unit in them; brackets that say no unit (`W (IMU)`) stay."""
+    name = re.sub(r" \(column \d+\)$", "", name)  # of two with one name
     found = re.search(r"\s*(\[([^\[\]]*[^\[\]\d\s][^\[\]]*)\]|\(([^()]*)\))([^\[\]()]*)$", name)
     if not found:
         return name, None
@@ -191,8 +193,9 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     known = unit_of(stated.text, kinds) if stated else None
     if stated and known is None and meanings(stated.text):
         return None
-    if not topic and "." in bare.strip("/."):
-        topic, _, bare = bare.lstrip("/.").partition(".")
+    first, _, rest = bare.lstrip("/.").partition(".")
+    if not topic and len(rest) > 1:
+        topic, bare = first, rest
     said, unknown, numbers = concepts(bare)
     said |= set(SAYS.get(known.dimension, "").split()) if known is not None else set()
     around, strange, _ = concepts(topic)

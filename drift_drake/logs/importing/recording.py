@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
-from drift_drake.logs.importing.formats.times import DAY, packed_seconds, packed_unit, unwrapped
+from drift_drake.logs.importing.formats.times import clock_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.names import stated_unit
@@ -27,7 +27,6 @@ MOST_LISTED = 40  # columns in a message
 MOST_BAD = 0.02  # share of a column's readings: more are no slips, and the column is refused
 SHOWN = 3  # rows named in a sentence
 LONGEST_STEP = 0.2  # [s] between readings that a run bridges
-LATE_DAY = 0.9 * DAY  # [s] by which a clock of the time of day goes back at midnight
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,8 +40,8 @@ class Readings:
 
     @property
     def period(self) -> float:
-        """Median time between ticks [s]."""
-        return float(np.median(np.diff(self.t)))
+        """Median time between readings [s]."""
+        return float(np.median(np.diff(self.t[_read_rows(self.signals, len(self.t))])))
 
     def seen(self, name: str) -> tuple[Array, Array]:
         """Times and values of a signal where it was read."""
@@ -77,11 +76,13 @@ def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
             if signal.clock == name:
                 values[key], wrong = _signal(path, topics, topic, key, signal, rows, t, mapping.frame)
                 remarks += wrong
-        there = _read_rows(values, len(t))
-        values = {key: signal[there] for key, signal in values.items()}
-        clocks[name] = Readings(t[there], rows[there], values, topic.name)
-        if name == mapping.first_clock:
+        if name == mapping.first_clock:  # keeps its blank rows: by them others' rows have a time
+            clocks[name] = Readings(t, rows, values, topic.name)
             _read_together(path, name, clocks[name])
+        else:
+            there = _read_rows(values, len(t))
+            values = {key: signal[there] for key, signal in values.items()}
+            clocks[name] = Readings(t[there], rows[there], values, topic.name)
     return Recording(path.stem, clocks, remarks)
 
 
@@ -198,16 +199,6 @@ def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[st
         )
     sentences += contradicted(topic, str(name), clock.unit, "its clock's unit")
     return (regular_times(t) if clock.regular else t), rows, sentences
-
-
-def clock_seconds(numbers: Array, unit: str) -> Array:
-    """Times [s] of a clock [n]: packed digits unpacked, a time of day across midnight goes on."""
-    if unit in PACKED:
-        return packed_seconds(numbers, unit)
-    t = np.asarray(numbers * factor(unit, ("time",)))
-    seen = t[np.isfinite(t)]
-    turns = len(seen) > 1 and np.min(seen) >= 0.0 and np.max(seen) <= DAY and np.min(np.diff(seen)) < -LATE_DAY
-    return unwrapped(t) if turns else t
 
 
 def regular_times(t: Array) -> Array:

@@ -84,6 +84,7 @@ CONCEPTS = {
     ),
 }
 PAIRS = {  # words that say two things
+    "lenkw": "steer angle", "lw": "steer angle", "lrw": "handwheel angle", "strangle": "steer angle",
     "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",
     "az": "acc z", "wx": "gyro x", "wy": "gyro y", "wz": "gyro z", "omegaz": "gyro z", "omegax": "gyro x",
     "omegay": "gyro y", "ws": "wheel speed", "wspd": "wheel speed", "yrs": "yaw rate", "psip": "yaw rate",

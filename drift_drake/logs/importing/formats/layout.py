@@ -66,7 +66,9 @@ def layout_of(head: bytes, whole: bool) -> Layout:
     comments = any(line.lstrip().startswith("#") for line in lines[start:])
     plain = (
         encoding.startswith("utf-8") and separator == "," and (decimal, thousands) == (".", None) and not comments
-        and len(above) == 1 and not units and not any(map(str.strip, lines[1:start]))
+        and len(above) == 1
+        and len(above[0][1]) == width
+        and all(above[0][1]) and not units and not any(map(str.strip, lines[1:start]))
         and bool(lines[0].strip()) and rows[0] == above[0][1]
     )  # fmt: skip
     return Layout(encoding, separator, decimal, thousands, "#" if comments else None, start, names, units, plain)

@@ -12,8 +12,10 @@ from pandas.api.types import is_datetime64_any_dtype, is_numeric_dtype, is_timed
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.spelling import PACKED
+from drift_drake.logs.importing.units import factor
 
 DAY, HOUR = 86400.0, 3600.0  # [s]
+LATE_DAY = 0.9 * DAY  # [s] by which a clock of the time of day goes back at midnight
 TEXT = re.compile(
     r"""^\s*(?P<date>.*?)[\sT,;_]*?(?P<first>\d{1,3}):(?P<second>\d{1,2})(?::(?P<third>\d{1,2}))?
     (?:[.,:](?P<part>\d+))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$""",
@@ -73,6 +75,16 @@ def unwrapped(seconds: Array, turn: float = DAY) -> Array:
     return out
 
 
+def clock_seconds(numbers: Array, unit: str) -> Array:
+    """Times [s] of a clock [n]: packed digits unpacked, a time of day across midnight goes on."""
+    if unit in PACKED:
+        return packed_seconds(numbers, unit)
+    t = np.asarray(numbers * factor(unit, ("time",)))
+    seen = t[np.isfinite(t)]
+    turns = len(seen) > 1 and np.min(seen) >= 0.0 and np.max(seen) <= DAY and np.min(np.diff(seen)) < -LATE_DAY
+    return unwrapped(t) if turns else t
+
+
 def packed_seconds(numbers: Array, unit: str) -> Array:
     """Seconds [n] of a clock whose digits are hhmmss.ss (or hhmmssfff), on across midnight; NaN where they are not."""
     digits = numbers / PACKED[unit]
@@ -94,7 +106,7 @@ def packed_unit(numbers: Array) -> str | None:
         raw = np.diff(seen) / scale
         with np.errstate(invalid="ignore"):
             steps = np.diff(packed_seconds(seen, unit))
-        jumps = np.isfinite(steps) & (steps >= 0.0) & (raw - steps > 39.0)
+        jumps = np.isfinite(steps) & (steps >= 0.0) & ((raw - steps > 39.0) | (raw < -2e5))
         usual = float(np.median(np.abs(raw)))
         if np.all(np.isfinite(steps)) and np.any(jumps & (steps < 10.0 * usual + 1e-6)) and usual < 20.0:
             return unit

@@ -8,8 +8,8 @@ from importing_bench import truth
 from recorder_files import EPOCH, arrays, mapping, topics, write_bag, write_json_mcap, write_mdf
 
 from drift_drake.cli import main
+from drift_drake.logs.importing.formats.arrays import topics_of_arrays
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
-from drift_drake.logs.importing.formats.tables import topics_of_arrays
 from drift_drake.logs.importing.formats.topics import topics_of_messages, with_yaw
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import guessed_mapping, look, mapping_text
@@ -129,7 +129,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
         path = tmp_path / f"broken{ending}"
         path.write_bytes(b"no such format")
         with pytest.raises(
-            InvalidRecordingError, match=f"broken{ending}: (cannot be read as|.* needs? a package)"
+            InvalidRecordingError, match=f"broken{ending}: (cannot be read as|reading .* needs)"
         ) as caught:
             read_topics(path)
         assert "\n" not in str(caught.value)

@@ -46,7 +46,9 @@ def numbers_of_column(topic: Topic, column: str) -> Array:
 
 
 def clock_of(topic: Topic) -> str | None:
-    """The column of times: a name of a clock, and (nearly) never backwards."""
+    """The column of times: as the format says, or a name of a clock, and (nearly) never backwards."""
+    if topic.clock:
+        return topic.clock
     if topic.name and topic.name in topic.table:  # of `by_clock`
         return topic.name
     best: tuple[float, str] | None = None

@@ -33,17 +33,21 @@ from drift_drake.logs.importing.evidence import (
 )
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
-from drift_drake.logs.importing.spelling import DIMENSIONS
-from drift_drake.logs.importing.units import QUANTITIES, dimension, units_of
+from drift_drake.logs.importing.spelling import DIMENSIONS, unit_of
+from drift_drake.logs.importing.units import QUANTITIES, dimension, dimensions_of, units_of
 
-LOOKED_FOR = ("x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
+LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
+              "delta_cmd", "tau_cmd")  # fmt: skip
 NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
-LARGEST = {"delta_cmd": 4.0 * np.pi, "beta": np.pi}  # [rad] of a steering wheel, of a spinning car
+LARGEST = {"delta_cmd": 4.0 * np.pi, "beta": np.pi, "course": 7.0}  # [rad] of a steering wheel, of a spinning car
 NEAR = 1.0  # of ranks, between which the motion decides
 MOST_ROWS = 60_000  # that the motion is judged on
 MOST_NAMED = 6  # columns in a sentence
 BACKWARDS = 0.2  # share of readings below zero from which vx is no car's forward speed
 SLOWER = 1.0  # what a constant column, and one without a clock, count against it
+FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
+METRES = 1.11e5  # of a degree
+FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
 
 
@@ -73,7 +77,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
     choices = {name: found for name in LOOKED_FOR if (found := _candidates(name, ordered, clocks))}
     signals = _Signals(times)
-    found = _chosen(choices, signals)
+    found = _one_position(_chosen(choices, signals), signals)
     notes = _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
     entries, of_column = _clock_entries(found, clocks, rates)
@@ -90,9 +94,10 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
         for name in dict.fromkeys(topic.name for topic, *_ in found.values())
         if name not in clocks
     ]
-    known = set(found) | ({"v"} if "vx" in found else set())
+    known = set(found) | ({"v"} if {"vx", "latitude"} & set(found) else set())
     known |= {"r", "v"} if {"x", "y", "psi"} <= set(found) else set()
-    mapping = {"frame": "iso8855", "clocks": entries, "signals": lines}
+    frame = next((c.topic.frame for c in found.values() if c.topic.frame), "iso8855")
+    mapping = {"frame": frame, "clocks": entries, "signals": lines}
     return Guess(mapping, [name for name in NEEDED if name not in known], notes + said)
 
 
@@ -117,6 +122,10 @@ def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, st
             if column == clocks.get(topic.name) or not is_numeric_dtype(topic.table[column]):
                 continue
             fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
+            if column in topic.known:
+                said = topic.known[column] == quantity
+                unit = unit_of(topic.units.get(column, ""), dimensions_of(quantity)) if said else None
+                fits = (FORMAT_SAYS, unit.name if unit else None) if said else None
             if fits is None:
                 continue
             values = numbers_of_column(topic, column)
@@ -159,6 +168,18 @@ def _chosen(choices: Mapping[str, list[Candidate]], signals: _Signals) -> dict[s
     elif "v" in found:
         found.pop("vx", None), found.pop("vy", None)
     return found
+
+
+def _one_position(found: dict[str, Candidate], signals: _Signals) -> dict[str, Candidate]:
+    """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it."""
+    halves = [found[name] for name in ("latitude", "longitude") if name in found]
+    if len(halves) == 2 and halves[0].topic is halves[1].topic:
+        (t, north, _), (_, east, _) = (dataclasses.astuple(signals(half)) for half in halves)
+        seen = np.isfinite(t) & np.isfinite(north) & np.isfinite(east)
+        steps = METRES * np.hypot(np.diff(north[seen]), np.diff(east[seen]))
+        if not np.any(steps) or np.median(steps[steps > 0.0] / np.diff(t[seen])[steps > 0.0]) < FASTEST:
+            return {key: c for key, c in found.items() if key not in ("x", "y")}
+    return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}
 
 
 def _choices_said(found: Mapping[str, Candidate], choices: Mapping[str, list[Candidate]]) -> list[str]:
@@ -207,6 +228,7 @@ def _units(
         v, r = (dataclasses.replace(read[key], unit=told.get(key, units[key])).si() for key in ("v", "r"))
         if unit := steering_unit(read["delta_cmd"], v, r, is_handwheel(found["delta_cmd"].column)):
             told["delta_cmd"] = unit
+    told |= {key: "deg" for key in ("latitude", "longitude") if key in found and units[key] is None}
     plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
     guessed = {key: unit for key, unit in told.items() if units[key] is None and unit != plain[key]}
     silent = [key for key in found if units[key] is None and key not in told]
@@ -254,6 +276,8 @@ def _clock_entries(
             name = bare if number == 0 else f"{bare}_{quantity[group[0]]}"
             entries[name] = {"column": column} | ({} if unit == "s" else {"unit": unit})
             of_column |= {(topic, one): name for one in group}
+    if not entries and clocks:
+        entries = {"recorder": {"column": next(iter(clocks.values()))}}
     return entries, of_column
 
 
@@ -267,6 +291,9 @@ def _adapted(
         told = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
         lines["omega_r"]["radius"] = round(told, 3) if RADII[0] < told < RADII[1] else RADIUS
         sentences.append(f"The radius of omega_r is {'that of v' if told else 'a guess'}: write the wheel's own.")
+    if "course" in lines:  # receivers count it clockwise from north
+        same = "r" in read and likeness(read["r"], derivative(read["course"], turns=True)) > LIKE
+        lines["course"] |= {} if same else {"frame": "ned"}
     if {"psi", "r"} <= set(read) and likeness(read["r"], derivative(read["psi"], turns=True)) < -LIKE:
         lines["psi"]["frame"] = "ned"
         sentences.append("psi turns against r: it is taken for a compass' heading, positive to the right (frame: ned).")

@@ -1,6 +1,7 @@
 """A first look at a recorder's file: its topics, rates and units, and a mapping to begin with, as one YAML text."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds, with_n
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.guess import NEEDED, guessed_mapping
+from drift_drake.logs.importing.known import untold
 from drift_drake.logs.importing.names import is_handwheel
 
 MOST_LISTED = 60
@@ -29,7 +31,8 @@ class Column:
 
 @dataclasses.dataclass(frozen=True)
 class TopicSummary:
-    """What a topic holds; clock: the column of its times (None: none looks like it), rate [Hz], span [s]."""
+    """What a topic holds; clock: the column of its times (None: none looks like it), rate [Hz], span [s];
+    left_out: what the file holds and cannot be read as numbers, and why."""
 
     name: str
     rows: int
@@ -37,6 +40,7 @@ class TopicSummary:
     rate: float | None
     span: float | None
     columns: list[Column]
+    left_out: dict[str, str]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,13 +55,13 @@ class Look:
     notes: list[str]
 
 
-def look(path: str | Path) -> Look:
-    """A first look at a recorder's file.
+def look(path: str | Path, databases: Sequence[str | Path] = ()) -> Look:
+    """A first look at a recorder's file, with the databases (DBC) of raw CAN frames.
 
     Raises:
         InvalidRecordingError: the file cannot be read, or holds no number.
     """
-    topics = [with_numbers(topic) for topic in read_topics(path)]
+    topics = [with_numbers(topic) for topic in read_topics(path, databases)]
     summaries = [_summary(topic) for topic in topics]
     if all(column.low is None for topic in summaries for column in topic.columns):
         raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")
@@ -79,6 +83,8 @@ def mapping_text(found: Look) -> str:
         lines.append("# delta_cmd is the road wheel's angle, and its column looks like the steering wheel's: add")
         lines.append("#   scale: ?  (one over the steering ratio) to its line.")
     lines += [f"# {note}" for note in found.notes]
+    if "latitude" in mapping["signals"] and found.missing:
+        lines.append(f"# {untold(found.missing)}")
     for name in found.missing:
         lines.append(f"# Nothing here looks like {name}, which a log needs: add the line below under 'signals'.")
         lines.append(f"#   {name}: {{column: ?, unit: {NEEDED[name]}, clock: {next(iter(mapping['clocks']), '?')}}}")
@@ -98,7 +104,7 @@ def _summary(topic: Topic) -> TopicSummary:
         seen = values[np.isfinite(values)]
         low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
         columns.append(Column(name, topic.units.get(name, ""), low, high))
-    return TopicSummary(topic.name, len(topic.table), clock, rate, span, columns)
+    return TopicSummary(topic.name, len(topic.table), clock, rate, span, columns, dict(topic.left_out))
 
 
 def _described(topic: TopicSummary) -> list[str]:
@@ -112,4 +118,8 @@ def _described(topic: TopicSummary) -> list[str]:
         lines.append(f"#   {column.name}{f' [{column.unit}]' if column.unit else ''}: {extent}")
     if len(topic.columns) > MOST_LISTED:
         lines.append(f"#   and {len(topic.columns) - MOST_LISTED} more")
+    if topic.left_out:
+        names = [f"{name} ({why})" for name, why in topic.left_out.items()]
+        more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+        lines.append(f"#   left out: {', '.join(names[:MOST_LISTED])}{more}")
     return lines

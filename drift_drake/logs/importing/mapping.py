@@ -8,6 +8,13 @@ from typing import Any
 
 from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
+from drift_drake.logs.importing.known import (
+    derived_quantities,
+    is_captured,
+    is_path_only,
+    missing_quantities,
+    wrong_position,
+)
 from drift_drake.logs.importing.spelling import DIMENSIONS, PACKED, unit_of
 from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimensions_of, units_of
 from drift_drake.logs.table import COLUMNS
@@ -281,9 +288,9 @@ def _check_names(mapping: RecorderMapping) -> None:
             raise InvalidMappingError(
                 f"signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
             )
-    captured = {"x", "y", "psi"} <= {name for name, signal in signals.items() if signal.clock == first}
-    derived = set(mapping.derive) if captured else set()
-    derived |= {"v", "beta"} if {"vx", "vy"} <= set(signals) else {"v"} if "vx" in signals else set()
+    if (wrong := wrong_position(mapping)) is not None:
+        raise InvalidMappingError(wrong)
+    captured, derived = is_captured(mapping), derived_quantities(mapping)
     known = set(signals) | derived | set(mapping.constants)
     for name, formula in mapping.formulas.items():
         try:
@@ -313,8 +320,8 @@ def _check_names(mapping: RecorderMapping) -> None:
                 f"clocks.{name}.align.against is '{clock.align.against}'; "
                 f"give one of {', '.join(sorted(motion & set(QUANTITIES)))}"
             )
-    missing = [name for name in ("r", "v", "delta_cmd") if name not in known]
-    if missing:
+    missing = missing_quantities(mapping)
+    if missing and not is_path_only(mapping):
         raise InvalidMappingError(
             f"nothing gives {', '.join(missing)}; a log needs r, v and delta_cmd "
             "(map columns, derive them from x, y, psi, or write formulas)"

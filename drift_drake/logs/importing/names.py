@@ -27,6 +27,9 @@ SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v c
 RULES = {
     "x": Rule(("pos x", "x"), "pos"),
     "y": Rule(("pos y", "y"), "pos"),
+    "latitude": Rule(("latitude", "lat"), ""),
+    "longitude": Rule(("longitude", "long"), ""),
+    "course": Rule(("course",), "angle heading"),
     "r": Rule(
         ("yaw rate", "yaw speed", "heading rate", "yaw gyro", "angular z", "gyro z", "rate z", "angle speed z",
          "revs z", "r", "gyro"),
@@ -52,6 +55,7 @@ RULES = {
     "tau_cmd": Rule(("torque target", "torque"), "engine target wheel rear axle"),
     "time": Rule(("time", "t", "date time", "date"), "t date source"),
 }  # fmt: skip
+RECEIVERS = {"gps", "gnss"}
 UNKNOWN, NUMBERED = 1.0, 0.25  # what a word that is not known, and a number, count against a name
 HANDWHEEL = 1.5  # what the steering wheel counts against the road wheel
 LIMIT = 4.0  # from which a column is named, and not taken
@@ -197,6 +201,8 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     if not topic and len(rest) > 1:
         topic, bare = first, rest
     said, unknown, numbers = concepts(bare)
+    if "heading" in said and RECEIVERS & set(pieces(bare)):
+        said = said - {"heading"} | {"course"}  # that they see: where the car moves, not where it points
     said |= set(SAYS.get(known.dimension, "").split()) if known is not None else set()
     around, strange, _ = concepts(topic)
     rank = _rank(quantity, said, unknown)

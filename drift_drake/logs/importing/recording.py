@@ -14,15 +14,17 @@ from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.times import clock_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
+from drift_drake.logs.importing.known import POSITION
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.names import stated_unit
+from drift_drake.logs.importing.position import projected
 from drift_drake.logs.importing.spelling import PACKED, unit_of
 from drift_drake.logs.importing.units import dimension, dimensions_of, factor, to_iso8855
 from drift_drake.logs.plausible import ABSURD, LARGEST
 
 Rows = NDArray[np.int64]
 
-WRAPPED = ("psi", "beta")  # angles that a recorder may report modulo a turn
+WRAPPED = ("psi", "beta", "course")  # angles that a recorder may report modulo a turn
 MOST_LISTED = 40  # columns in a message
 MOST_BAD = 0.02  # share of a column's readings: more are no slips, and the column is refused
 SHOWN = 3  # rows named in a sentence
@@ -58,14 +60,14 @@ class Recording:
     remarks: list[str] = dataclasses.field(default_factory=list)
 
 
-def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
+def read_recording(path: str | Path, mapping: RecorderMapping, databases: Sequence[str | Path] = ()) -> Recording:
     """Reads a recorder's file; a reading that cannot be one is left out and reported.
 
     Raises:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    topics = read_topics(path)
+    topics = read_topics(path, databases)
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
         topic = _topic_of(path, topics, clock.column)
@@ -76,6 +78,8 @@ def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
             if signal.clock == name:
                 values[key], wrong = _signal(path, topics, topic, key, signal, rows, t, mapping.frame)
                 remarks += wrong
+        if set(values) >= POSITION:
+            values["x"], values["y"] = projected(path, values.pop("latitude"), values.pop("longitude"))
         if name == mapping.first_clock:  # keeps its blank rows: by them others' rows have a time
             clocks[name] = Readings(t, rows, values, topic.name)
             _read_together(path, name, clocks[name])
@@ -114,6 +118,13 @@ def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:
     if len(exact or found) == 1:
         return (exact or found)[0]
     names = [str(name) for topic in topics for name in topic.table]
+    why = [
+        reason for topic in topics for name, reason in topic.left_out.items() if column in (name, name.split(".")[-1])
+    ]
+    if why and not found:
+        raise InvalidRecordingError(
+            f"{path}: column '{column}' holds no numbers ({why[0]}); take it out of the mapping"
+        )
     if found:
         raise InvalidRecordingError(
             f"{path}: column '{column}' is in several topics; write "

@@ -11,6 +11,9 @@ QUANTITIES = {  # that the importer knows by name; other names are inputs of the
     "x": "length",
     "y": "length",
     "psi": "angle",
+    "latitude": "angle",
+    "longitude": "angle",
+    "course": "angle",
     "r": "angular rate",
     "v": "speed",
     "vx": "speed",
@@ -25,7 +28,17 @@ QUANTITIES = {  # that the importer knows by name; other names are inputs of the
     "bank": "angle",
 }
 FRAMES = ("iso8855", "ned", "sae")
-MIRRORED = ("y", "vy", "ay", "az", "psi", "r", "beta", "delta_cmd")  # what turns its sign where y is right and z down
+MIRRORED = (
+    "y",
+    "vy",
+    "ay",
+    "az",
+    "psi",
+    "course",
+    "r",
+    "beta",
+    "delta_cmd",
+)  # what turns its sign where y is right and z down
 
 
 def dimension(unit: str) -> str | None:

@@ -26,6 +26,9 @@ CONCEPTS = {
     "x": "x",
     "y": "y",
     "z": "z vertical vertikal verticale hoch",
+    "latitude": "latitude breite breitengrad",
+    "longitude": "longitude lng laenge laengengrad",
+    "course": "course cog kurs bearing",
     "heading": "heading hdg cap psi steuerkurs",
     "orientation": "orientation quat quaternion attitude euler rpy ypr lage",
     "slip": "slip sideslip schwimm derive drift",
@@ -76,7 +79,7 @@ CONCEPTS = {
         "variance cov covariance sigma uncertainty dop hdop vdop pdop satellites sats limit limits limited lim max "
         "min maximum minimum maximal minimal offset bias zero null nullpunkt calib calibration trim gain scale factor "
         "jerk ruck force forces kraft suspension damper daempfer camber toe stroke hub travel mag magnetometer "
-        "magnetic compass latitude longitude breite laenge course kurs bearing track trajectory path curvature radius "
+        "magnetic compass track trajectory path curvature radius "
         "diff difference gap residual rest loss friction reserve best interval duration delay latency dead remaining "
         "timeout age period mode gradient noise checksum crc cursor mouse joystick stick touch camera lidar radar "
         "object obstacle lead leading relative rel other traffic closing conveyor average avg trip weather driver "

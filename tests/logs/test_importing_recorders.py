@@ -184,6 +184,11 @@ def test_candump_as_it_is_shown_and_a_log_that_breaks_off(tmp_path, database, ca
     (tmp_path / "shown.txt").write_text("\n".join(lines) + "\n (17000")
     (topic,) = read_topics(tmp_path / "shown.txt", [database[0]])
     np.testing.assert_allclose(topic.table["Motion.YawRate"], -2.0)
+    steps = "date Thu Nov 26 10:00:00.000 2026\nbase hex  timestamps relative\ninternal events logged\n"
+    steps += "".join(f" 0.010000 1  100             Rx   d 8 {38 + i:02X} FF E0 10 05 DC 00 00\n" for i in range(9))
+    (tmp_path / "steps.asc").write_text(steps)
+    (topic,) = read_topics(tmp_path / "steps.asc", [database[0]])
+    np.testing.assert_allclose(np.diff(topic.table["Motion.time"]), 0.01)
     (tmp_path / "untimed.log").write_text("  can0  100   [8]  38 FF E0 10 05 DC 00 00\n" * 9)
     with pytest.raises(InvalidRecordingError, match="frames without times; record them with candump -l"):
         read_topics(tmp_path / "untimed.log", [database[0]])

@@ -118,12 +118,12 @@ def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:
     if len(exact or found) == 1:
         return (exact or found)[0]
     names = [str(name) for topic in topics for name in topic.table]
-    why = [
+    unread = [
         reason for topic in topics for name, reason in topic.left_out.items() if column in (name, name.split(".")[-1])
     ]
-    if why and not found:
+    if unread and not found:
         raise InvalidRecordingError(
-            f"{path}: column '{column}' holds no numbers ({why[0]}); take it out of the mapping"
+            f"{path}: column '{column}' holds no numbers ({unread[0]}); take it out of the mapping"
         )
     if found:
         raise InvalidRecordingError(

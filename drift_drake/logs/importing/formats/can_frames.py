@@ -3,6 +3,7 @@ topic, a column each signal. A value that the database gives a text for, such as
 
 import dataclasses
 import datetime
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ import pandas as pd
 
 from drift_drake.logs.importing.formats.topics import NeededError, Topic
 
+HEADER = 20  # lines of an .asc that its header is looked for in
 SHOWN = 5  # identifiers in a sentence
 MULTIPLEXED = "the frames do not hold it"
 
@@ -40,7 +42,7 @@ def read_can(path: Path, databases: Sequence[Path] = ()) -> list[Topic]:
         # Absolute times of day, where the file has them, have the recorder's time zone: relative ones are sure.
         readers = {".blf": can.BLFReader, ".asc": can.ASCReader, ".trc": can.TRCReader}
         with readers[ending](str(path)) as reader:
-            return topics_of_frames(_of_messages(reader), databases)
+            return topics_of_frames(_of_messages(reader, ending == ".asc" and _in_steps(path)), databases)
     with path.open(encoding="utf-8", errors="replace") as stream:
         return topics_of_frames(_of_candump(stream), databases)
 
@@ -138,11 +140,19 @@ def _topic(message: Any, name: str, times: list[float], values: list[dict[str, A
     return Topic(name, pd.DataFrame(columns), units, clock=f"{name}.time", left_out=left_out)
 
 
-def _of_messages(reader: Iterable[Any]) -> Iterator[Frame]:
+def _in_steps(path: Path) -> bool:
+    """Whether the times of an .asc are those since the line before."""
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        return any("timestamps relative" in line.lower() for line in itertools.islice(stream, HEADER))
+
+
+def _of_messages(reader: Iterable[Any], in_steps: bool = False) -> Iterator[Frame]:
+    time = 0.0
     for message in reader:
+        time = time + message.timestamp if in_steps else message.timestamp
         if not (message.is_error_frame or message.is_remote_frame):
             channel = "" if message.channel is None else f"can{message.channel}"
-            yield Frame(message.timestamp, channel, message.arbitration_id, message.is_extended_id, bytes(message.data))
+            yield Frame(time, channel, message.arbitration_id, message.is_extended_id, bytes(message.data))
 
 
 def _of_candump(stream: Any) -> Iterator[Frame]:

@@ -69,7 +69,7 @@ def _topics(path: Path) -> tuple[list[Topic], bool]:
             if not group.channel_group.cycles_nr:
                 continue
             if raw is not None:
-                left_out[f"group_{number}"] = f"raw frames ({raw})"
+                left_out[f"group_{number}"] = f"raw frames ({raw}), for --dbc to decode"
                 continue
             name = str(getattr(group.channel_group, "acq_name", "") or f"group_{number}")
             if any(topic.name == name for topic in topics):

@@ -128,7 +128,7 @@ def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
     Raises:
         InvalidLogError: a clock that is not regular, wrong units, too few rows.
     """
-    name = _name(path)
+    name = _recorded_name(path)
     try:
         return Run(name=name, trusted=trusted_columns(path.parent), recording="", **columns)
     except InvalidLogError as error:
@@ -220,6 +220,16 @@ def run_paths(folder: Path) -> list[Path]:
 def _name(path: Path) -> str:
     """The file's name without its ending."""
     return Path(path.name.removesuffix(".gz")).stem
+
+
+def _recorded_name(path: Path) -> str:
+    """The name of the recording's run that an import wrote to this file; the file's own where there was none."""
+    own = _name(path)
+    try:
+        name = _import_report(path)["runs"][int(own.removeprefix("run_"))]["name"]
+    except (InvalidLogError, KeyError, IndexError, TypeError, ValueError):
+        return own
+    return name if isinstance(name, str) and name else own
 
 
 def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:

@@ -64,7 +64,7 @@ def test_a_mapping_is_read(tmp_path):
         ("signals.omega_r", {"column": "w", "unit": "rpm"}, "signals.omega_r is in rpm; add the wheel's radius"),
         ("signals.wheel_angle.between", "step", "between is 'step'; known are linear, hold"),
         ("signals.r", "yaw", "'signals.r' must hold 'name: value' lines"),
-        ("clocks.main.unit", "h", "clocks.main.unit is 'h'; give a unit of time"),
+        ("clocks.main.unit", "fortnight", "clocks.main.unit is 'fortnight'; give a unit of time"),
         ("clocks.main.regular", "often", "write true or false"),
         ("clocks.other.align.signal", "r", "align.signal is 'r'; name a signal of that clock"),
         ("clocks.other.align.against", "psi", "align.against is 'psi'; give one of r, v"),

@@ -9,10 +9,11 @@ import tyro
 
 from drift_drake.errors import InvalidOptionError, OutputError, meant
 from drift_drake.interruption import ended_at_once
+from drift_drake.logs.importing.known import is_path_only
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
 from drift_drake.run_folder import write_json
-from drift_drake.safe_files import alone_in, try_outputs, writing_together
+from drift_drake.safe_files import alone_in, try_outputs, write_table, writing_together
 from drift_drake.standard_output import said_to, write_results, write_text
 
 if TYPE_CHECKING:
@@ -36,17 +37,21 @@ class Import:
     road_wheel, unit: deg}}
 
     Writes OUT/run_0.csv, OUT/run_1.csv, ... (a case for `drift-drake diagnose`) and OUT/import.json: which run is which
-    stretch of which recording, the clocks' offsets, the noise, and the remarks.
+    stretch of which recording, the clocks' offsets, the noise, and the remarks. Of positions (latitude, longitude)
+    without a yaw rate or a steering command it writes the paths, OUT/path_0.csv, ..., and says what they tell.
     """
 
     recordings: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RECORDINGS")]
-    """Files of one vehicle on one day: CSV, Parquet, MCAP, ROS bags, MDF4, MATLAB .mat, .npz, HDF5."""
+    """Files of one vehicle on one day: CSV, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk,
+    PX4 .ulg, CAN frames."""
     mapping: str = ""
     """Mapping file (YAML: columns, units, frames, clocks), or a preset: dart, dart_sensors, revs_250lm."""
     out: Path | None = None
     """Folder for the runs; it may not hold any yet."""
     look: bool = False
     """Only say what the first file holds, topics, rates and units, and print a mapping to begin with."""
+    dbc: tuple[Path, ...] = ()
+    """Databases of CAN messages (DBC), by which raw frames (candump, .asc, .blf, .trc, MDF) are decoded."""
     start: float = 0.0
     """Leave out what lies before, in seconds after each recording's first reading."""
     end: float = math.inf
@@ -67,7 +72,7 @@ def run_import(command: Import) -> None:
             from drift_drake.logs.importing.look import look, mapping_text
 
         try_outputs({"--json": command.json}, command.recordings)
-        found = look(command.recordings[0])
+        found = look(command.recordings[0], command.dbc)
         print(mapping_text(found), end="", file=said_to(command.json))
         write_results(command.json, found)
         return
@@ -97,12 +102,32 @@ def _import(command: Import, mapping: RecorderMapping, out: Path) -> None:
     if run_paths(out):
         raise OutputError(f"{out}: holds runs already; give a new folder")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
+    if is_path_only(mapping):
+        _import_paths(command, mapping, out)
+        return
     with ended_at_once():
         from drift_drake.logs.importing.importer import import_recordings
 
-    runs, report = import_recordings(command.recordings, mapping, command.start, command.end)
+    runs, report = import_recordings(command.recordings, mapping, command.start, command.end, command.dbc)
     write_case(out, runs, report, mapping)
     print(summary(report), file=said_to(command.json))
+    if command.json is not None:
+        write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
+
+
+def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
+    """Writes the paths of recordings that hold positions and too little beside them for a log."""
+    with ended_at_once():
+        from drift_drake.logs.importing.paths import import_paths, path_sentences
+
+    paths, remarks = import_paths(command.recordings, mapping, command.start, command.end, command.dbc)
+    told = path_sentences(paths, mapping)
+    with writing_together(out) as part:
+        for number, path in enumerate(paths):
+            write_table(path.table, part / f"path_{number}.csv", index=False)
+        report = {"paths": [path.recording for path in paths], "told": told, "remarks": remarks}
+        write_json(part / IMPORT_REPORT, report | {"mapping": dataclasses.asdict(mapping)})
+    print("\n".join([*told, *(f"! {remark}" for remark in remarks)]), file=said_to(command.json))
     if command.json is not None:
         write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
 

@@ -14,6 +14,7 @@ from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
+from drift_drake.logs.importing.position import course_doubts
 from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
@@ -65,12 +66,14 @@ class ImportReport:
 
 
 def import_recordings(
-    paths: Sequence[str | Path], mapping: RecorderMapping, start: float = 0.0, end: float = math.inf
-) -> tuple[list[Run], ImportReport]:
+    paths: Sequence[str | Path], mapping: RecorderMapping, start: float = 0.0, end: float = math.inf,
+    databases: Sequence[str | Path] = (),
+) -> tuple[list[Run], ImportReport]:  # fmt: skip
     """Turns recordings of one vehicle into runs at 100 Hz, in the order given.
 
     Args:
         start, end: part of each recording to keep [s after its first reading]. Clocks are aligned on all of it.
+        databases: of CAN messages (DBC), of recordings of raw frames.
 
     Raises:
         InvalidRecordingError: a file cannot be used; the message names it, the place and the remedy.
@@ -82,7 +85,7 @@ def import_recordings(
     clocks: dict[str, dict[str, ClockReport]] = {}
     remarks: list[str] = []
     for path in paths:
-        recording = read_recording(path, mapping)
+        recording = read_recording(path, mapping, databases)
         first = recording.clocks[mapping.first_clock]
         stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
         offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
@@ -147,10 +150,11 @@ def _columns(
     """All quantities at the rows' times t [n]."""
     origin = recording.clocks[mapping.first_clock].t[0]
     columns = {key: resample(t, stretch.t - origin, values) for key, values in stretch.columns.items()}
-    for key, signal in mapping.signals.items():
-        if signal.clock != mapping.first_clock:
-            times, values = recording.clocks[signal.clock].seen(key)
-            columns[key] = resample(t, times + offsets[signal.clock].offset - origin, values, signal.between)
+    for clock, readings in recording.clocks.items():
+        for key in readings.signals if clock != mapping.first_clock else ():
+            times, values = readings.seen(key)
+            between = mapping.signals[key].between if key in mapping.signals else "linear"  # x, y of a position
+            columns[key] = resample(t, times + offsets[clock].offset - origin, values, between)
     if "vx" in columns and not VELOCITY & set(mapping.signals) <= set(stretch.columns):
         columns = from_velocity(columns, mapping.measured_point)
     for key, formula in mapping.formulas.items():
@@ -169,7 +173,7 @@ def resample(rows: Array, t: Array, values: Array, between: str = "linear") -> A
 
 def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tuple[Run, list[str]]:
     """One run, and what looks wrong in it."""
-    sentences = column_doubts(columns, PERIOD, mapping.wheelbase)
+    sentences = column_doubts(columns, PERIOD, mapping.wheelbase) + course_doubts(columns, PERIOD)
     try:
         present = {key: columns[key] for key in COLUMNS if key in columns}
         run = Run(name=name, trusted=mapping.trust, recording="", **present)

@@ -8,7 +8,15 @@ from typing import Any
 
 from drift_drake.errors import DriftDrakeError, shown
 from drift_drake.logs.importing.formula import InvalidFormulaError, names_in
-from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimension, units_of
+from drift_drake.logs.importing.known import (
+    derived_quantities,
+    is_captured,
+    is_path_only,
+    missing_quantities,
+    wrong_position,
+)
+from drift_drake.logs.importing.spelling import DIMENSIONS, PACKED, unit_of
+from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimensions_of, units_of
 from drift_drake.logs.table import COLUMNS
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
@@ -32,7 +40,7 @@ class Align:
 
 @dataclasses.dataclass(frozen=True)
 class Clock:
-    """A column of times. The first clock of a mapping is the log's.
+    """A column of times. The first clock of a mapping is the log's. `unit`: of time, or `hhmmss` (of packed digits).
 
     A reading is taken wherever the clock ticks: a recorder that repeats slow columns in fast rows repeats their clock
     too. Another clock's offset is `offset` where it is known. Else clocks of several topics, and clocks with absolute
@@ -225,8 +233,12 @@ def _choice(value: Any, known: tuple[str, ...] | list[str], key: str) -> str:
 def _clock(data: Any, key: str) -> Clock:
     entries = dict(_entries(data, Clock, f"{key}."))
     _texts(entries, ("column",), f"{key}.")
-    if dimension(str(entries.get("unit", "s"))) != "time":
-        raise InvalidMappingError(f"{key}.unit is {shown(entries['unit'])}; give a unit of time: s, ms, us, ns")
+    if entries["column"] == "?":
+        raise InvalidMappingError(f"{key}.column is '?'; name the column of times")
+    unit = entries.get("unit", "s")
+    if not isinstance(unit, str) or (unit not in PACKED and unit_of(unit, ("time",)) is None):
+        units = ", ".join([*DIMENSIONS["time"][1], *PACKED])
+        raise InvalidMappingError(f"{key}.unit is {shown(unit)}; give a unit of time: {units}")
     for name in ("blank", "offset"):
         if entries.get(name) is not None:
             entries[name] = _number(entries[name], f"{key}.{name}")
@@ -245,7 +257,10 @@ def _signal(name: str, data: Any, first_clock: str) -> Signal:
     key = f"signals.{name}"
     entries = {"clock": first_clock, **_entries(data, Signal, f"{key}.")}
     _texts(entries, ("column", "clock"), f"{key}.")
-    _choice(entries["unit"], units_of(name), f"{key}.unit")
+    unit = entries["unit"]
+    if not isinstance(unit, str) or (known := unit_of(unit, dimensions_of(name))) is None:
+        asked = "write the recorder's unit; known" if unit == "?" else "known"
+        raise InvalidMappingError(f"{key}.unit is {shown(unit)}; {asked} are {', '.join(units_of(name))}")
     for number in ("sign", "scale", "offset"):
         if number in entries:
             entries[number] = _number(entries[number], f"{key}.{number}")
@@ -256,7 +271,7 @@ def _signal(name: str, data: Any, first_clock: str) -> Signal:
         if name not in QUANTITIES:
             raise InvalidMappingError(f"{key}.frame is for quantities of the log; use 'sign: -1' for '{name}'")
     _choice(entries.get("between", "linear"), BETWEEN, f"{key}.between")
-    turns = name == "omega_r" and dimension(entries["unit"]) == "angular rate"
+    turns = name == "omega_r" and known.dimension == "angular rate"
     if turns and entries.get("radius") is None:
         raise InvalidMappingError(f"{key} is in {entries['unit']}; add the wheel's radius in metres")
     if entries.get("radius") is not None:
@@ -273,9 +288,9 @@ def _check_names(mapping: RecorderMapping) -> None:
             raise InvalidMappingError(
                 f"signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
             )
-    captured = {"x", "y", "psi"} <= {name for name, signal in signals.items() if signal.clock == first}
-    derived = set(mapping.derive) if captured else set()
-    derived |= {"v", "beta"} if {"vx", "vy"} <= set(signals) else {"v"} if "vx" in signals else set()
+    if (wrong := wrong_position(mapping)) is not None:
+        raise InvalidMappingError(wrong)
+    captured, derived = is_captured(mapping), derived_quantities(mapping)
     known = set(signals) | derived | set(mapping.constants)
     for name, formula in mapping.formulas.items():
         try:
@@ -305,8 +320,8 @@ def _check_names(mapping: RecorderMapping) -> None:
                 f"clocks.{name}.align.against is '{clock.align.against}'; "
                 f"give one of {', '.join(sorted(motion & set(QUANTITIES)))}"
             )
-    missing = [name for name in ("r", "v", "delta_cmd") if name not in known]
-    if missing:
+    missing = missing_quantities(mapping)
+    if missing and not is_path_only(mapping):
         raise InvalidMappingError(
             f"nothing gives {', '.join(missing)}; a log needs r, v and delta_cmd "
             "(map columns, derive them from x, y, psi, or write formulas)"

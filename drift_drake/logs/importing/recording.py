@@ -12,17 +12,23 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
+from drift_drake.logs.importing.formats.times import clock_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
+from drift_drake.logs.importing.known import POSITION
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
-from drift_drake.logs.importing.units import factor, to_iso8855
+from drift_drake.logs.importing.names import stated_unit
+from drift_drake.logs.importing.position import projected
+from drift_drake.logs.importing.spelling import PACKED, unit_of
+from drift_drake.logs.importing.units import dimension, dimensions_of, factor, to_iso8855
 from drift_drake.logs.plausible import ABSURD, LARGEST
 
 Rows = NDArray[np.int64]
 
-WRAPPED = ("psi", "beta")  # angles that a recorder may report modulo a turn
+WRAPPED = ("psi", "beta", "course")  # angles that a recorder may report modulo a turn
 MOST_LISTED = 40  # columns in a message
 MOST_BAD = 0.02  # share of a column's readings: more are no slips, and the column is refused
 SHOWN = 3  # rows named in a sentence
+LONGEST_STEP = 0.2  # [s] between readings that a run bridges
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,8 +42,8 @@ class Readings:
 
     @property
     def period(self) -> float:
-        """Median time between ticks [s]."""
-        return float(np.median(np.diff(self.t)))
+        """Median time between readings [s]."""
+        return float(np.median(np.diff(self.t[_read_rows(self.signals, len(self.t))])))
 
     def seen(self, name: str) -> tuple[Array, Array]:
         """Times and values of a signal where it was read."""
@@ -54,14 +60,14 @@ class Recording:
     remarks: list[str] = dataclasses.field(default_factory=list)
 
 
-def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
+def read_recording(path: str | Path, mapping: RecorderMapping, databases: Sequence[str | Path] = ()) -> Recording:
     """Reads a recorder's file; a reading that cannot be one is left out and reported.
 
     Raises:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    topics = read_topics(path)
+    topics = read_topics(path, databases)
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
         topic = _topic_of(path, topics, clock.column)
@@ -72,8 +78,37 @@ def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
             if signal.clock == name:
                 values[key], wrong = _signal(path, topics, topic, key, signal, rows, t, mapping.frame)
                 remarks += wrong
-        clocks[name] = Readings(t, rows, values, topic.name)
+        if set(values) >= POSITION:
+            values["x"], values["y"] = projected(path, values.pop("latitude"), values.pop("longitude"))
+        if name == mapping.first_clock:  # keeps its blank rows: by them others' rows have a time
+            clocks[name] = Readings(t, rows, values, topic.name)
+            _read_together(path, name, clocks[name])
+        else:
+            there = _read_rows(values, len(t))
+            values = {key: signal[there] for key, signal in values.items()}
+            clocks[name] = Readings(t[there], rows[there], values, topic.name)
     return Recording(path.stem, clocks, remarks)
+
+
+def _read_rows(signals: Mapping[str, Array], count: int) -> NDArray[np.bool_]:
+    """Which of a clock's ticks [n] are readings: those with a value; of a clock without signals all."""
+    if not signals:
+        return np.ones(count, dtype=bool)
+    return np.asarray(np.any([np.isfinite(values) for values in signals.values()], axis=0))
+
+
+def _read_together(path: Path, clock: str, readings: Readings) -> None:
+    """Refuses signals of the log's clock that are read in rows of their own, each often enough."""
+    seen = {name: np.isfinite(values) for name, values in readings.signals.items()}
+    common = readings.t[np.all(list(seen.values()), axis=0)] if seen else readings.t
+    if len(common) > 1 and np.median(np.diff(common)) <= LONGEST_STEP:
+        return
+    if all(np.count_nonzero(at) > 1 and np.median(np.diff(readings.t[at])) <= LONGEST_STEP for at in seen.values()):
+        first, *others = seen
+        raise InvalidRecordingError(
+            f"{path}: {', '.join(others)} and {first} are read in rows of their own; give each a clock with the same "
+            f"column of times, as 'import --look' does ('clock: {clock}_{others[-1]}')"
+        )
 
 
 def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:
@@ -83,6 +118,13 @@ def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:
     if len(exact or found) == 1:
         return (exact or found)[0]
     names = [str(name) for topic in topics for name in topic.table]
+    unread = [
+        reason for topic in topics for name, reason in topic.left_out.items() if column in (name, name.split(".")[-1])
+    ]
+    if unread and not found:
+        raise InvalidRecordingError(
+            f"{path}: column '{column}' holds no numbers ({unread[0]}); take it out of the mapping"
+        )
     if found:
         raise InvalidRecordingError(
             f"{path}: column '{column}' is in several topics; write "
@@ -111,20 +153,36 @@ def _signal(
             f"{path}: column '{signal.column}' is in {topic.name or 'the file'}, and its clock '{signal.clock}' in "
             f"{of_clock.name or 'the file'}; give it a clock of its own topic"
         )
-    numbers, bad = numbers_of(path, topic.table[_full_name(topic, signal.column)])
+    column = str(_full_name(topic, signal.column))
+    numbers, bad = numbers_of(path, topic.table[column], topic.first_line)
     values, absurd = without_absurd(key, _si(key, signal, numbers[rows], frame))
     if not np.any(np.isfinite(values)):
         raise InvalidRecordingError(f"{path}: column '{signal.column}' holds no readings; take it out of the mapping")
     reported = {int(row): found for row, found in bad.items()} | {
         int(rows[row]): f"{numbers[rows[row]]:g}" for row in absurd
     }
-    return values, left_out(signal.column, reported, rows, t)
+    doubts = contradicted(topic, column, signal.unit, f"signals.{key}.unit") if signal.scale == 1.0 else []
+    return values, doubts + left_out(signal.column, reported, rows, t)
+
+
+def contradicted(topic: Topic, column: str, unit: str, key: str) -> list[str]:
+    """A sentence where the file states another unit of a column than the mapping."""
+    kind = dimension(unit)
+    if kind is None:
+        return []
+    _, stated = stated_unit(column, topic.units.get(column, ""), kind)
+    same = unit_of(stated.text, (kind,)) if stated is not None else None
+    if stated is None or (same is not None and np.isclose(same.factor, factor(unit, (kind,)), rtol=1e-3)):
+        return []
+    if same is None and not (stated.sure and unit_of(stated.text)):
+        return []
+    return [f"the file states '{stated.text}' for column '{column}', and {key} is '{unit}': see which is right."]
 
 
 def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[str]]:
     name = _full_name(topic, clock.column)
-    numbers, bad = numbers_of(path, topic.table[name])
-    t = numbers * factor(clock.unit)
+    numbers, bad = numbers_of(path, topic.table[name], topic.first_line)
+    t = clock_seconds(numbers, clock.unit)
     running = np.isfinite(t)
     if clock.blank is not None:
         running &= numbers != clock.blank
@@ -140,10 +198,17 @@ def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[st
     if len(back):
         row = int(rows[back[0] + 1])
         raise InvalidRecordingError(
-            f"{path}: the clock '{clock.column}' goes backwards in row {row + 2} "
+            f"{path}: the clock '{clock.column}' goes backwards in row {row + topic.first_line} "
             f"(by {t[back[0]] - t[back[0] + 1]:g} s); sort the rows or split the file there"
         )
     sentences = left_out(clock.column, bad | jumped, rows, t)
+    if clock.unit in PACKED:
+        return (regular_times(t) if clock.regular else t), rows, sentences
+    if packed := packed_unit(numbers):
+        sentences.append(
+            f"the clock '{clock.column}' jumps at full minutes: it looks packed, give it 'unit: {packed}'."
+        )
+    sentences += contradicted(topic, str(name), clock.unit, "its clock's unit")
     return (regular_times(t) if clock.regular else t), rows, sentences
 
 
@@ -155,7 +220,7 @@ def regular_times(t: Array) -> Array:
 
 
 def _si(name: str, signal: Signal, values: Array, frame: str) -> Array:
-    values = values * factor(signal.unit) * (signal.radius or 1.0)
+    values = values * factor(signal.unit, dimensions_of(name)) * (signal.radius or 1.0)
     if name in WRAPPED:
         seen = np.isfinite(values)
         values[seen] = np.unwrap(values[seen])
@@ -163,8 +228,11 @@ def _si(name: str, signal: Signal, values: Array, frame: str) -> Array:
     return np.asarray(values + signal.offset)
 
 
-def numbers_of(path: Path, values: "pd.Series[Any]") -> tuple[Array, dict[int, str]]:
+def numbers_of(path: Path, values: "pd.Series[Any]", first_line: int = 2) -> tuple[Array, dict[int, str]]:
     """A column as numbers [n] (NaN: no reading), and by row what stood where no number was.
+
+    Args:
+        first_line: of the file, where its rows begin.
 
     Raises:
         InvalidRecordingError: more than a few readings are no numbers.
@@ -174,7 +242,7 @@ def numbers_of(path: Path, values: "pd.Series[Any]") -> tuple[Array, dict[int, s
     if len(text) > max(1, MOST_BAD * len(values)):
         row = int(text[0])
         raise InvalidRecordingError(
-            f"{path}: column '{values.name}' holds {values.iloc[row]!r} in row {row + 2}, and no number in "
+            f"{path}: column '{values.name}' holds {values.iloc[row]!r} in row {row + first_line}, and no number in "
             f"{len(text)} of {len(values)} rows; numbers or nothing belong there"
         )
     out = np.array(numbers, dtype=float)

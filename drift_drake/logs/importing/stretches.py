@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.logs.driving import in_spans, spans
+from drift_drake.logs.importing.known import needs_path
 from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
+from drift_drake.logs.importing.position import path_motion
 from drift_drake.logs.importing.recording import Readings
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.units import PlanarMotion, at_centre_of_gravity, to_body
@@ -81,6 +83,9 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
         noise |= captured.noise
         std |= {name: captured.std[name] for name in sorted(wanted & set(captured.std))}
         bandwidth = captured.bandwidth
+    elif needs_path(mapping) and {"x", "y"} <= set(signals):
+        followed = path_motion(t, *(signals.get(name) for name in ("x", "y", "v", "course")), mapping.bandwidth)
+        columns |= {name: values for name, values in followed.items() if name not in columns}
     if "vx" in columns and VELOCITY & set(mapping.signals) <= set(columns):
         columns = from_velocity(columns, mapping.measured_point)
     return Stretch(t, columns, noise, std, bandwidth)

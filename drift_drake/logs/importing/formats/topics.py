@@ -15,13 +15,28 @@ STAMP = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
 PIECE = 1e-9  # [s] of the second field of a stamp
 
 
+class NeededError(ValueError):
+    """Something is not given that a file cannot be read without; the message says what."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """Columns of n rows by full name (`/imu.angular_velocity.z`), and units as far as the file states them."""
+    """Columns of n rows by full name (`/imu.angular_velocity.z`), and units as far as the file states them.
+
+    first_line: the line of the file, from 1, where the rows begin; clock: the column of the rows' times, where the
+    format says which one it is (else ""); known: quantities of the log (`latitude`, `course`) by the columns that the
+    format says hold them; left_out: why, by name, of what the file holds and no column can; frame: of the format's
+    signals (`ned`), where it says so.
+    """
 
     name: str
     table: pd.DataFrame
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    first_line: int = 2
+    clock: str = ""
+    known: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    left_out: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    frame: str = ""
 
 
 def topics_of_messages(messages: Iterable[tuple[str, int, Any]]) -> list[Topic]:

@@ -1,0 +1,106 @@
+"""Words of columns' names in English, German and French (some in Italian and Spanish), by what they speak of. Accents
+are left out; German umlauts stand with and without their e."""
+
+CONCEPTS = {
+    "yaw": "yaw yawing gier gieren lacet imbardata guinada",
+    "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
+    "rate": "rate rates rt taux dot punkt point deriv",
+    "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
+    "angular": "angular angulaire rotational angvel winkelgeschwindigkeit",
+    "linear": "linear",
+    "speed": "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad velocita sog",
+    "steer": "steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata",
+    "handwheel": "handwheel swa sas lenkrad volant volante",
+    "road": "road roadwheel strasse",
+    "angle": "angle ang angles winkel wkl angulo angolo",
+    "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda tyre tire reifen pneu",
+    "axle": "axle achse essieu asse",
+    "revs": "rpm revs rev drehzahl regime omega w",
+    "acc": (
+        "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
+        "accelerazione gforce gforces"
+    ),
+    "gee": "g",
+    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale",
+    "long": "long lon longitudinal longitudinale langs laengs inline",
+    "x": "x",
+    "y": "y",
+    "z": "z vertical vertikal verticale hoch",
+    "latitude": "latitude breite breitengrad",
+    "longitude": "longitude lng laenge laengengrad",
+    "course": "course cog kurs bearing",
+    "heading": "heading hdg cap psi steuerkurs",
+    "orientation": "orientation quat quaternion attitude euler rpy ypr lage",
+    "slip": "slip sideslip schwimm derive drift",
+    "side": "side seiten",
+    "beta": "beta",
+    "delta": "delta",
+    "torque": "torque torques trq tq moment drehmoment couple coppia tau",
+    "engine": (
+        "engine eng motor motors mot moteur motore crank crankshaft kurbelwelle antrieb antriebs traction drivetrain "
+        "shaft propshaft cardan powertrain emotor"
+    ),
+    "rear": "rear rl rr lr hl hr hinten hinter hinterachse heck arriere ar arg ard back posteriore",
+    "front": "front f fl fr lf rf vl vr vorn vorne vorder vorderachse avant av avg avd anteriore",
+    "earth": "north east nord sud ned enu",
+    "hand": "left right links rechts gauche droite",
+    "pos": "pos position positions location pose",
+    "v": "v",
+    "r": "r",
+    "time": (
+        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage uhrzeit uhr utc gmt "
+        "epoch unixtime tijd"
+    ),
+    "t": "t ts",
+    "date": "date datum datetime",
+    "car": "car vehicle veh fahrzeug fzg fahr vehicule voiture auto vehiculo veicolo ground over own host body chassis",
+    "norm": "norm magnitude abs absolute total horizontal",
+    "source": (
+        "gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
+        "messwert ist actual act est estimated estimate filtered filt raw corr corrected calc calculated kf ekf fused "
+        "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
+        "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
+        "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
+        "for de du la le au der die das von vom rec true mean smoothed smooth lowpass lp current topic can1 can2 bus "
+        "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
+    ),
+    "target": (
+        "desired des target tgt ref reference setpoint set soll sollwert consigne cible demand demanded dem request "
+        "requested req goal plan planned wanted cmd cmds command commanded commands commande befehl vorgabe input "
+        "control ctrl controller expected predicted pred nominal ackermann pilot"
+    ),
+    "other": (
+        "wind vent wehen air airspeed luft gust gusts fan ventilator luefter pump pumpe pompe oil oel huile fuel "
+        "turbo turbine gear gearbox getriebe ratio brake brakes bremse bremsen frein clutch kupplung embrayage "
+        "throttle pedal gas accelerator lap laps lapnumber runde tour sector sektor split beacon distance dist "
+        "strecke altitude height hoehe elevation temp temperature temperatur pressure druck pression voltage volt "
+        "spannung battery batt power leistung lambda count counter index idx id number num nr quality valid validity "
+        "status flag flags accuracy genauigkeit precision error err fehler erreur std stddev stdev dev deviation var "
+        "variance cov covariance sigma uncertainty dop hdop vdop pdop satellites sats limit limits limited lim max "
+        "min maximum minimum maximal minimal offset bias zero null nullpunkt calib calibration trim gain scale factor "
+        "jerk ruck force forces kraft suspension damper daempfer camber toe stroke hub travel mag magnetometer "
+        "magnetic compass track trajectory path curvature radius "
+        "diff difference gap residual rest loss friction reserve best interval duration delay latency dead remaining "
+        "timeout age period mode gradient noise checksum crc cursor mouse joystick stick touch camera lidar radar "
+        "object obstacle lead leading relative rel other traffic closing conveyor average avg trip weather driver "
+        "spin spoiler drone rotor propeller prop anemometer pitot counts"
+    ),
+}
+PAIRS = {  # words that say two things
+    "lenkw": "steer angle", "lw": "steer angle", "lrw": "handwheel angle", "strangle": "steer angle",
+    "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",
+    "az": "acc z", "wx": "gyro x", "wy": "gyro y", "wz": "gyro z", "omegaz": "gyro z", "omegax": "gyro x",
+    "omegay": "gyro y", "ws": "wheel speed", "wspd": "wheel speed", "yrs": "yaw rate", "psip": "yaw rate",
+    "psidot": "yaw rate", "dpsi": "yaw rate", "glat": "acc lat", "glong": "acc long", "glon": "acc long",
+    "vcar": "car speed", "vveh": "car speed", "vfzg": "car speed", "vlat": "speed lat", "vlon": "speed long",
+    "vlong": "speed long", "alat": "acc lat", "along": "acc long", "alon": "acc long", "nmot": "engine revs",
+    "strwhl": "handwheel", "steerwheel": "handwheel", "steeringwheel": "handwheel", "wss": "wheel speed",
+    "sideslip": "slip side", "schwimmwinkel": "slip angle", "drehrate": "gyro", "datetime": "date time",
+    "roadwheel": "road wheel", "nengine": "engine revs", "omegar": "revs rear", "asteer": "steer angle",
+    "airspeed": "other", "laptime": "other", "runtime": "other", "swangle": "handwheel angle",
+    "swrate": "handwheel rate", "strang": "steer angle", "winkelgeschwindigkeit": "angular speed",
+    "angvel": "angular speed", "uptime": "time source", "hinterrad": "rear wheel", "vorderrad": "front wheel",
+}  # fmt: skip
+WORDS = {word: (concept,) for concept, words in CONCEPTS.items() for word in words.split()} | {
+    word: tuple(concepts.split()) for word, concepts in PAIRS.items()
+}

@@ -21,7 +21,7 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.executors import worker_processes
+from drift_drake.worker_pool import worker_processes
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import Gathered, taught
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive

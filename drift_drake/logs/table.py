@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drift_drake.errors import DriftDrakeError
+from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.plausible import implausible
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import write_table
@@ -142,6 +143,10 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         InvalidLogError: unreadable or empty file, NaN.
     """
     check_file(path, InvalidLogError, "give the path of a run (CSV or Parquet)")
+    return read_guarded(_read_columns, path, InvalidLogError)
+
+
+def _read_columns(path: Path) -> dict[str, np.ndarray]:
     import pandas as pd  # slow to import
 
     try:

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
+from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formats.topics import Topic
+from drift_drake.logs.importing.recording import topics_of
 from drift_drake.logs.importing.units import DIMENSIONS, QUANTITIES, units_of
 
 NAMES = {  # of a quantity: what its column may be called, the best first (on the lower-cased name)
@@ -90,7 +91,7 @@ def look(path: str | Path) -> Look:
     Raises:
         InvalidRecordingError: the file cannot be read, or holds no number.
     """
-    topics = read_topics(path)
+    topics = topics_of(Path(path))
     summaries = [_summary(topic) for topic in topics]
     if all(column.low is None for topic in summaries for column in topic.columns):
         raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
+from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
@@ -61,7 +62,7 @@ def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    topics = read_topics(path)
+    topics = topics_of(path)
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
         topic = _topic_of(path, topics, clock.column)
@@ -74,6 +75,15 @@ def read_recording(path: str | Path, mapping: RecorderMapping) -> Recording:
                 remarks += wrong
         clocks[name] = Readings(t, rows, values, topic.name)
     return Recording(path.stem, clocks, remarks)
+
+
+def topics_of(path: Path) -> list[Topic]:
+    """All topics of a recorder's file, read in a process of its own where it is no text of moderate size.
+
+    Raises:
+        InvalidRecordingError: it cannot be read; reading it crashes, or takes too much memory or time.
+    """
+    return read_guarded(read_topics, path, InvalidRecordingError)
 
 
 def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:

@@ -58,6 +58,8 @@ def read_topics(path: str | Path) -> list[Topic]:
         ) from None
     except pd.errors.EmptyDataError:
         raise InvalidRecordingError(f"{path}: the file is empty; a recording needs a header and rows") from None
+    except MemoryError:  # for `logs.apart` to say
+        raise
     except Exception as error:  # the readers' own classes on a broken file are too many to name
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InvalidRecordingError(f"{path}: cannot be read as {title} ({reason}); give {KNOWN}") from None

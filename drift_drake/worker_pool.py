@@ -268,7 +268,9 @@ class _Pool:
         self._workers.remove(worker)
         worker.end(0.0)
         if worker.task is not None:
-            worker.task.future.set_exception(WorkerEndedError("its process ended before it, perhaps for want of memory"))
+            worker.task.future.set_exception(
+                WorkerEndedError("its process ended before it, perhaps for want of memory")
+            )
         elif not worker.ready:
             self._fail_start()
 

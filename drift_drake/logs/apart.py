@@ -1,7 +1,7 @@
 """Files of foreign formats are read in a process of their own, with limits of memory and time.
 
-The libraries that read them trust what a file says of itself: a byte may end Python, a kilobyte may claim gigabytes. There
-it ends that process, and one sentence says so. It is started for the first file and kept for further ones.
+The libraries that read them trust what a file says of itself: a byte may end Python, a kilobyte may claim gigabytes.
+There it ends that process, and one sentence says so. It is started for the first file and kept for further ones.
 """
 
 import atexit
@@ -70,7 +70,9 @@ def read_apart(function: Callable[[Path], Result], path: Path, error: type[Drift
         raise
     except ValueError as other:
         reason = one_line(other)
-    raise error(f"{path}: cannot be read ({reason}); write it anew if it is damaged, or cut it into shorter files") from None
+    raise error(
+        f"{path}: cannot be read ({reason}); write it anew if it is damaged, or cut it into shorter files"
+    ) from None
 
 
 def _size(path: Path) -> int:

@@ -5,8 +5,8 @@ import contextlib
 import gzip
 import lzma
 import stat
-import zlib
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any

@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import json
 import lzma
 import zipfile
 import zlib
@@ -15,7 +14,7 @@ import numpy as np
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.plausible import implausible
-from drift_drake.plain_files import check_file
+from drift_drake.plain_files import check_file, number, parse_json, read_text
 from drift_drake.safe_files import write_table
 
 if TYPE_CHECKING:
@@ -198,6 +197,8 @@ def case_paths(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.exists():
         raise InvalidLogError(f"{folder}: no such folder; a case is a folder of run_0.csv, run_1.csv, ...")
+    if not folder.is_dir():
+        check_file(folder, InvalidLogError, "give a run, or a folder of runs")
     paths = run_paths(folder)
     if not paths:
         raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
@@ -298,11 +299,9 @@ def _import_report(folder: str | Path) -> dict[str, Any]:
     path = import_report_path(folder)
     if not path.exists():
         return {}
-    check_file(path, InvalidLogError, "take it away or import again")
-    try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        report = None
+    remedy = "take it away or import again"
+    text = read_text(path, InvalidLogError, remedy)
+    report = parse_json(text, InvalidLogError, str(path), remedy, strict=False)
     if not isinstance(report, dict):
         raise _no_report(path)
     return report
@@ -331,7 +330,7 @@ def stated_noise(folder: str | Path) -> dict[str, float]:
         whole = _import_report(folder)
         for report in whole["runs"] if whole else []:
             for name, value in report["std"].items():
-                levels.setdefault(name, []).append(float(value))
+                levels.setdefault(str(name), []).append(number(value, lambda level: level >= 0.0))
     except (ValueError, KeyError, TypeError, AttributeError):
         raise _no_report(import_report_path(folder)) from None
     return {name: float(np.median(values)) for name, values in levels.items()}

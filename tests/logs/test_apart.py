@@ -1,6 +1,8 @@
 """Files of foreign formats: what crashes, hangs or fills the memory is one sentence, and the next file is read."""
 
+import bz2
 import gzip
+import lzma
 import os
 from pathlib import Path
 
@@ -10,12 +12,12 @@ import pytest
 from hostile_readers import compute, crash, end, fill, refuse, wait, whose
 
 from drift_drake.errors import DriftDrakeError
-from drift_drake.logs import apart
+from drift_drake.logs import apart, bounds
 from drift_drake.logs.apart import read_apart, read_guarded
-from drift_drake.logs.bounds import is_small_text
+from drift_drake.logs.bounds import check_claims, is_small_text
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.look import look
-from drift_drake.logs.table import InvalidLogError, read_columns
+from drift_drake.logs.table import InvalidLogError, read_columns, read_run
 
 
 @pytest.fixture(autouse=True)
@@ -85,26 +87,46 @@ def test_text_of_moderate_size_is_read_here(tmp_path: Path) -> None:
 
 
 def bombs(folder: Path) -> list[Path]:
-    """Small files that unpack, or claim, to gigabytes."""
-    with gzip.open(folder / "run_0.csv.gz", "wb", 6) as file:
-        file.write(b"t,r,v,delta_cmd\n")
-        for _ in range(700):
-            file.write(b"0.01,0.1,10,0.01\n" * 50_000)
-    np.savez_compressed(folder / "zeros.npz", t=np.zeros(60_000_000, dtype=np.float64))
-    paths = [folder / "run_0.csv.gz", folder / "zeros.npz"]
+    """Small files that unpack, or claim, to more than they should."""
+    for name, opened in (("a.csv.gz", gzip.open), ("a.csv.bz2", bz2.open), ("a.csv.xz", lzma.open)):
+        with opened(folder / name, "wb") as file:
+            file.write(b"0.01,0.1,10,0.01\n" * 60_000)
+    np.savez_compressed(folder / "a.npz", t=np.zeros(200_000))
+    pd.DataFrame({name: np.zeros(40_000) for name in ("t", "r", "v", "delta_cmd")}).to_parquet(folder / "a.parquet")
+    return [*folder.iterdir(), claim(folder)]
+
+
+def claim(folder: Path) -> Path:
     h5py = pytest.importorskip("h5py", reason="an extra: pip install drift_drake[hdf5]")
     with h5py.File(folder / "claim.h5", "w") as file:
         file.create_dataset("claim", (10**8,), dtype="f8", chunks=(10**6,), compression="gzip")
-    pd.DataFrame({name: np.zeros(13 * 10**6, dtype=np.int8) for name in ("t", "r", "v", "delta_cmd")}).to_parquet(
-        folder / "run_1.parquet", compression="zstd"
-    )
-    return [*paths, folder / "claim.h5", folder / "run_1.parquet"]
+    return folder / "claim.h5"
 
 
-def test_a_small_file_that_claims_much_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    for path in bombs(tmp_path):
-        with pytest.raises(InvalidRecordingError, match=r"holds more than \d+ million numbers, or says so"):
-            look(path)
-        if path.name.startswith("run_"):
-            with pytest.raises(InvalidLogError, match=r"holds more than \d+ million numbers, or says so"):
-                read_columns(path)
+def test_what_a_small_file_claims_is_seen_before_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = bombs(tmp_path)
+    for path in paths[:-1]:
+        check_claims(path)
+    monkeypatch.setattr(bounds, "MOST_NUMBERS", 100_000)
+    for path in paths:
+        with pytest.raises(ValueError, match=r"it holds more than \d+ million numbers, or says so"):
+            check_claims(path)
+
+
+def test_a_kilobyte_that_claims_a_gigabyte_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        InvalidRecordingError, match=r"claim\.h5: cannot be read \(it holds more than 50 million numbers"
+    ):
+        look(claim(tmp_path))
+
+
+def test_a_run_in_parquet_is_read_apart_as_it_was(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(60)
+    table = pd.DataFrame({"t": t, "r": 0.1 * t, "v": 10.0 + t, "delta_cmd": 0.0 * t, "note": ["text"] * 60})
+    table.to_parquet(tmp_path / "run_0.parquet")
+    columns = read_columns(tmp_path / "run_0.parquet")
+    assert list(columns) == ["t", "r", "v", "delta_cmd"]
+    np.testing.assert_array_equal(columns["v"], 10.0 + t)
+    table.drop(columns="v").to_parquet(tmp_path / "run_1.parquet")
+    with pytest.raises(InvalidLogError, match=r"run_1\.parquet: missing column v"):
+        read_run(tmp_path / "run_1.parquet")

@@ -18,8 +18,8 @@ from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.config import lane_for_pictures
 from drift_drake.logs.table import read_case
+from drift_drake.page_policy import with_policy
 from drift_drake.pages import page as pages
-from drift_drake.pages.policy import with_policy
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
 from drift_drake.pictures.style import colours_of

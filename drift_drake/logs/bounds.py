@@ -29,7 +29,8 @@ def is_small_text(path: Path) -> bool:
             return False
         with path.open("rb") as file:
             packed = file.read(len(GZIP)) == GZIP
-        with gzip.open(path) if packed else path.open("rb") as stream:
+        opened: IO[bytes] = gzip.open(path) if packed else path.open("rb")  # type: ignore[assignment]
+        with opened as stream:
             first = stream.read(PIECE)
             if b"\0" in first[:4096] and not first.startswith(UTF_16):
                 return False

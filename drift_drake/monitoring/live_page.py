@@ -12,7 +12,7 @@ import numpy as np
 
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.monitoring.monitor import sentence
-from drift_drake.pages.policy import with_policy
+from drift_drake.page_policy import with_policy
 from drift_drake.safe_files import write_text
 
 TEMPLATE = Path(__file__).with_name("live_page.html")

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from drift_drake.errors import significant
-from drift_drake.pages.policy import with_policy
+from drift_drake.page_policy import with_policy
 from drift_drake.pictures.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")

@@ -14,7 +14,7 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, MeshcatParams,
 from pydrake.math import RigidTransform
 
 from drift_drake.arrays import Array
-from drift_drake.pages.policy import with_policy
+from drift_drake.page_policy import with_policy
 from drift_drake.pictures.car_shape import CarShape
 from drift_drake.pictures.scene import (
     BACKGROUND,

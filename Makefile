@@ -84,5 +84,5 @@ clean:
 	@touch $@
 
 .venv/installed-all: pyproject.toml constraints.txt | .venv/bin/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,parquet,test,docs,dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,parquet,test,fuzz,docs,dev]"
 	@touch $@

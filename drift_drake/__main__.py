@@ -2,11 +2,14 @@
 
 import sys
 
-from drift_drake.interruption import ended_at_once, leave_ends_to_the_system
+from drift_drake.interruption import ended_at_once, leave_ends_to_the_system, stand_in_for_closed_streams
 
 
 def main() -> int:
     """Runs the command line; returns its exit code."""
+    closed = stand_in_for_closed_streams()
+    if closed is not None:
+        return closed
     with ended_at_once():
         from drift_drake import cli
     code = cli.main()

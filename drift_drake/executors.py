@@ -14,76 +14,20 @@ that is not in the package; the command's own process writes all files, so machi
 import concurrent.futures
 import dataclasses
 import functools
-import multiprocessing
-import os
 import sys
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
-from multiprocessing.connection import wait
-from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Literal, TypeVar
 
 from tqdm import tqdm
 
 from drift_drake.errors import DriftDrakeError, InvalidOptionError
-from drift_drake.interruption import ctrl_c_waits, signals_wait
+from drift_drake.worker_pool import Submit, WorkerEndedError, WorkerLostError, worker_processes
 
-ENDED_WITH_PARENT = 1  # exit code of a worker
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-Submit = Callable[..., "concurrent.futures.Future[Any]"]
 ATTEMPTS = 3  # at a job whose worker process ends before it does
-
-
-class _Worker(SpawnProcess):
-    """Ctrl-C, which reaches all processes of a terminal, is left to the parent to answer, once for all.
-
-    Blocked from before the process starts: it imports for a second before it can say for itself what it does with it.
-    A start that were broken off would leave a worker that waits for its first orders in vain, and says so.
-    """
-
-    def start(self) -> None:
-        track_resources()  # as the first start would, which then undoes the mask
-        with signals_wait(), ctrl_c_waits():
-            super().start()
-
-
-def track_resources() -> None:
-    """Starts Python's process that removes a killed command's semaphores, which then need no warning.
-
-    To be called before anything of `multiprocessing` is made, which would start it otherwise.
-    """
-    before = os.environ.get("PYTHONWARNINGS")
-    os.environ["PYTHONWARNINGS"] = ",".join([*([before] if before else []), "ignore:resource_tracker:UserWarning"])
-    try:
-        resource_tracker.ensure_running()
-    finally:
-        del os.environ["PYTHONWARNINGS"]
-        if before is not None:
-            os.environ["PYTHONWARNINGS"] = before
-
-
-class _Spawning(SpawnContext):
-    Process = _Worker  # type: ignore[assignment]
-
-
-SPAWNING = _Spawning()
-"""How workers are started, in pools of `multiprocessing` too."""
-
-
-def end_with_parent() -> None:
-    """What a worker begins with: it ends when the process that started it does."""
-    parent = multiprocessing.parent_process()
-    watched = [] if parent is None else [parent.sentinel]
-
-    def end() -> None:
-        wait(watched)  # readable once the parent's end is closed
-        os._exit(ENDED_WITH_PARENT)
-
-    threading.Thread(target=end, daemon=True).start()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,10 +51,6 @@ class NoClusterError(DriftDrakeError, RuntimeError):
 
 class JobsFailedError(DriftDrakeError, RuntimeError):
     """Some jobs failed; the message says how many, and the first one's error."""
-
-
-class WorkerLostError(DriftDrakeError, RuntimeError):
-    """A job whose worker process ended before it, again and again."""
 
 
 @contextmanager
@@ -142,31 +82,6 @@ def _cluster(config: ExecutorConfig) -> Iterator[Any]:
         ) from None
     with client:
         yield client
-
-
-@contextmanager
-def worker_processes(workers: int, tasks_per_worker: int = 0) -> Iterator[Submit]:
-    """Submits a function and its one argument to fresh processes of this machine.
-
-    A process that ends takes its own job with it and no other. All end at once if the block raises (Ctrl-C included) or
-    if this process ends, by a signal too. Not forked: a fork would copy Drake's, BLAS's and other threads in whatever
-    state they are.
-
-    Args:
-        tasks_per_worker: a process is replaced by a fresh one after so many jobs; 0 for never.
-    """
-    from pebble import ProcessPool
-
-    track_resources()
-    pool = ProcessPool(workers, tasks_per_worker, end_with_parent, (), SPAWNING)
-    try:
-        yield lambda function, job: pool.schedule(function, args=[job])
-        pool.close()  # type: ignore[no-untyped-call]
-    except BaseException:  # broken off: the pool must not work through what is left first
-        pool.stop()  # type: ignore[no-untyped-call]
-        raise
-    finally:
-        pool.join()
 
 
 @contextmanager
@@ -219,8 +134,6 @@ def run_jobs(
     """
     if not jobs:
         return
-    from pebble import ProcessExpired
-
     failures: list[str] = []
     lost: Counter[int] = Counter()
     place = _dask(config, function) if config.executor == "dask" else worker_processes(config.workers, tasks_per_worker)
@@ -230,7 +143,7 @@ def run_jobs(
             done, _ = concurrent.futures.wait(waiting, return_when=concurrent.futures.FIRST_COMPLETED)
             for future in done:
                 k, error = waiting.pop(future), future.exception()
-                if isinstance(error, ProcessExpired):
+                if isinstance(error, WorkerEndedError):
                     lost[k] += 1
                     if lost[k] < ATTEMPTS:
                         waiting[submit(function, jobs[k])] = k

@@ -1,30 +1,42 @@
-"""Ctrl-C and SIGTERM: clean up first, once something was begun; before that, end at once."""
+"""How a command ends: in one line, whatever ends it.
+
+Ctrl-C, SIGTERM and a terminal that is closed: clean up first, once something was begun; before that, end at once.
+Memory that is short, and standard output that is closed or full, are answered as bad input is.
+"""
 
 import contextlib
+import errno
 import os
+import re
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
+from typing import TextIO
 
 from drift_drake.errors import DriftDrakeError, one_line, shown
 
-ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143)}
+ENDS = {signal.SIGINT: ("interrupted", 130), signal.SIGTERM: ("terminated", 143), signal.SIGHUP: ("hung up", 129)}
 """What a command says when it is ended by a signal, and its exit code."""
 IMPORTER = "<frozen importlib._bootstrap>"  # the file of Python's own frames while it imports
 AGAIN = 0.05  # [s] after which a signal that came within an import comes again
 BAD_INPUT = 2  # exit code for input that cannot be used
+NO_PLACE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EFBIG, errno.EDQUOT)  # of what is no file with a name
 NOT_READ = 141  # where standard output is closed by its reader, as of other programs in a shell
 
 
+NO_MEMORY = re.compile("cannot allocate memory|failed to map segment|bad_alloc|out of memory", re.IGNORECASE)
+"""What the system says where a library cannot be loaded for want of memory."""
+
+
 class TerminatedError(BaseException):
-    """SIGTERM came."""
+    """SIGTERM or SIGHUP came."""
 
 
 @contextlib.contextmanager
 def terminable() -> Iterator[list[signal.Signals]]:
-    """Within the block Ctrl-C raises KeyboardInterrupt and SIGTERM `TerminatedError`, so that what was begun is undone.
+    """Within the block Ctrl-C raises KeyboardInterrupt, other ends `TerminatedError`, so that what was begun is undone.
 
     Gives the signals that came: compiled code may hand on another exception than the one that was raised within it.
     Within an import a signal waits for the import's end. Only the main thread can ask for it.
@@ -126,24 +138,69 @@ def ended_well(run: Callable[[], int], prefix: str, kept: str) -> int:
         except BaseException as error:
             if isinstance(error, BrokenPipeError) and not came:
                 # `| head` has read what it wanted; nothing more can be said, not even at exit.
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                _to_nowhere(sys.stdout)
                 return NOT_READ
             answer = _answer(error, came, kept)
             if answer is None:
                 raise
-            print(f"{prefix}{answer[0]}", file=sys.stderr)
+            with contextlib.suppress(OSError):  # whose reader is gone, too
+                print(f"{prefix}{answer[0]}", file=sys.stderr, flush=True)
+            _to_nowhere_if_broken(sys.stdout)
+            _to_nowhere_if_broken(sys.stderr)
             return answer[1]
+
+
+def stand_in_for_closed_streams(prefix: str = "drift-drake: ") -> int | None:
+    """Opens what of standard input, output and error is closed, lest the next file takes its place.
+
+    Returns:
+        The exit code where standard output is closed, which a command ends with; None where it is open.
+    """
+    closed = [number for number in range(3) if not _is_open(number)]
+    for _ in closed:
+        os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    if 1 not in closed:
+        return None
+    os.write(2, f"{prefix}standard output is closed; give it a place, such as > /dev/null\n".encode())
+    return BAD_INPUT
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
+def _to_nowhere(stream: TextIO) -> None:
+    """Lets a stream that takes nothing any more lose what it still holds, which Python writes at its end."""
+    with contextlib.suppress(OSError, ValueError):  # of a stream that is no file
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
+
+
+def _to_nowhere_if_broken(stream: TextIO) -> None:
+    try:
+        stream.flush()
+    except (OSError, ValueError):
+        _to_nowhere(stream)
 
 
 def _answer(error: BaseException, came: Sequence[signal.Signals], kept: str) -> tuple[str, int] | None:
     """(what is said, exit code); None for a fault of ours."""
     if came or isinstance(error, KeyboardInterrupt | TerminatedError):
-        terminated = came[0] == signal.SIGTERM if came else isinstance(error, TerminatedError)
-        how, code = ENDS[signal.SIGTERM if terminated else signal.SIGINT]
+        number = came[0] if came else signal.SIGTERM if isinstance(error, TerminatedError) else signal.SIGINT
+        how, code = ENDS[number]
         return f"{how}; {kept}", code
     if isinstance(error, DriftDrakeError):
         return one_line(error), BAD_INPUT
+    if isinstance(error, MemoryError) or (isinstance(error, ImportError | OSError) and NO_MEMORY.search(str(error))):
+        return "there is too little memory for this; end other programs, or give less at a time", BAD_INPUT
     if isinstance(error, OSError) and error.filename is not None:
         # A path that the system refuses: too long a name, a folder that may not be read.
         return f"{shown(str(error.filename))}: cannot be used ({error.strerror}); give another path", BAD_INPUT
+    if isinstance(error, OSError) and error.errno in NO_PLACE:
+        return f"standard output cannot be written ({error.strerror}); make room, or give it another place", BAD_INPUT
     return None

@@ -3,6 +3,7 @@
 import json
 import math
 import stat
+import zipfile
 from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,18 @@ def check_file(path: str | Path, error: type[DriftDrakeError], remedy: str, larg
         raise error(f"{path}: cannot be read (it is {kind}, no file); {remedy}")
     if status.st_size > largest:
         raise error(f"{path}: has {status.st_size} bytes, more than such a file can need; {remedy}")
+
+
+def check_archive(path: str | Path, error: type[DriftDrakeError], remedy: str, largest: float) -> None:
+    """Sees that the arrays of an .npz file are no larger than `largest` bytes when they are unpacked.
+
+    Raises:
+        error: they are; zipfile.BadZipFile, OSError: no archive.
+    """
+    with zipfile.ZipFile(path) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > largest:
+        raise error(f"{path}: unpacks to {size} bytes, more than such a file can need; {remedy}")
 
 
 def read_text(path: str | Path, error: type[DriftDrakeError], remedy: str, largest: float = LARGEST_JSON) -> str:

@@ -59,19 +59,25 @@ def _make_locked(beside: Path) -> tuple[Path, int | None]:
     while True:
         folder = beside / f"{PARTIAL}{secrets.token_hex(4)}"
         folder.mkdir()
+        lock = None
         try:
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        except FileNotFoundError:  # removed by another process before it was locked
-            continue
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        except OSError:
-            os.close(lock)
-            return folder, None
-        with contextlib.suppress(FileNotFoundError):
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            except OSError:
+                os.close(lock)
+                return folder, None
             if os.path.samestat(os.stat(folder), os.fstat(lock)):
                 return folder, lock
-        os.close(lock)
+        except FileNotFoundError:  # removed by another process before it was locked
+            pass
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            if lock is not None:
+                os.close(lock)
+            raise
+        if lock is not None:
+            os.close(lock)
 
 
 @contextlib.contextmanager
@@ -160,20 +166,20 @@ def try_outputs(outputs: Mapping[str, Path | None], inputs: Iterable[str | Path]
     wanted = {option: path for option, path in outputs.items() if path is not None and path != STANDARD_OUTPUT}
     taken = {Path(os.path.realpath(path)): "an input" for path in inputs}
     for option, path in wanted.items():
-        if path.is_dir():
-            raise OutputError(f"{option} {path}: is a folder; give the name of a file")
-        if _special(path):
-            continue
         try:
-            real = Path(os.path.realpath(path))
+            folder, special, real = path.is_dir(), _special(path), Path(os.path.realpath(path))
         except (OSError, ValueError) as error:
             raise OutputError(f"{option} {_sentence(path, error)}") from None
+        if folder:
+            raise OutputError(f"{option} {path}: is a folder; give the name of a file")
+        if special:
+            continue
         if real in taken:
             raise OutputError(f"{option} {path}: is {taken[real]} too; give another file")
         taken[real] = f"that of {option}"
         try_folder(path.parent, option)
     for option, path in wanted.items():
-        if path.exists() and not _special(path):
+        if os.path.isfile(path):
             print(f"{option} {path}: exists and will be replaced", file=sys.stderr)
 
 

@@ -21,7 +21,6 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.executors import worker_processes
 from drift_drake.gathering.config import GatheringConfig
 from drift_drake.gathering.gather import Gathered, taught
 from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
@@ -33,6 +32,7 @@ from drift_drake.model.samples import samples_from_log
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.simulation.closed_loop import ControlConfig
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.worker_pool import worker_processes
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference

@@ -18,6 +18,7 @@ from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.drives.vehicles import draw_effects
 from drift_drake.gathering.config import lane_for_pictures
 from drift_drake.logs.table import read_case
+from drift_drake.page_policy import with_policy
 from drift_drake.pages import page as pages
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
@@ -55,12 +56,17 @@ def picture(figure: Figure) -> Markup:
     return Markup(f'<img alt="" src="data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}">')
 
 
-def embedded(write: Callable[[Path], Any]) -> str:
-    """What a function writes into a file, compressed, as base64."""
+def written(write: Callable[[Path], Any]) -> str:
+    """The page that a function writes into a file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "replay.html"
         write(path)
-        return base64.b64encode(gzip.compress(path.read_bytes())).decode()
+        return path.read_text(encoding="utf-8")
+
+
+def embedded(page: str) -> str:
+    """A page, compressed, as base64."""
+    return base64.b64encode(gzip.compress(page.encode())).decode()
 
 
 def replayed_log(diagnosis: Diagnosis, log: Path) -> tuple[str, Comparison, dict[str, pd.DataFrame]]:
@@ -102,6 +108,11 @@ def write_page(
     tables = {NAMES[kind]: table for kind, table in drifts.items()}
     compared = {NAMES[kind]: drifts[kind] for kind in COMPARED}
     name, errors, beside = replayed_log(diagnosis, config.log)
+    replays = [
+        written(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
+        written(lambda path: replay(beside, path, parameters=parameters, title=name, camera="follow",
+                                    note=f"Simulated cars start from the real one every {RESTART:g} s.")),
+    ]  # fmt: skip
     loader = jinja2.FileSystemLoader([TEMPLATE.parent, pages.FOLDER])
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
     page = environment.get_template(TEMPLATE.name).render(
@@ -118,7 +129,7 @@ def write_page(
         map=picture(overhead(tables, eight, parameters, car_every=0.0)),
         colours=dict(zip(tables, colours_of(tables), strict=True)),
         over_path=picture(time_series(compared, eight, parameters)),
-        drift_replay=embedded(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
+        drift_replay=embedded(replays[0]),
         answer=diagnosis.answer,
         posterior=[(name.replace("+", " + "), p) for name, p in list(diagnosis.answer.posterior.items())[:8]],
         log_name=name,
@@ -126,13 +137,12 @@ def write_page(
         units=UNITS,
         restart=RESTART,
         beside=picture(side_by_side(beside)),
-        log_replay=embedded(lambda path: replay(beside, path, parameters=parameters, title=name, camera="follow",
-                                                note=f"Simulated cars start from the real one every {RESTART:g} s.")),
+        log_replay=embedded(replays[1]),
         hidden=hidden(numbers["truth"], diagnosis),
         machine=machine(),
         seconds=seconds,
     )  # fmt: skip
-    write_text(folder / "index.html", page)
+    write_text(folder / "index.html", with_policy(page, replays))
     return folder / "index.html"
 
 

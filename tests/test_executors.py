@@ -1,14 +1,19 @@
 """The same jobs on processes and on a cluster."""
 
 import contextlib
+import errno
+import multiprocessing
 import os
 import signal
 import socket
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
-from drift_drake.errors import InvalidOptionError
+from drift_drake import worker_pool
+from drift_drake.errors import InvalidOptionError, MissingExtraError
 from drift_drake.executors import ExecutorConfig, JobsFailedError, results_of, run_jobs
 
 
@@ -108,3 +113,61 @@ def test_a_local_cluster_of_two_workers_starts_beside_another() -> None:
     assert results == {0.5 * k: 0.25 * k * k for k in range(12)}
     assert len(processes) == 2
     assert os.getpid() not in processes
+
+
+def slow_square(number: int) -> int:
+    time.sleep(0.1)
+    return number * number
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks processes up in /proc")
+@pytest.mark.parametrize("after", [0.0, 0.02, 0.06, 0.15, 0.3, 0.6])
+def test_a_worker_may_be_killed_at_any_moment(after: float) -> None:
+    """While Python starts, while it imports, before its first job, within a job and between two."""
+    killed: list[int] = []
+
+    def kill() -> None:
+        while not multiprocessing.active_children():
+            time.sleep(0.001)
+        time.sleep(after)
+        for worker in multiprocessing.active_children()[-1:]:
+            killed.append(worker.pid or 0)
+            os.kill(killed[-1], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    assert results_of(ExecutorConfig(workers=2), slow_square, range(6), "job") == [0, 1, 4, 9, 16, 25]
+    killer.join()
+    assert killed
+
+
+def test_workers_that_cannot_start_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_pool, "PAUSE", 0.0)
+    monkeypatch.setattr(worker_pool._Worker, "__init__", no_memory)
+    with pytest.raises(JobsFailedError, match="6 worker processes in a row ended while they started"):
+        results_of(ExecutorConfig(workers=2), slow_square, range(3), "job")
+
+
+def no_memory(_worker: object) -> None:
+    raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+
+def fail_in_a_way(how: str) -> object:
+    if how == "error that cannot be made again":
+        raise MissingExtraError("this", "package", "extra")
+    if how == "answer that cannot be sent":
+        return lambda: None
+    raise SystemExit(3)
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ("error that cannot be made again", "this needs package"),
+        ("answer that cannot be sent", "pickle"),
+        ("exit", "SystemExit: 3"),
+    ],
+)
+def test_whatever_a_job_does_is_its_own_failure(how: str, says: str) -> None:
+    with pytest.raises(JobsFailedError, match=says):
+        results_of(ExecutorConfig(workers=1), fail_in_a_way, [how], "job")

@@ -1,5 +1,6 @@
 """What ends a command is answered in one line, from its imports on."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.interruption import ctrl_c_waits, signals_wait
+from drift_drake.interruption import BAD_INPUT, ctrl_c_waits, ended_well, signals_wait
 
 BEGINNING = """
 import time
@@ -27,7 +28,8 @@ ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
 
 
 @pytest.mark.parametrize(
-    ("number", "how", "code"), [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143)]
+    ("number", "how", "code"),
+    [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "terminated", 143), (signal.SIGHUP, "hung up", 129)],
 )
 def test_what_has_not_begun_ends_at_once(number: signal.Signals, how: str, code: int) -> None:
     beginning = subprocess.Popen([sys.executable, "-c", BEGINNING], env=ENVIRONMENT, stdout=subprocess.PIPE,
@@ -39,7 +41,7 @@ def test_what_has_not_begun_ends_at_once(number: signal.Signals, how: str, code:
     assert (beginning.returncode, said, error) == (code, "", f"drift-drake: {how} before anything was begun\n")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_wait_for_a_blocks_end_whichever_thread_they_come_to(number: signal.Signals) -> None:
     came, other = [], threading.Thread(target=time.sleep, args=(0.5,))
     before = signal.signal(number, lambda *_: came.append("after"))
@@ -52,3 +54,41 @@ def test_signals_wait_for_a_blocks_end_whichever_thread_they_come_to(number: sig
     finally:
         signal.signal(number, before)
     assert came == ["within", "after"]
+
+
+def said(command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["sh", "-c", f"{sys.executable} -m drift_drake {command}"], env=ENVIRONMENT,
+                          capture_output=True, text=True, timeout=60.0)  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_standard_output_that_is_full_is_one_sentence() -> None:
+    full = said("--help > /dev/full")
+    sentence = "drift-drake: standard output cannot be written (No space left on device); make room, or give it "
+    assert (full.returncode, full.stderr) == (BAD_INPUT, sentence + "another place\n")
+    assert said("nonsense 2> /dev/full").returncode == BAD_INPUT
+
+
+def test_standard_output_that_is_closed_is_one_sentence() -> None:
+    closed = said("--help >&-")
+    sentence = "drift-drake: standard output is closed; give it a place, such as > /dev/null\n"
+    assert (closed.returncode, closed.stderr) == (BAD_INPUT, sentence)
+    assert said("--help 2>&- <&-").returncode == 0
+    assert said("--help <&- >&- 2>&-").returncode == BAD_INPUT
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError("libx.so: failed to map segment from shared object"),
+        OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)),
+    ],
+)
+def test_memory_that_is_short_is_one_sentence(error: BaseException, capsys: pytest.CaptureFixture[str]) -> None:
+    def run() -> int:
+        raise error
+
+    assert ended_well(run, "drift-drake: ", "") == BAD_INPUT
+    sentence = "drift-drake: there is too little memory for this; end other programs, or give less at a time\n"
+    assert capsys.readouterr().err == sentence

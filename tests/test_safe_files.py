@@ -1,15 +1,21 @@
 """Writing: whole or not at all, to where it is possible, and told."""
 
 import errno
+import fcntl
+import io
+import itertools
 import os
+import resource
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drift_drake.errors import OutputError
-from drift_drake.safe_files import alone_in, replacing, try_outputs, write_text, writing_together
+from drift_drake.safe_files import alone_in, remove_left_behind, replacing, try_outputs, write_text, writing_together
 
 
 def test_a_file_is_written_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -115,3 +121,91 @@ def test_no_two_processes_write_one_folder(tmp_path: Path) -> None:
     with alone_in(tmp_path):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+CALLS = [(os, "mkdir"), (os, "open"), (os, "stat"), (os, "fsync"), (os, "replace"), (os, "chmod"), (os, "scandir"),
+         (io, "open"), (fcntl, "flock")]  # fmt: skip
+
+
+class Failing:
+    """Lets the n-th call of the system fail that writing a file makes."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, number: int, code: int) -> None:
+        self.left, self.failed = number, ""
+        for module, name in CALLS:
+            patch.setattr(module, name, self.wrapped(name, getattr(module, name), code))
+
+    def wrapped(self, name: str, call: Any, code: int) -> Any:
+        def function(*arguments: Any, **options: Any) -> Any:
+            self.left -= 1
+            if self.left == 0:
+                self.failed = name
+                raise OSError(code, os.strerror(code))
+            return call(*arguments, **options)
+
+        return function
+
+
+def write_one(folder: Path) -> None:
+    write_text(folder / "a.txt", "after")
+
+
+def write_two(folder: Path) -> None:
+    with writing_together(folder) as part:
+        for name in ("a.txt", "b.txt"):
+            (part / name).write_text("after")
+
+
+def write_tried(folder: Path) -> None:
+    try_outputs({"--out": folder / "a.txt"})
+    write_one(folder)
+
+
+@pytest.mark.parametrize("write", [write_one, write_two, write_tried])
+@pytest.mark.parametrize("code", [errno.EIO, errno.ENOSPC])
+def test_whichever_call_fails_nothing_is_lost(tmp_path: Path, write: Callable[[Path], None], code: int) -> None:
+    """As SQLite's tests do: the first call fails, then the second, ..., until none is left to fail."""
+    failed = set()
+    for number in itertools.count(1):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "a.txt").write_text("before")
+        remove_left_behind.cache_clear()
+        with pytest.MonkeyPatch.context() as patch:
+            failing = Failing(patch, number, code)
+            try:
+                write(folder)
+                ended = "well"
+            except OutputError as error:
+                ended = str(error)
+        if not failing.failed:
+            break
+        failed.add(failing.failed)
+        assert ended == "well" or os.strerror(code) in ended
+        assert (folder / "a.txt").read_text() in (("before", "after") if ended != "well" else ("after",))
+        remove_left_behind.cache_clear()
+        write(folder)  # the next one does it, and removes what the failure may have left
+        assert (folder / "a.txt").read_text() == "after"
+        assert {path.name for path in folder.iterdir()} <= {"a.txt", "b.txt"}
+    assert {"mkdir", "open", "fsync", "replace"} <= failed
+
+
+def test_a_file_that_may_not_grow_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    """In a process whose files have a limit: every length that a write can break off at."""
+    path = tmp_path / "a.csv"
+    for limit in (0, 1, 100, 4095, 4096, 5000, 9000):
+        path.write_text("before")
+        child = os.fork()
+        if child == 0:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+            code = 9
+            try:
+                write_text(path, 8192 * "x")
+                code = 0
+            except OutputError:
+                code = 2
+            finally:
+                os._exit(code)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        assert (code, path.read_text()) == ((2, "before") if limit < 8192 else (0, 8192 * "x"))
+        assert list(tmp_path.iterdir()) == [path]

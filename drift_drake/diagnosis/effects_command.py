@@ -9,7 +9,8 @@ from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effect import FUNCTIONS, installed_effects
+from drift_drake.vehicle.effect import FUNCTIONS
+from drift_drake.vehicle.installed import installed_effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.vehicle_file import read_vehicle
 

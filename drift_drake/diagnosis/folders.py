@@ -12,10 +12,11 @@ from drift_drake.diagnosis.answers.provenance import KEY, provenance
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.normal import Normal
-from drift_drake.executors import ExecutorConfig, WorkerLostError, run_jobs
+from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.cases import case_folders, case_name
 from drift_drake.logs.table import InvalidLogError, read_case, stated_noise
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.worker_pool import WorkerLostError
 
 
 def answer_folder(

@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-import json
 import lzma
 import zipfile
 import zlib
@@ -13,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drift_drake.errors import DriftDrakeError
+from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.plausible import implausible
-from drift_drake.plain_files import check_file
+from drift_drake.plain_files import check_file, number, parse_json, read_text
 from drift_drake.safe_files import write_table
 
 if TYPE_CHECKING:
@@ -142,6 +142,10 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         InvalidLogError: unreadable or empty file, NaN.
     """
     check_file(path, InvalidLogError, "give the path of a run (CSV or Parquet)")
+    return read_guarded(_read_columns, path, InvalidLogError)
+
+
+def _read_columns(path: Path) -> dict[str, np.ndarray]:
     import pandas as pd  # slow to import
 
     try:
@@ -193,6 +197,8 @@ def case_paths(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.exists():
         raise InvalidLogError(f"{folder}: no such folder; a case is a folder of run_0.csv, run_1.csv, ...")
+    if not folder.is_dir():
+        check_file(folder, InvalidLogError, "give a run, or a folder of runs")
     paths = run_paths(folder)
     if not paths:
         raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
@@ -303,11 +309,9 @@ def _import_report(folder: str | Path) -> dict[str, Any]:
     path = import_report_path(folder)
     if not path.exists():
         return {}
-    check_file(path, InvalidLogError, "take it away or import again")
-    try:
-        report = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        report = None
+    remedy = "take it away or import again"
+    text = read_text(path, InvalidLogError, remedy)
+    report = parse_json(text, InvalidLogError, str(path), remedy, strict=False)
     if not isinstance(report, dict):
         raise _no_report(path)
     return report
@@ -336,7 +340,7 @@ def stated_noise(folder: str | Path) -> dict[str, float]:
         whole = _import_report(folder)
         for report in whole["runs"] if whole else []:
             for name, value in report["std"].items():
-                levels.setdefault(name, []).append(float(value))
+                levels.setdefault(str(name), []).append(number(value, lambda level: level >= 0.0))
     except (ValueError, KeyError, TypeError, AttributeError):
         raise _no_report(import_report_path(folder)) from None
     return {name: float(np.median(values)) for name, values in levels.items()}

@@ -22,7 +22,7 @@ from drift_drake.model.features import (
     input_scaling,
 )
 from drift_drake.model.posterior import Posterior, block_diagonal, from_precision
-from drift_drake.plain_files import check_file, parse_json
+from drift_drake.plain_files import check_archive, check_file, parse_json
 from drift_drake.safe_files import replacing
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 from drift_drake.vehicle.vehicle_file import check_plausible
@@ -144,6 +144,7 @@ def _stored(source: Path) -> tuple[dict[str, Array], dict[str, Any]]:
         if not source.exists():
             raise InvalidCheckpointError(f"{source}: no such file; train a model with `drift-drake train`")
         check_file(source, InvalidCheckpointError, remedy, LARGEST)
+        check_archive(source, InvalidCheckpointError, remedy, LARGEST)
         with source.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             names = [name for name in (*ARRAYS, "drifts") if name in stored.files or name in ARRAYS]
             arrays = {name: np.asarray(stored[name], dtype=float) for name in names}

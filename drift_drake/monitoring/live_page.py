@@ -12,6 +12,7 @@ import numpy as np
 
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
 from drift_drake.monitoring.monitor import sentence
+from drift_drake.page_policy import with_policy
 from drift_drake.safe_files import write_text
 
 TEMPLATE = Path(__file__).with_name("live_page.html")
@@ -46,14 +47,16 @@ def shown_while(
     """
     kept: deque[tuple[float, np.ndarray]] = deque(maxlen=LONGEST)
     events, written = list[dict[str, Any]](), -np.inf
-    for t, verdict, new in verdicts:
-        kept.append((t, verdict[: len(labels)]))
-        events += new
-        if live and time.monotonic() - written >= EACH:
-            write_text(path, page(name, labels, kept, events, live))
-            written = time.monotonic()
-        yield t, verdict, new
-    write_text(path, page(name, labels, kept, events, False))
+    try:
+        for t, verdict, new in verdicts:
+            kept.append((t, verdict[: len(labels)]))
+            events += new
+            if live and time.monotonic() - written >= EACH:
+                write_text(path, page(name, labels, kept, events, live))
+                written = time.monotonic()
+            yield t, verdict, new
+    finally:  # a watch that is broken off leaves no page that still waits for it
+        write_text(path, page(name, labels, kept, events, False))
 
 
 def page(
@@ -74,10 +77,12 @@ def page(
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATE.parent), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    return environment.get_template(TEMPLATE.name).render(
+    html = environment.get_template(TEMPLATE.name).render(
         name=name, live=live, now=now, changed=changed, width=max(len(t), 1), bands=bands(labels, x, p), start=start,
         end=end, marks=[f"{mark:.2f}" for mark in marks], events=[sentence(event) for event in events[-EVENTS:]],
+        written=time.time(), clock=time.strftime("%Y-%m-%d %H:%M:%S"),
     )  # fmt: skip
+    return with_policy(html)
 
 
 def bands(labels: Sequence[str], x: np.ndarray, p: np.ndarray) -> list[Band]:

@@ -1,10 +1,11 @@
 """A log watched row by row, as the monitor would have seen it in the car."""
 
 import math
+import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
@@ -111,6 +112,9 @@ def growing_lines(path: Path, idle: float) -> Iterator[str]:
     """The complete lines of a text file, as they come; ends after `idle` seconds without new ones (0: never).
 
     Bytes that are no UTF-8 come as the replacement character.
+
+    Raises:
+        InvalidLogError: the file is cut, or another one has taken its place: nothing more would come.
     """
     with path.open(encoding="utf-8", errors="replace") as file:
         part, last = "", time.monotonic()
@@ -120,10 +124,26 @@ def growing_lines(path: Path, idle: float) -> Iterator[str]:
                 *whole, part = (part + text).split("\n")
                 last = time.monotonic()
                 yield from whole
-            elif 0.0 < idle < time.monotonic() - last:
+                continue
+            _see_that_it_is_there(path, file)
+            if 0.0 < idle < time.monotonic() - last:
                 return
-            else:
-                time.sleep(POLL)
+            time.sleep(POLL)
+
+
+def _see_that_it_is_there(path: Path, file: TextIO) -> None:
+    """Raises InvalidLogError where a file that has been read to its end is cut, or is no longer at its path."""
+    here = os.fstat(file.fileno())
+    try:
+        there = path.stat()
+    except OSError as error:
+        raise InvalidLogError(
+            f"{path}: is gone while it is followed ({error.strerror}); begin the watch anew when it is there"
+        ) from None
+    if (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino):
+        raise InvalidLogError(f"{path}: another file has taken its place while it is followed; begin the watch anew")
+    if here.st_size < file.buffer.tell():
+        raise InvalidLogError(f"{path}: has been cut or written anew while it is followed; begin the watch anew")
 
 
 def growing_rows(path: Path, lines: Iterator[str]) -> Iterator[dict[str, float]]:

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from drift_drake.errors import significant
+from drift_drake.page_policy import with_policy
 from drift_drake.pictures.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
@@ -89,4 +90,4 @@ def page_html(template: Path, words: tuple[str, ...], **values: Any) -> str:
     # Rendered first: plotly.js is put in where the page has charts.
     html = environment.get_template(template.name).render(**values)
     script = Markup(f"<script>{get_plotlyjs()}</script>") if 'class="chart"' in html else Markup("")
-    return html.replace("<!-- plotly -->", script)
+    return with_policy(html.replace("<!-- plotly -->", script))

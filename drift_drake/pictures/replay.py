@@ -10,10 +10,11 @@ import jinja2
 import numpy as np
 import pandas as pd
 from markupsafe import escape
-from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, Rgba
+from pydrake.geometry import Cylinder, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 from pydrake.math import RigidTransform
 
 from drift_drake.arrays import Array
+from drift_drake.page_policy import with_policy
 from drift_drake.pictures.car_shape import CarShape
 from drift_drake.pictures.scene import (
     BACKGROUND,
@@ -97,7 +98,7 @@ def replay(
     page, end, rest = re.sub(r"<title>.*?</title>", lambda _: named, meshcat.StaticHtml(), count=1).rpartition(
         "</body>"
     )
-    write_text(path, page + panel + end + rest)
+    write_text(path, with_policy(page + panel + end + rest))
     return path
 
 
@@ -122,12 +123,12 @@ def read_outs(runs: Mapping[str, pd.DataFrame]) -> list[dict[str, object]]:
 
 
 def _quiet_meshcat() -> Meshcat:
-    """A Meshcat that does not say where it listens: only its page is wanted."""
+    """A Meshcat that this machine alone could reach, and that does not say where it listens: its page is wanted."""
     logger = logging.getLogger("drake")
     level = logger.level
     logger.setLevel(logging.WARNING)
     try:
-        return Meshcat()
+        return Meshcat(MeshcatParams(host="localhost"))
     finally:
         logger.setLevel(level)
 

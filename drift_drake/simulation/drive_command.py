@@ -12,6 +12,7 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.interior_point import attempt
 from drift_drake.control.known_car import KnownVehicle, known_car_model
 from drift_drake.errors import InvalidOptionError
+from drift_drake.logs.table import COLUMNS
 from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.lag_bank import BANK
@@ -157,7 +158,9 @@ def write_run_results(
     parameters: VehicleParameters,
     period: float,
 ) -> None:
-    """Writes config.json, numbers.json, versions.json, run.csv, three PNG pictures and replay.html.
+    """Writes config.json, numbers.json, versions.json, run.csv, run_0.csv, three PNG pictures and replay.html.
+
+    run.csv has all that was logged; run_0.csv is the drive as a car's logger has it, in the log format.
 
     Args:
         config: the dataclass that the run was made from.
@@ -168,9 +171,21 @@ def write_run_results(
     write_json(folder / "numbers.json", metrics)
     write_versions(folder)
     write_table(table, folder / "run.csv", index=False)
+    write_table(as_logged(table), folder / "run_0.csv", index=False, float_format="%.9g")
     runs = {"driven": table}
     write_figure(overhead(runs, reference, parameters), folder / "overhead.png")
     write_figure(time_series(runs, reference, parameters), folder / "time_series.png")
     statistics = table.filter(regex="^(t$|solve_)").rename(columns=lambda name: str(name).removeprefix("solve_"))
     write_figure(solver_work(statistics, period), folder / "solver.png")
     replay(runs, folder / "replay.html", reference, parameters)
+
+
+def as_logged(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a run's table in the log format: what was measured, and the commands.
+
+    Where a reading did not come the last one stands, as with a logger that samples what it has.
+    """
+    measured = {name: table.get(f"measured_{name}", table.get(name)) for name in COLUMNS}
+    commands = {"t": table["t"], "delta_cmd": table["delta"], "tau_cmd": table["tau"]}
+    found = {name: column for name, column in (measured | commands).items() if column is not None}
+    return pd.DataFrame({name: found[name] for name in COLUMNS if name in found}).ffill().bfill()

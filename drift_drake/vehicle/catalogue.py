@@ -4,7 +4,8 @@ The physics of the package's own is in `effects.motion_with_effects`, but for de
 says all (`delays`); that of another package's is beside its record.
 """
 
-from drift_drake.vehicle.effect import REFERENCE, Command, Effect, InvalidExtensionError, installed_effects, wheelbase
+from drift_drake.vehicle.effect import REFERENCE, Command, Effect, InvalidExtensionError, wheelbase
+from drift_drake.vehicle.installed import installed_effects
 
 __all__ = ["CATALOGUE", "OFF_THE_MOTION", "REFERENCE", "Effect", "wheelbase"]
 

@@ -13,7 +13,7 @@ import numba
 from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
 
-from drift_drake.vehicle.effect import fingerprint
+from drift_drake.vehicle.installed import extensions_folder, fingerprint
 from drift_drake.vehicle.tyre import installed_tyres
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -64,9 +64,8 @@ def _cache_folder() -> str:
     installed = fingerprint(installed_tyres())
     if not installed:
         return str(numba.config.CACHE_DIR)
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     newest = max(source.stat().st_mtime for source in PACKAGE.rglob("*.py"))
-    return str(home / "drift_drake" / f"{installed}-{newest:.0f}")
+    return str(extensions_folder() / f"{installed}-{newest:.0f}")
 
 
 def compiled(function: Function) -> Function:

@@ -19,7 +19,7 @@ from drift_drake.vehicle.bicycle import (
     static_loads,
     wheel_acceleration,
 )
-from drift_drake.vehicle.effect import installed_effects
+from drift_drake.vehicle.installed import installed_effects
 from drift_drake.vehicle.joined import joined_physics
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh

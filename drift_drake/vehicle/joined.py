@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from drift_drake.vehicle.effect import installed_effects, physics
+from drift_drake.vehicle.installed import installed_effects, physics
 from drift_drake.vehicle.parameters import Constants
 from drift_drake.vehicle.scalar import jitable
 

@@ -16,7 +16,8 @@ from importlib.metadata import entry_points
 from typing import Any, Protocol
 
 from drift_drake.errors import one_line
-from drift_drake.vehicle.effect import InvalidExtensionError, loaded
+from drift_drake.vehicle.effect import InvalidExtensionError
+from drift_drake.vehicle.installed import loaded
 from drift_drake.vehicle.scalar import jitable, norm2, select
 
 GROUP = "drift_drake.tyres"

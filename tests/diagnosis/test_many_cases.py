@@ -9,9 +9,10 @@ import pytest
 
 from drift_drake.diagnosis import folders
 from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig, WorkerLostError
+from drift_drake.executors import ExecutorConfig
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.worker_pool import WorkerLostError
 
 
 def here(

@@ -31,6 +31,9 @@ def test_names():
         ("s if s else 1", "is not allowed"),
         ("tanh(s, s)", r"tanh .* takes 1 argument"),
         ("s // 2", "is not allowed"),
+        (990 * "-" + "1", "is nested too deep"),
+        (300 * "(s+" + "s" + 300 * ")", "is no formula|is longer|nested too deep"),
+        ("9" * 400, "a number without end"),
     ],
 )
 def test_what_is_not_allowed(formula, message):
@@ -41,3 +44,8 @@ def test_what_is_not_allowed(formula, message):
 def test_unknown_names():
     with pytest.raises(InvalidFormulaError, match="'w' in '2 \\* w' is not known; known are a, b"):
         evaluate("2 * w", {"a": 1.0, "b": 2.0})
+
+
+@pytest.mark.parametrize("formula", ["w / 0", "w * 1e308 * 1e308", "exp(1e5 * w)", "w ** 1e9", "0 * w / w"])
+def test_what_leaves_the_range_of_numbers_warns_of_nothing(formula):
+    assert not np.all(np.isfinite(evaluate(formula, {"w": np.array([0.0, 1.0, 1e300])})))

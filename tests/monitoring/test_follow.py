@@ -1,5 +1,6 @@
 """A log that is still being written: complete lines only, and a sentence for what cannot be used."""
 
+import os
 import threading
 import time
 
@@ -78,3 +79,30 @@ def test_a_heading_does_not_jump_by_a_turn():
     turned = [{"t": 0.0, "psi": psi, "delta_cmd": 0.0, "tau_cmd": 0.0} for psi in (3.0, 3.1, -3.1, np.nan, -3.0)]
     psi = [row.y[CHANNELS.index("psi")] for row in as_rows(iter(turned))]
     np.testing.assert_allclose(psi, [3.0, 3.1, 2 * np.pi - 3.1, np.nan, 2 * np.pi - 3.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("cut", r"run\.csv: has been cut or written anew while it is followed; begin the watch anew"),
+        ("written anew", r"run\.csv: has been cut or written anew"),
+        ("rotated", r"run\.csv: another file has taken its place"),
+        ("moved away", r"run\.csv: is gone while it is followed"),
+    ],
+)
+def test_a_log_that_is_cut_or_replaced_ends_the_watch(tmp_path, change, said):
+    path = tmp_path / "run.csv"
+    path.write_text(HEADER + "".join(line(i) for i in range(20)))
+    rows = growing_rows(path, growing_lines(path, 0.0))
+    for _ in range(20):
+        next(rows)
+    if change == "cut":
+        os.truncate(path, 100)
+    elif change == "written anew":
+        path.write_text(HEADER + line(0))
+    else:
+        path.replace(tmp_path / "run.csv.1")
+        if change == "rotated":
+            path.write_text(HEADER + "".join(line(i) for i in range(40)))
+    with pytest.raises(DriftDrakeError, match=said):
+        next(rows)

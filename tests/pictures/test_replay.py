@@ -1,9 +1,16 @@
 """The replay is one HTML file that needs nothing else, with all cars in it."""
 
+import contextlib
+import os
 import re
+import socket
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import BROWSER, needs_browser
+from pydrake.geometry import Meshcat
 
 from drift_drake.pictures.replay import read_outs, replay
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -63,3 +70,48 @@ def test_the_panel_reads_out_what_all_runs_have_in_a_drivers_units(perfect_run, 
     assert read_outs({"real": perfect_run.drop(columns=["v", "beta", "r"])}) == []
     page = replay({"real": perfect_run}, tmp_path / "r.html", title="<lap>").read_text(encoding="utf-8")
     assert "<title>&lt;lap&gt;</title>" in page
+
+
+@pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="looks sockets up in /proc")
+def test_only_this_machine_could_reach_the_scene_while_it_is_written(perfect_run, tmp_path, monkeypatch):
+    listening = []
+    html = Meshcat.StaticHtml
+
+    def looked_at(meshcat):
+        listening.append(sockets_of_this_process())
+        return html(meshcat)
+
+    monkeypatch.setattr(Meshcat, "StaticHtml", looked_at)
+    page = replay({"a": perfect_run.iloc[:20]}, tmp_path / "r.html").read_text(encoding="utf-8")
+    assert listening[0]
+    assert listening[0] <= {"127.0.0.1", "::1"}
+    assert "Content-Security-Policy" in page
+
+
+def sockets_of_this_process():
+    """Addresses that this process listens at."""
+    own = set()
+    for entry in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):
+            own.add(os.readlink(entry))
+    found = set()
+    for family, name in ((socket.AF_INET, "tcp"), (socket.AF_INET6, "tcp6")):
+        file = Path(f"/proc/self/net/{name}")
+        for line in file.read_text().splitlines()[1:] if file.exists() else []:
+            words = line.split()
+            if words[3] == "0A" and f"socket:[{words[9]}]" in own:
+                digits = bytes.fromhex(words[1].split(":")[0])
+                octets = b"".join(digits[k : k + 4][::-1] for k in range(0, len(digits), 4))
+                found.add(socket.inet_ntop(family, octets))
+    return found
+
+
+@needs_browser
+def test_a_browser_plays_it_under_its_policy(perfect_run, tmp_path):
+    path = replay({"a": perfect_run.iloc[:50], "b": perfect_run.iloc[:50]}, tmp_path / "r.html", title="lap")
+    options = ["--headless", "--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader",
+               "--virtual-time-budget=4000", "--enable-logging=stderr", "--dump-dom"]  # fmt: skip
+    done = subprocess.run([BROWSER, *options, path.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert not [line for line in console if "Content Security" in line or "Error" in line]
+    assert re.search(r'id="clock">[^<]*\d', done.stdout)  # its own script runs

@@ -8,9 +8,10 @@ import json
 from pathlib import Path
 
 import pytest
-from other_package import DELAYS, EFFECTS, install, refusal, run
+from other_package import DELAYS, EFFECTS, WIND, install, install_package, refusal, run
 
-from drift_drake.vehicle.effect import installed_effects
+from drift_drake.logs.table import COLUMNS
+from drift_drake.vehicle.installed import LOG_COLUMNS, installed_effects
 
 PHYSICS = """
 import numpy as np
@@ -153,6 +154,10 @@ sys.exit(main(["simulate", "slalom", "--vehicle", "storm.yaml", "--out", "x.csv"
         ({"deaf": "DEAF"}, "effect deaf (wind:DEAF): delays the torque; let it need its column"),
         ({"behind": "BEHIND"}, "delays 'delta_cmd' at stage 'actuator' with no functions; let a delay be of"),
         ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
+        ({"lambda": "SIDE_WIND"}, "its name is no name of a variable"),
+        ({"none": "SIDE_WIND"}, "none is a verdict or in vehicle files"),
+        ({"unknown": "SIDE_WIND"}, "unknown is a verdict or in vehicle files"),
+        ({"mass": "SIDE_WIND"}, "mass is a verdict or in vehicle files"),
     ],
 )
 def test_one_that_cannot_be_used_is_named(tmp_path: Path, effects: dict[str, str], says: str) -> None:
@@ -175,6 +180,66 @@ def test_the_command_line_says_so_in_one_sentence(tmp_path: Path, effects: dict[
     assert (done.returncode, done.stdout) == (2, "")
     assert says in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ("low=float('nan')", "low is nan; give a finite number"),
+        ("low='a'", "low is 'a'; give a finite number"),
+        ("high=float('inf')", "high is inf; give a finite number"),
+        ("high=10**400", "high is 1000"),
+        ("low=5.0", "its range is 5 to 1"),
+        ("low=0.0, high=0.0", "its range is 0 to 0"),
+        ("daily=0.0", "daily 0"),
+        ("unit=None", "unit is None; give a text"),
+        ("needs=('nothing',)", "needs is ('nothing',); give a tuple of some of x, y, psi"),
+        ("needs='psi'", "needs is 'psi'; give a tuple"),
+        ("remembers=('r',)", "remembers is ('r',)"),
+        ("force=7", "force is 7; give a function"),
+        ("force=lambda *a: (0.0, a[-1])", "at a magnitude of zero; let it give|let it give 3 finite numbers"),
+        ("force=lambda *a: (0.0, a[-1] * 1e309, 0.0)", "let it give 3 finite numbers"),
+        ("force=lambda *a: 0.0", "its force fails (TypeError"),
+        (
+            "force=lambda *a: (0.0, 1.0 / a[-1] if a[-1] else 0.0, 0.0 if a[0] < 0.5 else {}['no'])",
+            "its force fails (KeyError",
+        ),
+        ("force=lambda *a: exit()", "its force fails (SystemExit"),
+    ],
+)
+def test_a_record_or_physics_with_a_flaw_is_named(tmp_path: Path, changes: str, says: str) -> None:
+    source = "from dataclasses import replace\nfrom drift_drake import Effect\n"
+    source += "PUSH = Effect('N', -1.0, 1.0, 'a push', force=lambda r, v, beta, omega_r, psi, car, q: (0.0, q, 0.0))\n"
+    install_package(tmp_path, "flawed", source + f"FLAWED = replace(PUSH, {changes})\n", "effects", {"push": "FLAWED"})
+    said = refusal("flawed", tmp_path, installed_effects.__wrapped__)
+    assert said.startswith("effect push (flawed:FLAWED): ")
+    assert any(words in said for words in says.split("|"))
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("source", ["import sys\nsys.exit(0)\n", "raise KeyError('no')\n", "raise GeneratorExit\n"])
+def test_a_package_that_ends_python_is_named(tmp_path: Path, source: str) -> None:
+    install_package(tmp_path, "ending", source, "effects", {"push": "PUSH"})
+    assert "effect push (ending:PUSH): cannot be imported (" in refusal(
+        "ending", tmp_path, installed_effects.__wrapped__
+    )
+
+
+def test_standard_output_is_the_commands_own(tmp_path: Path) -> None:
+    install_package(tmp_path, "wind", WIND + "print('hello')\n", "effects", EFFECTS)
+    assert "side_wind" in json.loads(run(tmp_path, "-m", "drift_drake", "effects", "--json", "-").stdout)
+
+
+def test_physics_that_numba_cannot_compile_are_named_before_anything_begins(tmp_path: Path) -> None:
+    source = WIND.replace("    return -magnitude", "    import os\n    return -magnitude", 1)
+    install_package(tmp_path, "wind", source, "effects", EFFECTS)
+    refused = run(tmp_path, "-m", "drift_drake", "effects", jit=True)
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+    assert "effect side_wind: numba cannot compile its force (" in refused.stderr
+
+
+def test_columns_that_an_effect_may_need_are_those_of_logs() -> None:
+    assert set(LOG_COLUMNS) == set(COLUMNS) - {"t"}
 
 
 DIAGNOSED = """

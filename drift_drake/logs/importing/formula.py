@@ -20,6 +20,7 @@ UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.USub: operator.neg, 
 FUNCTION_NAMES = "abs arctan arctan2 cos exp hypot maximum minimum sign sin sqrt tan tanh"
 FUNCTIONS: dict[str, np.ufunc] = {name: getattr(np, name) for name in FUNCTION_NAMES.split()}
 LONGEST = 1000  # characters of a formula
+SHOWN = 100  # of them in a message
 
 
 class InvalidFormulaError(DriftDrakeError, ValueError):
@@ -33,7 +34,12 @@ def names_in(formula: str) -> set[str]:
         InvalidFormulaError: not a formula, or a part of it is not allowed.
     """
     tree = _parsed(formula)
-    _value(tree, None, formula)
+    try:
+        _value(tree, None, formula)
+    except (RecursionError, OverflowError):
+        raise InvalidFormulaError(
+            f"'{_start(formula)}' is nested too deep, or holds a number without end; write two formulas"
+        ) from None
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called}
 
@@ -45,22 +51,29 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
         InvalidFormulaError: not a formula, a part of it is not allowed, or a name is missing.
     """
     try:
-        value = _value(_parsed(formula), values, formula)
-    except ArithmeticError:
-        raise InvalidFormulaError(f"'{formula}' divides by zero or leaves the range of numbers") from None
+        with np.errstate(all="ignore"):  # what comes of it is no number, which is said below or of its column
+            value = _value(_parsed(formula), values, formula)
+    except (ArithmeticError, RecursionError):
+        raise InvalidFormulaError(
+            f"'{_start(formula)}' divides by zero, leaves the range of numbers or is nested too deep"
+        ) from None
     if np.iscomplexobj(value):
         raise InvalidFormulaError(f"'{formula}' takes a root of a negative number")
     return value
 
 
+def _start(formula: str) -> str:
+    return formula if len(formula) <= SHOWN else f"{formula[:SHOWN]} ..."
+
+
 def _parsed(formula: str) -> ast.expr:
     if len(formula) > LONGEST:
-        raise InvalidFormulaError(f"'{formula[:LONGEST]} ...' is longer than {LONGEST} characters; write two formulas")
+        raise InvalidFormulaError(f"'{_start(formula)}' is longer than {LONGEST} characters; write two formulas")
     try:
         return ast.parse(formula, mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError):
         raise InvalidFormulaError(
-            f"'{formula[:LONGEST]}' is no formula; write one like '0.5 * tanh(2 * steering)'"
+            f"'{_start(formula)}' is no formula; write one like '0.5 * tanh(2 * steering)'"
         ) from None
 
 

@@ -10,11 +10,12 @@ import pandas as pd
 import yaml
 
 from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds, with_numbers
-from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
+from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.guess import NEEDED, guessed_mapping
 from drift_drake.logs.importing.known import untold
 from drift_drake.logs.importing.names import is_handwheel
+from drift_drake.logs.importing.recording import topics_of
 
 MOST_LISTED = 60
 
@@ -61,7 +62,7 @@ def look(path: str | Path, databases: Sequence[str | Path] = ()) -> Look:
     Raises:
         InvalidRecordingError: the file cannot be read, or holds no number.
     """
-    topics = [with_numbers(topic) for topic in read_topics(path, databases)]
+    topics = [with_numbers(topic) for topic in topics_of(Path(path), databases)]
     summaries = [_summary(topic) for topic in topics]
     if all(column.low is None for topic in summaries for column in topic.columns):
         raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")

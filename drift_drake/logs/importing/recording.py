@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
+from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.logs.importing.formats.times import clock_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
@@ -67,7 +68,7 @@ def read_recording(path: str | Path, mapping: RecorderMapping, databases: Sequen
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    topics = read_topics(path, databases)
+    topics = topics_of(path, databases)
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
         topic = _topic_of(path, topics, clock.column)
@@ -109,6 +110,15 @@ def _read_together(path: Path, clock: str, readings: Readings) -> None:
             f"{path}: {', '.join(others)} and {first} are read in rows of their own; give each a clock with the same "
             f"column of times, as 'import --look' does ('clock: {clock}_{others[-1]}')"
         )
+
+
+def topics_of(path: Path, databases: Sequence[str | Path] = ()) -> list[Topic]:
+    """All topics of a recorder's file, read in a process of its own where it is no text of moderate size.
+
+    Raises:
+        InvalidRecordingError: it cannot be read; reading it crashes, or takes too much memory or time.
+    """
+    return read_guarded(read_topics, path, InvalidRecordingError, tuple(databases))
 
 
 def _topic_of(path: Path, topics: Sequence[Topic], column: str) -> Topic:

@@ -64,6 +64,8 @@ def _read(path: Path, form: Format, databases: tuple[Path, ...]) -> list[Topic]:
         raise InvalidRecordingError(f"{path}: the file is empty; a recording needs a header and rows") from None
     except NeededError as error:
         raise InvalidRecordingError(f"{path}: {error}") from None
+    except MemoryError:  # for `logs.apart` to say
+        raise
     except Exception as error:  # the readers' own classes on a broken file are too many to name
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise InvalidRecordingError(f"{path}: cannot be read as {title} ({reason}); give {KNOWN}") from None

@@ -1,0 +1,122 @@
+"""Commands as a shell runs them: each in a process with limits, none of its warnings hidden.
+
+The process is a copy of this one, which has imported what commands need: a fresh interpreter takes a second, a copy a
+hundredth of one.
+"""
+
+import dataclasses
+import os
+import re
+import resource
+import signal
+import sys
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from fuzzing import COUNTS, LONGEST
+
+from drift_drake.cli import load, main
+
+MEMORY = 2 << 30  # bytes beside what the interpreter has already
+SPOKEN = ("check", "watch", "apply", "effects", "import", "export", "replay", "diagnose", "fleet")
+BAD = re.compile(rb"Traceback \(most recent call last\)|Warning:|Fatal Python error|core dumped|NoneType: None")
+
+
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """How a command ended: its exit code (negative: the signal), what it said, and what it took."""
+
+    code: int
+    said: str
+    seconds: float
+    hung: bool = False
+
+    @property
+    def flaw(self) -> str:
+        """What is wrong with it; nothing where it ended well, or refused its input in a sentence."""
+        if self.hung:
+            return f"it took more than {LONGEST} s"
+        if self.code < 0:
+            return f"it was ended by {signal.Signals(-self.code).name}"
+        found = BAD.search(self.said.encode())
+        if found:
+            return f"it said {found[0].decode()}"
+        return "" if self.code in (0, 2, 3) else f"its exit code is {self.code}"
+
+
+def warm() -> None:
+    """Imports what commands need."""
+    for name in SPOKEN:
+        load(name)
+
+
+def command(folder: Path, *words: str | Path, killed_after: float | None = None, longest: float = LONGEST) -> Ended:
+    """Runs `drift-drake WORDS` in a folder.
+
+    Args:
+        killed_after: [s] after which it is killed (-9), if it has not ended.
+    """
+    arguments, heard = [str(word) for word in words], folder / ".said"
+    begun = time.monotonic()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of 3.12 on: threads are not copied
+        child = os.fork()
+    if child == 0:
+        _run(folder, arguments, heard, longest)
+    end, hung = begun + (longest if killed_after is None else killed_after), False
+    while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
+        if time.monotonic() > end:
+            hung = killed_after is None
+            os.killpg(child, signal.SIGKILL)
+            ended = os.waitpid(child, 0)
+            break
+        time.sleep(0.002)
+    said = heard.read_text(errors="replace") if heard.exists() else ""
+    heard.unlink(missing_ok=True)
+    return Ended(os.waitstatus_to_exitcode(ended[1]), said, time.monotonic() - begun, hung)
+
+
+def _run(folder: Path, arguments: Sequence[str], heard: Path, longest: float) -> None:
+    """The copy: runs the command and ends."""
+    code = 1
+    try:
+        os.setpgid(0, 0)
+        signal.alarm(0)
+        out = os.open(heard, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        for number in (1, 2):
+            os.dup2(out, number)
+        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+        space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (space + MEMORY, space + MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (2 * int(longest), 2 * int(longest)))
+        warnings.resetwarnings()
+        warnings.filterwarnings("default", category=DeprecationWarning, module="__main__")
+        for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+            warnings.filterwarnings("ignore", category=kind)
+        os.chdir(folder)
+        code = main(arguments)
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 1
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except BaseException:
+                code = 1
+        os._exit(code)
+
+
+def well(target: str, ended: Ended) -> Ended:
+    """Counts a trial and sees that the command ended well."""
+    counts = COUNTS.setdefault(target, Counter())
+    counts["tried"] += 1
+    counts["taken" if ended.code in (0, 3) else "refused"] += 1
+    assert not ended.flaw, f"{ended.flaw}:\n{ended.said}"
+    return ended

@@ -44,7 +44,7 @@ NONE = [  # names of no quantity of the log
     "couple volant", "vitesse volant", "steering_offset", "steering_angle_rate", "steering_angle_velocity",
     "wheel_speed_fl", "WheelSpeedFR", "front_wheel_speed", "Raddrehzahl vorne links", "vitesse roue AV gauche",
     "ws_fr", "slip_angle_front", "brake_torque", "engine_torque_limit", "orientation.x", "mag.x",
-    "angular_acceleration.y", "latitude", "heading_accuracy", "course", "speed_time", "vel_n", "counter", "gear",
+    "angular_acceleration.y", "heading_accuracy", "speed_time", "vel_n", "counter", "gear",
     "airspeed",
 ]  # fmt: skip
 

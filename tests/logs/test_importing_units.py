@@ -1,6 +1,7 @@
 """Units as files spell them."""
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -77,3 +78,9 @@ def test_of_a_spelling_of_two_units_the_quantity_decides():
     assert unit_of("ms", dimensions_of("v")).name == "m/s"
     with pytest.raises(ValueError, match="unknown unit 'kg'; known are the units of speed"):
         factor("kg", ("speed",))
+
+
+def test_the_page_on_formats_lists_the_table():
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    for kind, (_, units) in DIMENSIONS.items():
+        assert f"\n| {kind} | {', '.join(units)} |\n" in page

@@ -102,6 +102,8 @@ def _read_together(path: Path, clock: str, readings: Readings) -> None:
     """Refuses signals of the log's clock that are read in rows of their own, each often enough."""
     seen = {name: np.isfinite(values) for name, values in readings.signals.items()}
     common = readings.t[np.all(list(seen.values()), axis=0)] if seen else readings.t
+    if 2 * len(common) > len(readings.t):
+        return
     if len(common) > 1 and np.median(np.diff(common)) <= LONGEST_STEP:
         return
     if all(np.count_nonzero(at) > 1 and np.median(np.diff(readings.t[at])) <= LONGEST_STEP for at in seen.values()):

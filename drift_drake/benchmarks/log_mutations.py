@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.screening.screened import MEASURED
-from drift_drake.logs.screening.suspicions import DEGREES, G
+from drift_drake.logs.screening.unit_mistakes import DEGREES, G
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -14,7 +14,8 @@ from scipy.ndimage import uniform_filter1d
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.offsets import estimate_offset
 from drift_drake.logs.screening.relations import GRIP, KINDS, Relation, Windows, relations, windows_of_columns
-from drift_drake.logs.screening.suspicions import contradictions, mistakes
+from drift_drake.logs.screening.suspicions import contradictions
+from drift_drake.logs.screening.unit_mistakes import mistakes
 from drift_drake.vehicle.parameters import VehicleParameters
 
 FEWEST = 230  # rows

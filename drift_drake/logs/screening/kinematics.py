@@ -20,9 +20,10 @@ BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 class Motion:
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
-    r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin: rates of `psi`, `beta`, `v` and `r`;
-    along, across: acceleration in body axes that `v`, `beta` and `r` make; circling: mean of r^2; forward: mean of
-    v cos(beta); sideways: of v sin(beta); course: rate of the direction of travel along x, y; moved: speed along them.
+    r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
+    `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
+    forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
+    x, y; moved: speed along them; slid: mean of that direction less `psi`.
     """
 
     run: np.ndarray
@@ -38,14 +39,16 @@ class Motion:
     swing: np.ndarray
     gain: np.ndarray
     spin: np.ndarray
+    rim_gain: np.ndarray
     along: np.ndarray
     across: np.ndarray
-    turned: np.ndarray  # mean of v r
+    turned: np.ndarray
     circling: np.ndarray
     forward: np.ndarray
     sideways: np.ndarray
     course: np.ndarray
     moved: np.ndarray
+    slid: np.ndarray
 
     def where(self, kept: np.ndarray) -> "Motion":
         """The windows [windows] (bool) that are kept."""
@@ -65,17 +68,20 @@ def motion_of(runs: Sequence[Run]) -> Motion:
                              [run.period for run in runs])  # fmt: skip
 
 
-def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float]) -> Motion:
-    """Windows through the columns of several runs, which may lack all but `r` and `v`, a row each period [s]."""
+def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Motion:
+    """Windows through the columns of several runs, which may lack all but `r` and `v`, a row each period [s].
+
+    slowest: share of a run's high speeds below which a window is left out.
+    """
     parts, blocks = [], 0
     for index, (columns, period) in enumerate(zip(runs, periods, strict=True)):
-        parts.append(_of_run(columns, period, index, blocks))
+        parts.append(_of_run(columns, period, index, blocks, slowest))
         blocks += len(np.asarray(columns["v"]))
     names = [field.name for field in dataclasses.fields(Motion)]
     return Motion(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _of_run(columns: Columns, period: float, index: int, first_block: int) -> Motion:
+def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Motion:
     count = len(np.asarray(columns["v"]))
     over = averaging(count, period)
     mean, change = over.mean, over.change
@@ -102,6 +108,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int) -> Mo
         swing=change(beta),
         gain=change(v),
         spin=change(r),
+        rim_gain=change(column("omega_r")),
         along=change(forward) - mean(r * sideways),
         across=change(sideways) + mean(r * forward),
         turned=mean(v * r),
@@ -110,8 +117,9 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int) -> Mo
         sideways=mean(sideways),
         course=change(course),
         moved=moved,
+        slid=mean(np.angle(np.exp(1j * (course - psi)))),
     )
-    return found.where(found.v > MOVING * float(np.quantile(v, 0.9)))
+    return found.where(found.v > slowest * float(np.quantile(v, 0.9)))
 
 
 def _path(x: np.ndarray, y: np.ndarray, over: Averaging) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, and rows that are frozen."""
+"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, frozen rows, and wraps."""
 
 from collections.abc import Sequence
 
@@ -18,6 +18,7 @@ STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a smal
 PASSES = 10  # a large spike hides smaller ones beside it
 # Of frozen rows.
 SHORTEST = 5  # rows
+LONGEST_HOLD = 0.5  # [s] that any sensor holds a reading for: longer stretches are no yardstick of its usual hold
 BEYOND_HOLD = 3.0  # times as long as the channel usually holds a reading
 FINE = 0.1  # of the usual change from reading to reading, below which its resolution explains no repetition
 MOVES = 0.1  # of the usual change, from which a channel moves before and after
@@ -27,6 +28,10 @@ STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line betwe
 STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
 FAR = 20.0  # usual changes to a value that no car reaches within a row
 EDGE = 5  # readings beside a stretch that tell whether the channel moved
+# Of wraps.
+WRAP = 0.6  # of a channel's range that a wrap jumps over
+FEWEST_WRAPS = 2
+SAME = 0.1  # of their size by which wraps differ
 
 
 def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
@@ -102,7 +107,7 @@ def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> 
     return np.min(apart, axis=1) - half_range, half_range
 
 
-def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[int, int]]:
+def frozen(values: np.ndarray, v: np.ndarray, resolution: float, period: float = 0.01) -> list[tuple[int, int]]:
     """Spans of rows (start, stop) in which the signal [n] repeats one value although it should have changed.
 
     Slow sensors hold each reading for some rows, and coarse ones repeat readings while the car hardly moves: a stretch
@@ -111,7 +116,8 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     jumped by many steps when it ends.
 
     Args:
-        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`).
+        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`);
+        period: time between rows [s].
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     lengths = np.diff(edges)
@@ -120,7 +126,8 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     readings = values[edges[:-1]]
     changes = np.abs(np.diff(readings))
     usual = float(np.median(changes))
-    hold = _weighted_median(lengths)
+    short = lengths[lengths * period <= LONGEST_HOLD]
+    hold = _weighted_median(short if len(short) else lengths)
     fine = resolution < FINE * usual and not _interpolated(values)
     standing = STANDING * float(np.quantile(v, 0.95))
     found = []
@@ -134,7 +141,7 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
             moved = [float(np.mean(part)) for part in (before, after) if len(part)]
             least = MOVES if len(moved) == 2 else STOPS
             # A channel that is zero up to its first change, or from its last on, may have nothing to tell.
-            idle = len(moved) < 2 and values[start] == 0.0
+            idle = len(moved) < 2 and values[start] == 0.0 and jump < JUMP
             reported = not idle and all(m >= least * usual for m in moved)
         else:
             reported = jump >= JUMP
@@ -165,3 +172,24 @@ def _interpolated(values: np.ndarray) -> bool:
         return True
     few, most = np.quantile(bends, [0.4, 0.97])
     return bool(few < STRAIGHT * most)
+
+
+def wrap_size(values: np.ndarray) -> float | None:
+    """What a channel [n] jumps by, up and down, each time that it leaves its recorder's range; None where it does not.
+
+    Wraps jump over most of the channel's range, all by one size, and the channel goes on from there.
+    """
+    steps = np.diff(values)
+    reach = float(np.ptp(values)) if len(values) else 0.0
+    jumps = np.flatnonzero(np.abs(steps) > WRAP * reach)
+    if len(jumps) < FEWEST_WRAPS or reach == 0.0:
+        return None
+    sizes = np.abs(steps[jumps])
+    size = float(np.median(sizes))
+    if np.any(np.abs(sizes - size) > SAME * size) or len({bool(up) for up in steps[jumps] > 0.0}) < 2:
+        return None
+    # A spike goes back at once, and a switched signal rests on either side: a wrap moves on, and is smooth without.
+    smooth = np.abs(np.diff(np.unwrap(values, period=size)))
+    usual = float(np.quantile(np.abs(np.delete(steps, jumps)), USUAL)) if len(steps) > len(jumps) else 0.0
+    gone = np.diff(jumps) > LONGEST
+    return size if gone.all() and usual > 0.0 and float(np.max(smooth[jumps])) < 3.0 * usual else None

@@ -14,9 +14,10 @@ from drift_drake.logs.screening.dead import dead_columns
 from drift_drake.logs.screening.kinematics import Columns, Motion, motion_of_columns
 from drift_drake.logs.screening.misnamed import magnitudes, no_speed, swapped_accelerations, swapped_speeds
 from drift_drake.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts
-from drift_drake.logs.screening.relations import KINDS, Kind, Windows, relations, windows_of_columns
+from drift_drake.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
 from drift_drake.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
 from drift_drake.logs.screening.suspicions import Suspicion, contradictions
+from drift_drake.logs.screening.timing import timing_doubts
 from drift_drake.logs.screening.unit_mistakes import mistakes
 from drift_drake.logs.table import COLUMNS, Run
 from drift_drake.vehicle.effect import wheelbase
@@ -29,13 +30,15 @@ ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns
 class Consistency:
     """Doubts, the one that explains most first; unchecked: columns that no other column tells anything of.
 
-    right: the columns [rows] by run once the doubts' factors are taken out; windows: of these.
+    right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
+    what the wheelbase, or one of 1 m, asks for, 1 where it cannot be told.
     """
 
     doubts: list[Suspicion]
     unchecked: tuple[str, ...]
     right: list[dict[str, np.ndarray]]
     windows: Windows
+    steer: float = 1.0
 
 
 def consistency_of(runs: Sequence[Run], vehicle: VehicleParameters | None = None) -> Consistency:
@@ -79,8 +82,9 @@ def consistency(
     m = motion_of_columns(right, periods)
     without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
     doubts += _fine(right, periods, m, vehicle, length, without)
-    unchecked = _unchecked(m, windows, car, kinds, derived, without, right)
-    return Consistency(doubts, unchecked, right, windows)
+    held = relations(windows, car, kinds)
+    steer = next((at.size for at in held if at.name == "steer"), 1.0)
+    return Consistency(doubts, _unchecked(m, held, derived, without, right), right, windows, steer)
 
 
 def _misnamed(runs: Sequence[dict[str, np.ndarray]], periods: Sequence[float]) -> list[Suspicion]:
@@ -143,15 +147,16 @@ def _fine(
         doubts += ratio_doubts(m, length)
     if "delta_cmd" not in without:
         doubts += reach_doubts(runs, vehicle)
+    if not doubts and not without:
+        doubts += timing_doubts(runs, periods)
     return doubts + held_doubts(runs, periods)
 
 
 def _unchecked(
-    m: Motion, windows: Windows, car: VehicleParameters, kinds: Mapping[str, Kind], derived: Sequence[str],
-    without: Sequence[str], runs: Sequence[Columns],
-) -> tuple[str, ...]:  # fmt: skip
+    m: Motion, held: Sequence[Relation], derived: Sequence[str], without: Sequence[str], runs: Sequence[Columns]
+) -> tuple[str, ...]:
     """Columns that are in no relation that these logs could tell, but those in doubt."""
     found = [set(at.powers) for at in agreements(m)] if len(m.r) else []
-    found += [set(at.kind.powers) | set(at.kind.mirrors) for at in relations(windows, car, kinds)]
+    found += [set(at.kind.powers) | set(at.kind.mirrors) for at in held]
     told = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
     return tuple(name for name in ASKED if name in runs[0] and name not in told)

@@ -13,7 +13,8 @@ LARGE, BOTH_SIDES = 0.25, 0.05  # of the largest, that so many of the windows go
 BELOW = 0.03  # of a magnitude's size that noise takes it below zero
 LIKE = 0.8  # correlation from which a column follows another
 UNLIKE = 0.5  # below which it does not
-SLOWER = 20.0  # times slower than the motion asks for: no unit is meant
+NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of none
+SLOWER = 5.0  # times slower than the motion asks for
 APART = 0.03  # of a speed by which two of them have to differ to be told apart
 NEARER = 3.0  # times nearer to what the positions or the accelerations say
 SMALLEST = 1e-9
@@ -125,7 +126,7 @@ def _left(values: np.ndarray, of: np.ndarray) -> float:
 
 
 def no_speed(runs: Sequence[Columns], m_all: Motion) -> list[Suspicion]:
-    """A speed that is nearly zero, or does not change, beside a car that turns or moves: another column was taken.
+    """A speed that is nearly zero beside a car that turns or moves: another column was taken.
 
     Args:
         m_all: windows of any speed.
@@ -139,9 +140,11 @@ def no_speed(runs: Sequence[Columns], m_all: Motion) -> list[Suspicion]:
         found = mean(values[known], m_all.block[known]) if known.any() else None
         if found is not None:
             asked.append((found, words))
-    usual = float(np.median(np.abs(m_all.v)))
+    usual = float(np.median(np.abs(m_all.v))) if len(m_all.v) else np.inf
+    if usual > NEARLY_ZERO:
+        return []
     for found, words in asked:
-        if found.low > max(SLOWER * usual, 0.3):
+        if max(SLOWER * usual, NEARLY_ZERO) < found.low and found.high < FASTEST:
             sentence = (
                 f"column v reads {usual:.2g} m/s though {words} ask for {found.middle:.2g} m/s: it is no speed of the "
                 "car; map the column that is"

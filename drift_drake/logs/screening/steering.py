@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drift_drake.logs.plausible import LARGEST
 from drift_drake.logs.screening.gains import gain
 from drift_drake.logs.screening.kinematics import Columns, Motion
 from drift_drake.logs.screening.suspicions import Suspicion
@@ -55,8 +56,8 @@ def reach_doubts(runs: Sequence[Columns], vehicle: VehicleParameters | None) -> 
         limit, whose = FARTHEST, f"{FARTHEST:g} rad that hardly any car's front wheels turn"
     else:
         limit, whose = BEYOND * vehicle.steering_limit, f"steering_limit of {vehicle.steering_limit:.3g} rad"
-    if far <= limit:
-        return []
+    if not limit < far <= LARGEST["delta_cmd"][0]:
+        return []  # what is larger is refused
     says = f"delta_cmd reaches {far:.3g} rad, beyond the {whose}"
     return [Suspicion(
         f"{says}: the wheels did not follow there; give the angle that they took, its unit or the steering ratio",

@@ -27,6 +27,7 @@ from drift_drake.logs.importing.stretches import (
     reversing_sentence,
     stretch_of,
 )
+from drift_drake.logs.noise import without_jumps
 from drift_drake.logs.screening.repeated import without_repeated
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 
@@ -225,7 +226,7 @@ def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> di
         if signal.clock != mapping.first_clock and name in MEASURED:
             t, values = recording.clocks[signal.clock].seen(name)
             if len(t) >= SHORTEST:
-                noise[name] = smooth(t, values).noise
+                noise[name] = smooth(t, without_jumps(values)).noise
     return noise
 
 

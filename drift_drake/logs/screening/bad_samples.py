@@ -1,4 +1,4 @@
-"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, frozen rows, and wraps."""
+"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, and frozen rows."""
 
 from collections.abc import Sequence
 
@@ -28,10 +28,6 @@ STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line betwe
 STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
 FAR = 20.0  # usual changes to a value that no car reaches within a row
 EDGE = 5  # readings beside a stretch that tell whether the channel moved
-# Of wraps.
-WRAP = 0.6  # of a channel's range that a wrap jumps over
-FEWEST_WRAPS = 2
-SAME = 0.1  # of their size by which wraps differ
 
 
 def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
@@ -172,24 +168,3 @@ def _interpolated(values: np.ndarray) -> bool:
         return True
     few, most = np.quantile(bends, [0.4, 0.97])
     return bool(few < STRAIGHT * most)
-
-
-def wrap_size(values: np.ndarray) -> float | None:
-    """What a channel [n] jumps by, up and down, each time that it leaves its recorder's range; None where it does not.
-
-    Wraps jump over most of the channel's range, all by one size, and the channel goes on from there.
-    """
-    steps = np.diff(values)
-    reach = float(np.ptp(values)) if len(values) else 0.0
-    jumps = np.flatnonzero(np.abs(steps) > WRAP * reach)
-    if len(jumps) < FEWEST_WRAPS or reach == 0.0:
-        return None
-    sizes = np.abs(steps[jumps])
-    size = float(np.median(sizes))
-    if np.any(np.abs(sizes - size) > SAME * size) or len({bool(up) for up in steps[jumps] > 0.0}) < 2:
-        return None
-    # A spike goes back at once, and a switched signal rests on either side: a wrap moves on, and is smooth without.
-    smooth = np.abs(np.diff(np.unwrap(values, period=size)))
-    usual = float(np.quantile(np.abs(np.delete(steps, jumps)), USUAL)) if len(steps) > len(jumps) else 0.0
-    gone = np.diff(jumps) > LONGEST
-    return size if gone.all() and usual > 0.0 and float(np.max(smooth[jumps])) < 3.0 * usual else None

@@ -72,9 +72,13 @@ def consistency(
     kinds, car = _kinds(vehicle, length)
     if bad & {"r", "delta_cmd"}:
         kinds = {name: kind for name, kind in kinds.items() if not set(kind.powers) & bad}
-    wrong, windows = contradictions(
-        _windows(right, periods), lambda w: relations(w, car, kinds), mistakes(vehicle, stated)
-    )
+    held: list[Relation] = []
+
+    def found_in(w: Windows) -> list[Relation]:
+        held[:] = relations(w, car, kinds)
+        return held
+
+    wrong, windows = contradictions(_windows(right, periods), found_in, mistakes(vehicle, stated))
     for doubt in wrong:
         _take_out(right, doubt)
     periods = [_period(period, wrong) for period in periods]
@@ -82,7 +86,6 @@ def consistency(
     m = motion_of_columns(right, periods)
     without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
     doubts += _fine(right, periods, m, vehicle, length, without)
-    held = relations(windows, car, kinds)
     steer = next((at.size for at in held if at.name == "steer"), 1.0)
     return Consistency(doubts, _unchecked(m, held, derived, without, right), right, windows, steer)
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.logs.driving import in_spans
-from drift_drake.logs.noise import coarse, noise_of, step, white_noise_level
-from drift_drake.logs.screening.bad_samples import filled, frozen, spikes, wrap_size
+from drift_drake.logs.noise import coarse, noise_of, step, white_noise_level, wrap_size
+from drift_drake.logs.screening.bad_samples import filled, frozen, spikes
 from drift_drake.logs.screening.dead import dead_columns
 from drift_drake.logs.table import COLUMNS, OPTIONAL, UNITS, Run
 
@@ -164,9 +164,8 @@ class RunQuality:
     reached: dict[str, float]
 
 
-def quality(runs: Sequence[Run]) -> tuple[list[RunQuality], list[str]]:
-    """Each run's quality, and sentences on bad samples."""
-    clean, sentences = screened(runs)
+def quality(runs: Sequence[Run], clean: Sequence[Screened]) -> list[RunQuality]:
+    """Each run's quality; clean: the runs, screened."""
     found = []
     for run, one in zip(runs, clean, strict=True):
         bad: dict[str, int] = {}
@@ -177,7 +176,7 @@ def quality(runs: Sequence[Run]) -> tuple[list[RunQuality], list[str]]:
         missing = [name for name in OPTIONAL if run.column(name) is None]
         length = len(run) * run.period
         found.append(RunQuality(run.name, length, 1.0 / run.period, missing, noise, bad, reached(one.run)))
-    return found, sentences
+    return found
 
 
 def _noise(one: Screened, name: str, values: np.ndarray) -> float:

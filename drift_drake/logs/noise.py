@@ -15,6 +15,7 @@ WRAP = 0.6  # of a channel's range that a wrap jumps over
 FEWEST_WRAPS = 2
 SAME = 0.1  # of their size by which wraps differ
 LONGEST_SPIKE = 5  # rows; a wrap lasts longer
+BETWEEN = 0.1  # of the rows that lie in the middle half of a channel's range
 CONTINUES = 3.0  # times the usual step, that is left of a wrap's once it is undone
 MOST_OUT = 0.1  # of the rows: more are no jumps
 
@@ -90,9 +91,15 @@ def wrap_size(values: np.ndarray) -> float | None:
     jumps = np.flatnonzero(np.abs(steps) > WRAP * reach)
     if len(jumps) < FEWEST_WRAPS or reach == 0.0:
         return None
-    sizes = np.abs(steps[jumps])
+    # Less what the channel moved by itself.
+    own = 0.5 * (steps[np.maximum(jumps - 1, 0)] + steps[np.minimum(jumps + 1, len(steps) - 1)])
+    sizes = np.abs(steps[jumps] - own)
     size = float(np.median(sizes))
     if np.any(np.abs(sizes - size) > SAME * size) or len({bool(up) for up in steps[jumps] > 0.0}) < 2:
+        return None
+    # A switched signal is hardly ever between its levels.
+    middle = 0.5 * (float(np.max(values)) + float(np.min(values)))
+    if float(np.mean(np.abs(values - middle) < 0.25 * reach)) < BETWEEN:
         return None
     # A spike goes back at once, and a switched signal rests on either side: a wrap moves on, and is smooth without.
     smooth = np.abs(np.diff(np.unwrap(values, period=size)))

@@ -119,3 +119,26 @@ def test_too_slow_is_refused_with_the_speed_that_would_be_enough():
         usable([slow], CAR)
     assert slowest_asked(SMALL) == 0.6  # a little above the floor of the slips, whatever the size
     assert len(usable([slow], SMALL)[0]) == 1
+
+
+def test_short_bursts_between_reversing_are_used_and_told_in_one_line():
+    """Random driving of a 1:5 car: a second forwards, a second backwards, and so on."""
+    small = CAR.replace(front_axle_distance=0.18, rear_axle_distance=0.18, mass=10.0)
+    runs = []
+    for number in range(5):
+        run = gentle(30.0)
+        phase = (run.t + 0.1 * number) % 2.0
+        v = np.where(phase < 0.9, 1.0, 0.8) + 0.005 * np.random.default_rng(number).standard_normal(len(run))
+        beta = np.where(phase < 0.9, run.beta, np.pi - 0.05 + run.beta)
+        runs.append(dataclasses.replace(run, name=f"run_{number}", v=v, beta=beta, omega_r=v, r=0.2 * run.r))
+    kept, warnings = usable(runs, small)
+    assert sum(len(part) for part in kept) * 0.01 > 0.4 * 150.0
+    assert len(warnings) == 1
+    assert warnings[0].startswith("of 150 s of logs ")
+    assert "reversing" in warnings[0]
+
+
+def test_a_run_that_is_there_twice_counts_once():
+    admitted = admit([gentle(), dataclasses.replace(gentle(), name="run_1")], CAR)
+    assert [run.name for run in admitted.runs] == ["run_0"]
+    assert "run_1 is rows of run_0 once more: counted once" in admitted.warnings

@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 from importing_bench import WHEELBASE, rows, steering, truth
 
+from drift_drake.logs.clock_offset import estimate_offset
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import mapping_from_dict, read_mapping
-from drift_drake.logs.clock_offset import estimate_offset
 from drift_drake.logs.importing.recording import InvalidRecordingError
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -30,7 +30,7 @@ LIKENESS = 0.8  # correlation from which one signal is another's negative
 
 
 class Doubts(NamedTuple):
-    """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other column tells anything of."""
+    """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other one tells anything of."""
 
     sentences: list[str]
     unchecked: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Clocks that are in another unit than the mapping states: powers of a thousand, or hours, minutes and seconds packed."""
+"""Clocks in another unit than the mapping states: powers of a thousand, or hours, minutes and seconds packed."""
 
 import numpy as np
 
@@ -49,6 +49,6 @@ def _packed(column: str, numbers: Array, steps: Array) -> list[str]:
     if np.any(before < 60.0 - 3.0 * usual) or np.any(after > 3.0 * usual):
         return []
     return [
-        f"the clock '{column}' jumps by 40 each time that its last two digits pass 59: it looks like hours, minutes and "
-        "seconds in one number (hhmmss.ss), which breaks a run at each minute; give its unit as hhmmss"
+        f"the clock '{column}' jumps by 40 each time that its last two digits pass 59: it looks like hours, minutes "
+        "and seconds in one number (hhmmss.ss), which breaks a run at each minute; give its unit as hhmmss"
     ]

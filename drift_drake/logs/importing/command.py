@@ -140,7 +140,8 @@ def summary(report: "ImportReport") -> str:
     lines += [f"! {sentence} ({_names(names)})" for sentence, names in where.items()]
     if not report.unchecked:
         return "\n".join(lines if where else [*lines, "Signs and units: nothing looks wrong."])
-    blind = f"no other column tells whether {', '.join(report.unchecked)} {'is' if len(report.unchecked) == 1 else 'are'} right"
+    verb = "is" if len(report.unchecked) == 1 else "are"
+    blind = f"no other column tells whether {', '.join(report.unchecked)} {verb} right"
     return "\n".join([*lines, f"Signs and units: {'' if where else 'nothing else looks wrong; '}{blind}."])
 
 

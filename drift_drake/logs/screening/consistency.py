@@ -64,9 +64,10 @@ def consistency(
     doubts = _misnamed(right, periods)
     bad = {doubt.column for doubt in doubts}
     for doubt in doubts:
+        out = {doubt.column, *(("ax", "ay") if "swapped" in doubt.sentence else ())} - {"r", "v", "delta_cmd"}
         for columns in right:
-            if doubt.column not in ("r", "v", "delta_cmd", None):
-                columns.pop(doubt.column, None)
+            for name in out & set(columns):
+                columns.pop(str(name))
     if bad & {"v"}:
         return Consistency(doubts, (), right, _windows(right, periods))
     kinds, car = _kinds(vehicle, length)
@@ -95,7 +96,7 @@ def _misnamed(runs: Sequence[dict[str, np.ndarray]], periods: Sequence[float]) -
     dead = dead_columns(runs, periods)
     doubts = [Suspicion(sentence, name, None, sentence) for name, sentence in dead.items()]
     if "v" not in dead:
-        doubts += no_speed(runs, motion_of_columns(runs, periods, 0.0))
+        doubts += no_speed(motion_of_columns(runs, periods, 0.0))
     if any(doubt.column == "v" for doubt in doubts):
         return doubts
     m = motion_of_columns(runs, periods)
@@ -160,6 +161,7 @@ def _unchecked(
 ) -> tuple[str, ...]:
     """Columns that are in no relation that these logs could tell, but those in doubt."""
     found = [set(at.powers) for at in agreements(m)] if len(m.r) else []
-    found += [set(at.kind.powers) | set(at.kind.mirrors) for at in held]
+    # Of steering, with an understeer that is not known, hardly more than the sign is told.
+    found += [set(at.kind.mirrors) | (set() if at.name == "steer" else set(at.kind.powers)) for at in held]
     told = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
     return tuple(name for name in ASKED if name in runs[0] and name not in told)

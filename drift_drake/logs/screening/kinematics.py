@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from drift_drake.logs.screening.averaging import Averaging, averaging
 from drift_drake.logs.screening.relations import MOVING, continuous
@@ -23,7 +24,7 @@ class Motion:
     r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
     `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
     forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
-    x, y; moved: speed along them; slid: mean of that direction less `psi`.
+    x, y; heading, yawed: of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y; slid: mean of the direction of travel less `psi`.
     """
 
     run: np.ndarray
@@ -47,6 +48,8 @@ class Motion:
     forward: np.ndarray
     sideways: np.ndarray
     course: np.ndarray
+    heading: np.ndarray
+    yawed: np.ndarray
     moved: np.ndarray
     slid: np.ndarray
 
@@ -86,6 +89,10 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
     over = averaging(count, period)
     mean, change = over.mean, over.change
 
+    def evened(angle: np.ndarray) -> np.ndarray:
+        """Over as many rows as the direction of travel is taken."""
+        return np.asarray(uniform_filter1d(angle, 2 * over.part + 1, mode="nearest"))
+
     def column(name: str) -> np.ndarray:
         values = columns.get(name)
         return np.full(count, np.nan) if values is None else np.asarray(values, dtype=float)
@@ -93,6 +100,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
     v, r, beta = column("v"), column("r"), continuous(column("beta"))
     forward, sideways = v * np.cos(beta), v * np.sin(beta)
     psi = continuous(column("psi"))
+    slip = np.nan_to_num(beta)
     course, moved = _path(column("x"), column("y"), over)
     found = Motion(
         run=np.full(len(over.starts), index),
@@ -116,6 +124,8 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
         forward=mean(forward),
         sideways=mean(sideways),
         course=change(course),
+        heading=change(evened(psi + slip)),
+        yawed=change(evened(np.cumsum(r) * period + slip)),
         moved=moved,
         slid=mean(np.angle(np.exp(1j * (course - psi)))),
     )

@@ -125,7 +125,7 @@ def _left(values: np.ndarray, of: np.ndarray) -> float:
     return float(np.std(values - of)) if len(values) >= FEWEST else 0.0
 
 
-def no_speed(runs: Sequence[Columns], m_all: Motion) -> list[Suspicion]:
+def no_speed(m_all: Motion) -> list[Suspicion]:
     """A speed that is nearly zero beside a car that turns or moves: another column was taken.
 
     Args:

@@ -52,18 +52,20 @@ def agreements(m: Motion) -> list[Agreement]:
     turning = np.column_stack([m.spin, m.circling])
     found.append(("r over the rate of psi", {"r": 1, "psi": -1, "t": 1}, MARGIN,
                   gain(m.r, m.turning, _lag(m, m.turning), m.block)))  # fmt: skip
-    swing = m.swing if slides else np.zeros(len(m.r))
-    gentle = m.where(np.abs(m.turned) < GENTLE) if not slides else m
-    heading = m.where(np.isfinite(m.turning + m.course + swing))
-    if len(heading.r):
-        rate = heading.turning + (heading.swing if slides else 0.0)
-        found.append(("the rate of psi and beta over that of the course of x, y" if slides else
-                      "the rate of psi over that of the course of x, y", {"psi": 1}, MARGIN,
-                      gain(rate, heading.course, np.column_stack([_lag(heading, heading.course), heading.spin]),
-                           heading.block)))  # fmt: skip
+    gentle = m.where(np.abs(m.turned) < GENTLE)
+    beside = np.column_stack([m.lag(m.course), m.spin])
+    if np.isfinite(m.heading).any():
+        says = f"the rate of psi{' and beta' if slides else ''} over that of the course of x, y"
+        found.append((says, {"psi": 1}, MARGIN, gain(m.heading, m.course, beside, m.block)))
     elif np.isfinite(m.course).any():
-        found.append(("r over the rate of the course of x, y", {"r": 1, "t": 1}, MARGIN,
-                      gain(m.r + swing, m.course, np.column_stack([_lag(m, m.course), m.spin]), m.block)))  # fmt: skip
+        found.append(
+            (
+                "r over the rate of the course of x, y",
+                {"r": 1, "t": 1},
+                MARGIN,
+                gain(m.yawed, m.course, beside, m.block),
+            )
+        )
     if slides:
         across = gain(m.ay, m.across, np.column_stack([_lag(m, m.across), turning]), m.block)
         along = gain(m.ax, m.along, np.column_stack([_lag(m, m.along), turning]), m.block)
@@ -137,9 +139,7 @@ def scale_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
     return doubts
 
 
-def _fixes(
-    found: Sequence[Agreement], wrong: Sequence[Agreement]
-) -> Iterator[tuple[int, tuple[str, ...], float]]:
+def _fixes(found: Sequence[Agreement], wrong: Sequence[Agreement]) -> Iterator[tuple[int, tuple[str, ...], float]]:
     """Columns with the factor that they are too large by: how many relations agree more once it is taken out."""
     for columns in CANDIDATES:
         touched = [at for at in wrong if at.power(columns)]
@@ -158,7 +158,10 @@ def _said(at: Agreement) -> str:
 
 
 def _doubts(
-    columns: tuple[str, ...], factor: float, explained: Sequence[Agreement], rivals: Sequence[tuple[tuple[str, ...], float]]
+    columns: tuple[str, ...],
+    factor: float,
+    explained: Sequence[Agreement],
+    rivals: Sequence[tuple[tuple[str, ...], float]],
 ) -> list[Suspicion]:
     evidence = "; ".join(_said(at) for at in explained)
     names = " and ".join(NAMES.get(column, f"column {column}") for column in columns)
@@ -175,23 +178,25 @@ def _doubts(
 
 def bias_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
     """A yaw rate that is not zero where heading, or course, does not turn."""
-    swing = np.where(np.isfinite(m.swing), m.swing, 0.0)
-    for column, expected, says in (("psi", m.turning, "psi turns"), ("y", m.course - swing, "the course of x, y turns")):
-        found = None if {"r", column} & set(without) else mean(m.r - expected, m.block)
+    for column, read, expected, says in (
+        ("psi", m.r, m.turning, "psi turns"),
+        ("y", m.yawed, m.course, "the course of x, y turns"),
+    ):
+        found = None if {"r", column} & set(without) else mean(read - expected, m.block)
         if found is None:
             continue
         if not found.beyond(0.0, BIAS):
             return []
         sentence = (
-            f"column r reads {found.middle:+.3g} rad/s ({found.low:.3g} to {found.high:.3g}) more than {says}: a bias of "
-            f"the yaw-rate sensor; give it offset {-found.middle:.3g} in the mapping"
+            f"column r reads {found.middle:+.3g} rad/s ({found.low:.3g} to {found.high:.3g}) more than {says}: a bias "
+            f"of the yaw-rate sensor; give it offset {-found.middle:.3g} in the mapping"
         )
         return [Suspicion(sentence, "r", None, f"r less the rate of {column} is {found.middle:.3g} rad/s")]
     return []
 
 
 def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
-    """A point of measurement away from the centre of gravity: what wheels read in turns, and what accelerations read."""
+    """A point of measurement away from the centre of gravity: by what wheels read in turns, and by accelerations."""
     least = ARM * (wheelbase or LENGTH)
     wheels, left, ahead = _arm_by_wheels(m), *_arm_by_accelerations(m)
     where = []

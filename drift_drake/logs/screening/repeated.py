@@ -42,6 +42,4 @@ def is_part(one: Run, other: Run) -> bool:
     last = b.shape[1] - a.shape[1]
     at = b[:, middle : middle + last + 1]
     starts = np.flatnonzero(np.all(np.abs(at - a[:, middle : middle + 1]) <= close[:, None], axis=0))
-    return any(
-        np.all(np.abs(b[:, start : start + a.shape[1]] - a) <= close[:, None]) for start in starts
-    )
+    return any(np.all(np.abs(b[:, start : start + a.shape[1]] - a) <= close[:, None]) for start in starts)

@@ -72,8 +72,8 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
         values = np.unwrap(raw) if name in ANGLES else raw if wrap is None else np.unwrap(raw, period=wrap)
         if wrap is not None:
             corrected[name] = raw = values
-            sentences.append(f"{run.name}: {name} jumps by {wrap:.4g} {UNITS[name]} over and over, as a recorder's number "
-                             "that has left its range: taken as if it went on")  # fmt: skip
+            sentences.append(f"{run.name}: {name} jumps by {wrap:.4g} {UNITS[name]} over and over, as a recorder's "
+                             "number that has left its range: taken as if it went on")  # fmt: skip
         size = step(values)
         held, found = _bad_spans(values, run.v, size, run.period)
         for span in held:

@@ -8,7 +8,6 @@ from drift_drake.logs.plausible import LARGEST
 from drift_drake.logs.screening.gains import gain
 from drift_drake.logs.screening.kinematics import Columns, Motion
 from drift_drake.logs.screening.suspicions import Suspicion
-from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
 GENTLE = 4.0  # [m/s^2] of v r below which a tyre's slip goes with its force
@@ -78,8 +77,8 @@ def held_doubts(runs: Sequence[Columns], periods: Sequence[float]) -> list[Suspi
     verb = "are" if len(found) > 1 else "is"
     says = f"{names} {verb} held for {held:.3g} s each, {1.0 / held:.3g} Hz in a log of {rate:.3g} Hz"
     return [Suspicion(
-        f"{says}: a command that changed in between is up to {held:.3g} s late; log it faster, or give it a clock of its "
-        "own in the mapping", next(iter(found)), None, says)]  # fmt: skip
+        f"{says}: a command that changed in between is up to {held:.3g} s late; log it faster, or give it a clock "
+        "of its own in the mapping", next(iter(found)), None, says)]  # fmt: skip
 
 
 def _hold(values: np.ndarray) -> int:

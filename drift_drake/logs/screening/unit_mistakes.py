@@ -79,7 +79,7 @@ def _of_units(stated: Mapping[str, str]) -> Iterator[Mistake]:
                 looks = name if read == si else f"{name} converted as if they were {read_name}"
                 rare = rarity + read_rarity + (TWO_WRONG if si not in (true, read) else 0.0)
                 for columns in several:
-                    named = {_plain(stated[column]) for column in columns if column in stated}
+                    named = {_plain(stated[column]) for column in columns if column in stated} & set(units)
                     if not named:
                         yield Mistake(columns, read_size / size, read_size / size, looks, given, rare)
                     elif named == {read}:

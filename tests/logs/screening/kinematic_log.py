@@ -12,7 +12,12 @@ STEP = 0.001  # [s] of the integration
 
 
 def kinematic_log(
-    seconds: float = 30.0, noise: float = 1.0, seed: int = 0, speed: float = 14.0, drifting: float = 0.0, size: float = 1.0
+    seconds: float = 30.0,
+    noise: float = 1.0,
+    seed: int = 0,
+    speed: float = 14.0,
+    drifting: float = 0.0,
+    size: float = 1.0,
 ) -> Run:
     """Turns of many sizes at a changing speed; `drifting`: sideslip [rad] at most; `size`: of the car, by Froude."""
     rng = np.random.default_rng(seed)
@@ -33,11 +38,13 @@ def kinematic_log(
     length = LENGTH * size
     columns = {
         "x": np.cumsum(v * np.cos(course)) * STEP, "y": np.cumsum(v * np.sin(course)) * STEP, "psi": psi, "r": r,
-        "v": v, "beta": beta, "omega_r": v * np.cos(beta) * (1.0 + 0.01 * ax + 0.03 * np.clip(ax, 0.0, None)),
+        "v": v, "beta": beta, "omega_r": v * np.cos(beta) * (1.0 + 0.03 * ax),
         "ax": ax, "ay": ay, "delta_cmd": (length + UNDERSTEER * v**2) * r / v,
     }  # fmt: skip
     every = slice(None, None, 10)
     scale = {"r": 1.0 / slow, "v": slow, "omega_r": slow, "x": size, "y": size}
-    noisy = {name: values[every] + noise * scale.get(name, 1.0) * NOISE.get(name, 0.0) * rng.standard_normal(len(t[every]))
-             for name, values in columns.items()}  # fmt: skip
+    noisy = {
+        name: values[every] + noise * scale.get(name, 1.0) * NOISE.get(name, 0.0) * rng.standard_normal(len(t[every]))
+        for name, values in columns.items()
+    }
     return Run(name=f"run_{seed}", t=t[every], tau_cmd=None, **noisy)

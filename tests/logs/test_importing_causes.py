@@ -86,5 +86,6 @@ def test_a_spin_is_no_heading_with_another_zero():
     v = np.full(len(t), 9.0)
     swing = np.gradient(course, 0.01)
     x, y = (np.cumsum(v * side) * 0.01 for side in (np.cos(course), np.sin(course)))
-    columns = {"x": x, "y": y, "psi": course - beta, "r": swing - np.gradient(beta, 0.01), "v": v, "beta": beta, "delta_cmd": 0.1 * np.sin(t)}  # fmt: skip
+    r, delta = swing - np.gradient(beta, 0.01), 0.1 * np.sin(t)
+    columns = {"x": x, "y": y, "psi": course - beta, "r": r, "v": v, "beta": beta, "delta_cmd": delta}
     assert not any("off its heading" in text for text in column_doubts({"t": t} | columns, 0.01))

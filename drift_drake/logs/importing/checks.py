@@ -58,10 +58,9 @@ def recording_doubts(
     sentences = [f"{doubt.sentence.removesuffix('?').removesuffix('.')}." for doubt in found.doubts]
     names = set.intersection(*(set(columns) for columns in found.right))
     right = {name: np.concatenate([columns[name] for columns in found.right]) for name in names}
-    # With a speed that is none, nothing else means anything; a scale that is off by a known cause is told already.
-    told = {doubt.column for doubt in found.doubts}
-    if "v" in told and all(doubt.factor is None for doubt in found.doubts if doubt.column == "v"):
+    if not found.complete:
         return Doubts(sentences, ())
+    told = {doubt.column for doubt in found.doubts}
     jumps = [sentence for columns in runs for sentence in _jumps(columns)]
     sentences += jumps[:1]
     sentences += _any_wheelbase(found.steer) if wheelbase is None else []

@@ -39,6 +39,7 @@ class Consistency:
     right: list[dict[str, np.ndarray]]
     windows: Windows
     steer: float = 1.0
+    complete: bool = True  # whether there is a speed, without which nothing else was asked
 
 
 def consistency_of(runs: Sequence[Run], vehicle: VehicleParameters | None = None) -> Consistency:
@@ -69,7 +70,7 @@ def consistency(
             for name in out & set(columns):
                 columns.pop(str(name))
     if bad & {"v"}:
-        return Consistency(doubts, (), right, _windows(right, periods))
+        return Consistency(doubts, (), right, _windows(right, periods), complete=False)
     kinds, car = _kinds(vehicle, length)
     if bad & {"r", "delta_cmd"}:
         kinds = {name: kind for name, kind in kinds.items() if not set(kind.powers) & bad}

@@ -9,6 +9,7 @@ from drift_drake.logs.screening.kinematics import Columns, Motion, motion_of_col
 CONSTANT = 1e-9  # of a column's size that rounding moves it by
 SEEN = 0.05  # of what is noted in `_movements`: a movement that a sensor does not miss
 BOTH_SIDES, LARGE = 0.05, 0.25  # of the windows turn to either side, by so much of the largest
+STEADY = 0.5  # [1/s] of change of a yaw rate that hardly changes
 FEWEST = 12  # windows
 # What a car that moves does to other columns, by column that cannot stand still then.
 WITNESSES: dict[str, dict[str, str]] = {
@@ -61,12 +62,14 @@ def _movements(m: Motion) -> dict[str, float]:
         return {}
     top = float(np.quantile(np.abs(m.r), 0.95))
     sides = min(float(np.mean(sign * m.r > LARGE * top)) for sign in (1.0, -1.0))
-    turning = np.abs(m.r) > max(0.5 * top, SEEN)
+    # Where the yaw rate hardly changes, the car does not slide any further, and ay is v r.
+    steady = (np.abs(m.r) > max(0.5 * top, SEEN)) & (np.abs(m.spin) < STEADY * np.abs(m.r))
+    felt = m.ax - np.nan_to_num(m.along)
     return {
         "turning": _spread(m.turning), "course": _spread(m.course), "r": _spread(m.r), "ay": 0.1 * _spread(m.ay),
         "rim": _share(m.omega_r), "moved": _share(m.moved), "speed": _share(m.v), "gain": 0.1 * _spread(m.gain),
-        "ax": 0.05 * _spread(m.ax), "turned": 0.1 * _spread(m.turned), "driven": 1.0,
-        "circling": 0.1 * _share(np.abs(m.ay[turning] / m.r[turning])), "both ways": top if sides > BOTH_SIDES else 0.0,
+        "ax": 0.05 * _spread(felt), "turned": 0.1 * _spread(m.turned), "driven": 1.0,
+        "circling": 0.1 * _share(np.abs(m.ay[steady] / m.r[steady])), "both ways": top if sides > BOTH_SIDES else 0.0,
     }  # fmt: skip
 
 

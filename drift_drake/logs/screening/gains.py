@@ -15,7 +15,6 @@ ERRORS = 1e-4  # chance that one side of an interval misses: many relations of m
 FEWEST_BLOCKS = 6
 TRIMMED = 4.0  # robust standard deviations of a residual, beyond which a window is left out
 TRIMS = 3  # passes
-LEAST_LIKENESS = 0.6  # correlation of what is left of both once the nuisances are taken out
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,11 +35,14 @@ class Interval:
         return Interval(ends[0], self.middle / other, ends[1])
 
 
-def gain(measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks: np.ndarray) -> Interval | None:
+def gain(
+    measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks: np.ndarray, least: float = 0.6
+) -> Interval | None:
     """The factor on `expected` that gives `measured`, beside a constant and the nuisances; None where too unlike.
 
     Args:
-        measured, expected: [windows]; others: nuisances [windows, n]; blocks: label of each window's block [windows].
+        measured, expected: [windows]; others: nuisances [windows, n]; blocks: label of each window's block [windows];
+            least: correlation of what the nuisances leave of both, below which nothing is told.
     """
     design = np.column_stack([np.ones(len(measured)), others])
     kept = np.isfinite(measured) & np.isfinite(expected) & np.isfinite(design).all(axis=1)
@@ -57,7 +59,7 @@ def gain(measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks:
         kept[np.flatnonzero(kept)[~good]] = False
     m, e = _rest(design[kept], measured[kept]), _rest(design[kept], expected[kept])
     likeness = float(m @ e / np.sqrt((m @ m) * (e @ e)))
-    if likeness < LEAST_LIKENESS:
+    if likeness < least:
         return None
     count, used = blocks[kept], design.shape[1] + 1
     low, low_std = _slope(m, e, count, used)

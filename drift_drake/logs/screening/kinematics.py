@@ -24,7 +24,8 @@ class Motion:
     r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
     `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
     forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
-    x, y; heading, yawed: of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y; slid: mean of the direction of travel less `psi`.
+    x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y;
+    slid: mean of the direction of travel less `psi`.
     """
 
     run: np.ndarray

@@ -17,15 +17,17 @@ NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of no
 SLOWER = 5.0  # times slower than the motion asks for
 APART = 0.03  # of a speed by which two of them have to differ to be told apart
 NEARER = 3.0  # times nearer to what the positions or the accelerations say
+STEADY = 0.15  # [rad] of sideslip up to which a car goes where it steers
 SMALLEST = 1e-9
 
 
 def magnitudes(runs: Sequence[Columns], m: Motion) -> list[Suspicion]:
     """Columns that are never negative though others say that the car turns, slides or speeds up both ways."""
     swing = np.where(np.isfinite(m.swing), m.swing, 0.0)
+    steered = np.where(np.abs(np.nan_to_num(m.beta)) < STEADY, m.delta_cmd * m.v, np.nan)  # a drift steers against r
     witnesses = {
         "r": (m.r, [(m.turning, "psi turns"), (m.course - swing, "the course of x, y turns"), (m.ay, "ay points"),
-                    (m.delta_cmd * m.v, "delta_cmd points")]),
+                    (steered, "delta_cmd points")]),
         "ay": (m.ay, [(m.turned, "r turns"), (m.v * m.turning, "psi turns")]),
         "delta_cmd": (m.delta_cmd * m.v, [(m.r, "r turns"), (m.turning, "psi turns")]),
         "beta": (m.beta, [(m.slid, "the course of x, y leaves psi"), (m.turned, "r turns")]),

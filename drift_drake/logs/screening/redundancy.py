@@ -11,9 +11,11 @@ from drift_drake.logs.screening.kinematics import Motion
 from drift_drake.logs.screening.suspicions import Suspicion
 
 MARGIN = 0.03  # of a gain: sensors' scales are that good, and sensors' axes are aligned that well
+SIDEWAYS = 0.12  # of a rim's speed, where the sideslip is not known: half a radian makes as much
 TILTING = 0.05  # of an acceleration's: a body that rolls or pitches by three degrees at 1 g reads as much more
 GENTLE = 4.0  # [m/s^2] of v r up to which a car whose sideslip is not logged hardly slides
 STEADY = 0.15  # [rad] of sideslip up to which wheels roll
+LIKE, ALONG = 0.6, 0.97  # correlation of what is compared, and of a car whose sideslip is not known: it hardly slides
 BIAS = 0.005  # [rad/s] of a yaw rate: 3 deg of heading in ten seconds
 ARM = 0.04  # of the wheelbase: a point of measurement is known that well
 LENGTH = 2.5  # [m] of a wheelbase that is not known
@@ -54,16 +56,17 @@ def agreements(m: Motion) -> list[Agreement]:
                   gain(m.r, m.turning, _lag(m, m.turning), m.block)))  # fmt: skip
     gentle = m.where(np.abs(m.turned) < GENTLE)
     beside = np.column_stack([m.lag(m.course), m.spin])
+    least = LIKE if slides else ALONG
     if np.isfinite(m.heading).any():
         says = f"the rate of psi{' and beta' if slides else ''} over that of the course of x, y"
-        found.append((says, {"psi": 1}, MARGIN, gain(m.heading, m.course, beside, m.block)))
+        found.append((says, {"psi": 1}, MARGIN, gain(m.heading, m.course, beside, m.block, least)))
     elif np.isfinite(m.course).any():
         found.append(
             (
                 "r over the rate of the course of x, y",
                 {"r": 1, "t": 1},
                 MARGIN,
-                gain(m.yawed, m.course, beside, m.block),
+                gain(m.yawed, m.course, beside, m.block, least),
             )
         )
     if slides:
@@ -73,13 +76,13 @@ def agreements(m: Motion) -> list[Agreement]:
         found.append(("ax over the rate of v_x less v_y r", {"ax": 1, "v": -1, "t": 1}, TILTING, along))
     else:
         across = gain(gentle.ay, gentle.turned, np.column_stack([_lag(gentle, gentle.turned), gentle.spin]),
-                      gentle.block)  # fmt: skip
+                      gentle.block, least)  # fmt: skip
         straight = m.where(np.abs(m.turned) < 0.5 * GENTLE)
         along = gain(straight.ax, straight.gain, _lag(straight, straight.gain), straight.block)
         found.append(("ay over v r", {"ay": 1, "v": -1, "r": -1}, TILTING, across))
         found.append(("ax over the rate of v", {"ax": 1, "v": -1, "t": 1}, TILTING, along))
     found.append(("v over the speed along x, y", {"v": 1, "t": 1, "y": -1}, MARGIN, _ratio(m.v, m.moved, m.block)))
-    found.append(("omega_r over v", {"omega_r": 1, "v": -1}, MARGIN, _rolling(m)))
+    found.append(("omega_r over v", {"omega_r": 1, "v": -1}, MARGIN if slides else SIDEWAYS, _rolling(m)))
     return [Agreement(says, powers, margin, g) for says, powers, margin, g in found if g is not None]
 
 
@@ -201,11 +204,14 @@ def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
     wheels, left, ahead = _arm_by_wheels(m), *_arm_by_accelerations(m)
     where = []
     if wheels is not None and wheels.beyond(0.0, least):
-        where.append((1, wheels, "v less omega_r against r"))
+        # Accelerations that agree say it more closely.
+        near = [at for at in (wheels, left[0]) if at is not None and wheels.low < at.middle < wheels.high]
+        where.append((1, min(near, key=_width), "v less omega_r against r"))
     elif all(at is not None and at.beyond(0.0, least) for at in left) and _one_side(left):
         where.append((1, left[0], "ax and ay against the rates of v_x and v_y"))
     if all(at is not None and at.beyond(0.0, least) for at in ahead) and _one_side(ahead):
-        where.append((0, ahead[0], "ax and ay against the rates of v_x and v_y"))
+        closest = min((at for at in ahead if at is not None), key=_width)
+        where.append((0, closest, "ax and ay against the rates of v_x and v_y"))
     if not where:
         return []
     point = [0.0, 0.0]
@@ -224,6 +230,10 @@ def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
     return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where))]
 
 
+def _width(at: Interval) -> float:
+    return at.high - at.low
+
+
 def _one_side(found: Sequence[Interval | None]) -> bool:
     return len({at.middle > 0.0 for at in found if at is not None}) == 1
 
@@ -238,9 +248,10 @@ def _arm_by_wheels(m: Motion) -> Interval | None:
     kept = (np.abs(np.nan_to_num(m.beta)) < STEADY) & (np.abs(m.turned) < WORKING) & np.isfinite(m.omega_r)
     kept &= 3.0 * np.abs(rate) < WORKING
     kept &= np.abs(m.omega_r / np.maximum(forward, 1e-6) - 1.0) < 4.0 * SLIPPED
-    design = np.column_stack([-m.r, np.abs(m.r), np.ones(len(m.r)), forward, rate])[kept]
-    if not kept.any() or min(np.quantile(m.r[kept], [0.05]), -np.quantile(m.r[kept], [0.95])) >= 0.0:
-        return None
+    design = np.column_stack([-m.r, np.abs(m.r), np.ones(len(m.r)), forward, forward * rate])[kept]
+    low, high = np.quantile(m.r[kept], [0.05, 0.95]) if kept.any() else (0.0, 0.0)
+    if low >= 0.0 or high <= 0.0:
+        return None  # what a turn to one side does to the slip looks alike
     found = coefficients(design, (forward - m.omega_r)[kept], m.block[kept])
     return None if found is None else found[0]
 

@@ -50,7 +50,7 @@ def test_smoothed_signals_get_no_sentence(seed):
 @pytest.mark.parametrize("column", ["r", "psi", "v", "ax", "ay", "omega_r"])
 @pytest.mark.parametrize(("factor", "drifting"), [(1.07, 0.0), (0.93, 0.4)])
 def test_seven_per_cent_are_named_with_the_column(column, factor, drifting):
-    log = kinematic_log(drifting=drifting)
+    log = kinematic_log(60.0, drifting=drifting)
     (doubt,) = consistency_of(with_factors([log], {column: factor}), CAR).doubts
     assert doubt.column == column or f"or {column} " in doubt.sentence
     assert "% too" in doubt.sentence

@@ -1,4 +1,4 @@
-"""Mistakes put into good logs by hand: bad samples, and columns in other units, mirrored or on other clocks."""
+"""Mistakes put into good logs by hand: bad samples, other units, signs and clocks, and columns that are not theirs."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.logs.noise import white_noise_level
 from drift_drake.logs.screening.screened import MEASURED
-from drift_drake.logs.screening.suspicions import DEGREES, G
+from drift_drake.logs.screening.unit_mistakes import DEGREES, G
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -110,3 +110,29 @@ def with_factors(runs: Sequence[Run], factors: Mapping[str, float]) -> list[Run]
 
 def _with_columns(run: Run, columns: dict[str, Any]) -> Run:
     return dataclasses.replace(run, **columns)
+
+
+def mapped_wrongly(run: Run) -> dict[str, Run]:
+    """By name, a run with a column that is no measurement of what it is called."""
+    columns = {name: np.array(values) for name in MEASURED if (values := run.column(name)) is not None}
+    columns["delta_cmd"] = np.array(run.delta_cmd)
+    found = {f"{name} without its sign": {name: np.abs(columns[name])} for name in ("r", "ay", "delta_cmd")}
+    found |= {f"{name} dead": {name: np.full(len(run), float(columns[name][0]))} for name in MEASURED[2:]}
+    found |= {f"{name} at zero": {name: np.zeros(len(run))} for name in ("beta", "ax", "ay", "psi")}
+    found["ax and ay swapped"] = {"ax": columns["ay"], "ay": columns["ax"]}
+    found["v and omega_r swapped"] = {"v": columns["omega_r"], "omega_r": columns["v"]}
+    found["v a roll rate"] = {"v": np.abs(0.02 * np.sin(3.0 * np.array(run.t)))}
+    return {name: _with_columns(run, changes) for name, changes in found.items()}
+
+
+def measured_at(run: Run, ahead: float, left: float) -> Run:
+    """The run with speed, sideslip and positions of a point `ahead` and to the `left` [m] of the centre of gravity."""
+    v, beta, r = (np.array(run.column(name)) for name in ("v", "beta", "r"))
+    along, across = v * np.cos(beta) - left * r, v * np.sin(beta) + ahead * r
+    return _with_columns(run, {"v": np.hypot(along, across), "beta": np.arctan2(across, along)})
+
+
+def held(run: Run, column: str, rows: int) -> Run:
+    """The run with a command that is read each so many rows, and held."""
+    values = np.array(run.column(column))
+    return _with_columns(run, {column: np.repeat(values[::rows], rows)[: len(values)]})

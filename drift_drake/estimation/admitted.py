@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from drift_drake.estimation.usable import usable_parts
+from drift_drake.logs.screening.repeated import without_repeated
 from drift_drake.logs.screening.screened import screened
 from drift_drake.logs.screening.suspicions import Suspicion, suspicions_of
 from drift_drake.logs.table import Run
@@ -19,12 +20,13 @@ class Admitted(NamedTuple):
 
 
 def admit(runs: Sequence[Run], vehicle: VehicleParameters) -> Admitted:
-    """`usable` parts and `suspicions` of runs that are screened once.
+    """`usable` parts and `suspicions` of runs that are screened once; a run that is there twice counts once.
 
     Raises:
         InvalidLogError: too little is left.
     """
+    runs, repeated = without_repeated(runs)
     clean, found = screened(runs)
     doubts = suspicions_of(clean, vehicle)
     kept, left_out = usable_parts(runs, clean, vehicle)
-    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *found, *left_out])
+    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])

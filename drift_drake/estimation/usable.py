@@ -6,16 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.driving import driven, reversing, slowest, spans
+from drift_drake.estimation.windows import SETTLING, stride_of
+from drift_drake.logs.driving import driven, in_spans, reversing, slowest_asked, spans
 from drift_drake.logs.screening.screened import Screened, screened
 from drift_drake.logs.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
-LEAST_PART = 1.5  # [s]
+AHEAD = 6.5  # strides that a part needs for one window
+SHORT = "parts that are too short"
 LEAST_TOTAL = 4.0  # [s] of all parts: an informative drive takes 4.5
 LONGEST_FILLED = 0.1  # [s] of bad samples in a row that are filled; a longer stretch is cut out
-LISTED = 3  # stretches of one kind that are reported one by one
+LISTED = 3  # stretches of one kind, and runs, that are reported one by one
 MOST_SECONDS = 300.0
 PIECE = 12.0  # [s], about, that longer runs are cut into
 ROUNDING = 1e-6  # [s]
@@ -33,29 +35,60 @@ def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], 
     return kept, found + left_out
 
 
+def least_part(vehicle: VehicleParameters) -> float:
+    """Seconds that a part has to last for a window of predictions of a car of this size."""
+    return SETTLING + AHEAD * stride_of(vehicle)
+
+
 def usable_parts(
     runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters
 ) -> tuple[list[Run], list[str]]:
     """`usable` of runs that have been screened: `clean`."""
     kept: list[Run] = []
     warnings: list[str] = []
+    lost: dict[str, float] = {}
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
-        frozen = one.mask(LONGEST_FILLED / run.period)
-        least = max(round(LEAST_PART / run.period), SHORTEST_RUN)  # rows of a part
+        frozen = one.mask(LONGEST_FILLED / run.period) | bool(one.dead)
+        least = max(round(least_part(vehicle) / run.period), SHORTEST_RUN)  # rows of a part
         parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
-        why = _reasons(run, vehicle, frozen)
-        if not parts:
-            warnings.append(f"{run.name}: left out, no {least * run.period:.3g} s in a row can be used ({why})")
-            continue
         if parts != [(0, len(run))]:
-            used = " and ".join(f"{run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in parts)
-            warnings.append(f"{run.name}: only {used} are used ({why or 'the rest is too short'})")
+            warnings.append(_left_out(run, vehicle, frozen, parts, least))
+            for kind, rows in _kinds(run, vehicle, frozen, parts).items():
+                lost[kind] = lost.get(kind, 0.0) + float(np.count_nonzero(rows)) * run.period
         for number, (a, b) in enumerate(parts):
             name = run.name if len(parts) == 1 else f"{run.name}_{number}"
             kept.append(dataclasses.replace(run.rows(a, b), name=name, recording=run.name))
+    if len(warnings) > LISTED:
+        warnings = [_in_all(runs, kept, lost, len(warnings))]
     _check_enough(runs, kept, vehicle)
     return kept, warnings
+
+
+def _left_out(
+    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, parts: Sequence[tuple[int, int]], least: int
+) -> str:
+    """What of one run is not used, and why."""
+    kinds = _kinds(run, vehicle, frozen, parts)
+    short = kinds.pop(SHORT, None)
+    why = "; ".join(f"{kind} {_times(run, rows)}" for kind, rows in kinds.items() if np.any(rows))
+    if not parts:
+        why = why or "it is too short"
+        return f"{run.name}: left out, no {least * run.period:.3g} s in a row can be used ({why})"
+    if len(parts) <= LISTED:
+        used = " and ".join(f"{run.t[a]:.2f} to {run.t[b - 1]:.2f} s" for a, b in parts)
+    else:
+        used = f"{sum(b - a for a, b in parts) * run.period:.3g} s in {len(parts)} parts"
+    if short is not None and np.any(short):
+        why = f"{why}; " * bool(why) + f"{np.count_nonzero(short) * run.period:.3g} s in {SHORT}"
+    return f"{run.name}: only {used} are used ({why})"
+
+
+def _in_all(runs: Sequence[Run], kept: Sequence[Run], lost: dict[str, float], count: int) -> str:
+    """One sentence on many runs."""
+    total, used = (sum(len(run) * run.period for run in some) for some in (runs, kept))
+    why = ", ".join(f"{seconds:.3g} s {kind}" for kind, seconds in lost.items() if seconds > 0.0)
+    return f"of {total:.0f} s of logs {used:.3g} s are used, in {len(kept)} parts ({count} runs lose some: {why})"
 
 
 def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -81,18 +114,20 @@ def _with_road(runs: Sequence[Run], names: list[str]) -> tuple[list[str], list[s
     return left, ["column bank is in some runs only: road_bank cannot be judged; give it in all runs or in none"]
 
 
-def _reasons(run: Run, vehicle: VehicleParameters, frozen: np.ndarray) -> str:
-    """Why rows are not used, with their times."""
-    slow = run.v < slowest(vehicle)
+def _kinds(
+    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, parts: Sequence[tuple[int, int]]
+) -> dict[str, np.ndarray]:
+    """By reason why they are not used, rows [rows] (bool) outside of the parts."""
+    slow = run.v < slowest_asked(vehicle)
     back = reversing(run, vehicle)
-    spun = ~driven(run, vehicle) & ~slow & ~back
-    kinds = {
-        f"slower than the {slowest(vehicle):.2g} m/s that slips need": slow,
+    good = driven(run, vehicle)
+    return {
+        f"slower than the {slowest_asked(vehicle):.2g} m/s that slips need": slow,
         "reversing, which the equations do not have,": back,
-        "a spin": spun,
+        "a spin": ~good & ~slow & ~back,
         "frozen columns": frozen,
+        SHORT: good & ~frozen & ~in_spans(parts, len(run)),
     }
-    return "; ".join(f"{kind} {_times(run, rows)}" for kind, rows in kinds.items() if np.any(rows))
 
 
 def _times(run: Run, rows: np.ndarray) -> str:
@@ -105,11 +140,11 @@ def _times(run: Run, rows: np.ndarray) -> str:
 
 def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehicleParameters) -> None:
     enough = (
-        f"{LEAST_TOTAL:g} s in all, in parts of {LEAST_PART:g} s or more, forwards and faster than "
-        f"{slowest(vehicle):.2g} m/s, would be enough"
+        f"{LEAST_TOTAL:g} s in all, in parts of {least_part(vehicle):.2g} s or more, forwards and faster than "
+        f"{slowest_asked(vehicle):.2g} m/s, would be enough"
     )
     fastest = max(float(np.max(run.v)) for run in runs)
-    if fastest < slowest(vehicle):
+    if fastest < slowest_asked(vehicle):
         raise InvalidLogError(
             f"no run has a speed above {fastest:.2g} m/s, too slow for the slips of a car of this size: {enough}"
         )

@@ -9,6 +9,8 @@ from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
 SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which slips have no meaning
+EQUATIONS = 0.35  # [1] the same, below which the equations are not asked
+FLOOR = 0.6  # [m/s] a little above the floor of their slips, which no car's size changes
 SPUN = 1.1  # [rad] of sideslip beyond which the car has spun, or reverses
 BACKWARDS = 0.6  # [rad] from straight backwards within which the car may be reversing
 TIGHTEST = 1.5  # times the yaw rate of the tightest turn that the steering allows: more is a spin
@@ -20,12 +22,17 @@ def slowest(vehicle: VehicleParameters) -> float:
     return float(SLOWEST * np.sqrt(vehicle.gravity * wheelbase(vehicle)))
 
 
+def slowest_asked(vehicle: VehicleParameters) -> float:
+    """Speed [m/s] below which the equations are not asked of a car of this size: a little above their slips' floor."""
+    return max(float(EQUATIONS * np.sqrt(vehicle.gravity * wheelbase(vehicle))), FLOOR)
+
+
 def driven(run: Run, vehicle: VehicleParameters) -> np.ndarray:
     """Rows [rows] (bool) in which the car goes forwards: it neither stands nor spins nor reverses.
 
     Without `beta`, spins and reversing cannot be seen.
     """
-    rows: np.ndarray = run.v >= slowest(vehicle)
+    rows: np.ndarray = run.v >= slowest_asked(vehicle)
     return rows if run.beta is None else rows & (np.abs(run.beta) <= SPUN)
 
 
@@ -38,7 +45,7 @@ def reversing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
         return np.zeros(len(run), dtype=np.bool_)
     turn = TIGHTEST * run.v * np.tan(vehicle.steering_limit) / wheelbase(vehicle)
     backwards = (np.abs(run.beta) > np.pi - BACKWARDS) & (np.abs(run.r) <= turn)
-    turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest(vehicle)))
+    turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest_asked(vehicle)))
     least = SUSTAINED / run.period
     return in_spans([(a, b) for a, b in turned if 2 * np.count_nonzero(backwards[a:b]) > b - a >= least], len(run))
 

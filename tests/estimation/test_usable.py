@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drift_drake.estimation.admitted import admit
-from drift_drake.estimation.usable import LEAST_PART, usable
-from drift_drake.logs.driving import driven, reversing, slowest
+from drift_drake.estimation.usable import least_part, usable
+from drift_drake.logs.driving import driven, reversing, slowest_asked
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -61,7 +61,7 @@ def test_spins_and_standstill_are_cut_and_told_with_their_times():
     assert [(part.name, len(part)) for part in kept] == [("run_0_0", 400), ("run_0_1", 400), ("run_0_2", 250)]
     assert "only 0.00 to 3.99 s and 5.00 to 8.99 s and 9.50 to 11.99 s are used" in warnings[0]
     assert "a spin from 4.00 to 4.99 s" in warnings[0]
-    assert "slower than the 3 m/s that slips need from 9.00 to 9.49 s" in warnings[0]
+    assert "slower than the 1.7 m/s that slips need from 9.00 to 9.49 s" in warnings[0]
     assert "revers" not in warnings[0]
 
 
@@ -98,7 +98,7 @@ def test_a_long_freeze_is_cut_out_and_a_spike_is_filled():
 
 @pytest.mark.parametrize("period", [0.01, 0.02, 0.005])
 def test_parts_are_long_enough_in_seconds_not_rows(period):
-    cut = round(LEAST_PART / period)
+    cut = round(least_part(CAR) / period)
     run = gentle(12.0, period)
     run = changed(run, "beta", cut, cut + 10, 1.5)
     run = changed(run, "beta", 2 * cut, 2 * cut + 10, 1.5)
@@ -108,14 +108,37 @@ def test_parts_are_long_enough_in_seconds_not_rows(period):
 
 
 def test_too_little_is_refused_with_what_would_be_enough():
-    with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 4 s in all, in parts of 1.5 s or more"):
+    with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 4 s in all, in parts of 1 s or more"):
         usable([gentle(1.5)], CAR)
     assert len(usable([gentle(2.5), gentle(2.5)], CAR)[0]) == 2
 
 
 def test_too_slow_is_refused_with_the_speed_that_would_be_enough():
-    slow = gentle(v=np.full(1200, 2.0))
-    with pytest.raises(InvalidLogError, match=r"above 2 m/s, too slow .* faster than 3 m/s, would be enough"):
+    slow = gentle(v=np.full(1200, 1.5))
+    with pytest.raises(InvalidLogError, match=r"above 1.5 m/s, too slow .* faster than 1.7 m/s, would be enough"):
         usable([slow], CAR)
-    assert slowest(SMALL) < 1.0
+    assert slowest_asked(SMALL) == 0.6  # a little above the floor of the slips, whatever the size
     assert len(usable([slow], SMALL)[0]) == 1
+
+
+def test_short_bursts_between_reversing_are_used_and_told_in_one_line():
+    """Random driving of a 1:5 car: a second forwards, a second backwards, and so on."""
+    small = CAR.replace(front_axle_distance=0.18, rear_axle_distance=0.18, mass=10.0)
+    runs = []
+    for number in range(5):
+        run = gentle(30.0)
+        phase = (run.t + 0.1 * number) % 2.0
+        v = np.where(phase < 0.9, 1.0, 0.8) + 0.005 * np.random.default_rng(number).standard_normal(len(run))
+        beta = np.where(phase < 0.9, run.beta, np.pi - 0.05 + run.beta)
+        runs.append(dataclasses.replace(run, name=f"run_{number}", v=v, beta=beta, omega_r=v, r=0.2 * run.r))
+    kept, warnings = usable(runs, small)
+    assert sum(len(part) for part in kept) * 0.01 > 0.4 * 150.0
+    assert len(warnings) == 1
+    assert warnings[0].startswith("of 150 s of logs ")
+    assert "reversing" in warnings[0]
+
+
+def test_a_run_that_is_there_twice_counts_once():
+    admitted = admit([gentle(), dataclasses.replace(gentle(), name="run_1")], CAR)
+    assert [run.name for run in admitted.runs] == ["run_0"]
+    assert "run_1 is rows of run_0 once more: counted once" in admitted.warnings

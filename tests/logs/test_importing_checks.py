@@ -78,7 +78,10 @@ DEFECTS = {
     "longitudinal acceleration in g": (scaled("ax", 1.0 / 9.80665), "column ax looks like g"),
     "lateral acceleration in g": (scaled("ay", 1.0 / 9.80665), "column ay looks like g"),
     "lateral acceleration of a z-down frame": (scaled("ay", -1.0), "column ay looks mirrored"),
-    "scale of lateral acceleration": (scaled("ay", 1.6), "column ay is 1.6.* times .* unit or scale"),
+    "scale of lateral acceleration": (
+        scaled("ay", 1.6),
+        r"column ay reads 6\d % too large \(ay over v r and the rate of v_y is 1.6",
+    ),
     "tilted accelerometer": (
         lambda c: c | {"ay": c["ay"] + 1.7},
         r"column ay reads \+1.7 m/s\^2 besides .* tilted",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.logs.importing.offsets import estimate_offset
+from drift_drake.logs.clock_offset import estimate_offset
 
 
 def motion_at(t, generator_seed):

@@ -38,8 +38,9 @@ class Check:
 
     drift-drake check logs/tuesday --vehicle car.yaml --calibration car.json
 
-    Without a vehicle file: rates, columns, noise, bad samples, how hard the car was driven. With one: units, signs and
-    clocks that contradict each other, which parts can be used, the operating regions, and for each effect of the
+    Without a vehicle file: rates, columns, noise, bad samples, how hard the car was driven, and where columns that say
+    the same disagree: by how much, and what would fix it. With one: the steering ratio and the torque too, which parts
+    can be used, the operating regions, and for each effect of the
     catalogue the least magnitude that these logs would show; with the calibration, beside what is normal for the car.
     """
 
@@ -57,13 +58,15 @@ class Check:
 
 @dataclasses.dataclass(frozen=True)
 class Checked:
-    """What was found; detection: by effect, as in an answer (`details.detection`); regions: seconds driven in each."""
+    """What was found; detection: by effect, as in an answer (`details.detection`); regions: seconds driven in each;
+    unchecked: columns of which no other one tells whether they are right."""
 
     case: str
     runs: "list[RunQuality]"
     remarks: list[str]
     regions: dict[str, float] = dataclasses.field(default_factory=dict)
     detection: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    unchecked: tuple[str, ...] = ()
 
 
 def run_check(command: Check) -> None:
@@ -76,10 +79,15 @@ def run_check(command: Check) -> None:
     try_outputs({"--json": command.json}, inputs)
     runs = read_case(command.logs)
     with ended_at_once():
-        from drift_drake.logs.screening.screened import quality
+        from drift_drake.logs.screening.consistency import consistency_of
+        from drift_drake.logs.screening.repeated import without_repeated
+        from drift_drake.logs.screening.screened import quality, screened
 
-    found, remarks = quality(runs)
-    checked = Checked(case_name(command.logs), found, remarks)
+    once, repeated = without_repeated(runs)
+    clean, bad = screened(once)
+    agrees = consistency_of([one.run for one in clean], None if given is None else given[0])
+    remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
+    checked = Checked(case_name(command.logs), quality(once, clean), remarks, unchecked=agrees.unchecked)
     if given is not None:
         checked = with_vehicle(checked, runs, *given, command)
     print("\n".join(sentences(checked)), file=said_to(command.json))
@@ -101,6 +109,8 @@ def with_vehicle(
         from drift_drake.identification.calibration import CarTrust, read_trust
 
     kept, doubts, warnings = admit(runs, vehicle)
+    told = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
+    warnings = [warning for warning in warnings if warning not in told]
     names, grip = region_names(), vehicle.friction * vehicle.gravity
     seconds = np.zeros(len(names))
     for run in kept:
@@ -112,7 +122,7 @@ def with_vehicle(
     else:
         detection, more = limits_by_filter(kept, vehicle, own, stated_noise(command.logs), trust.options())
     regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
-    remarks = [*(doubt.sentence for doubt in doubts), *checked.remarks, *warnings, *more]
+    remarks = [*checked.remarks, *warnings, *more]
     return dataclasses.replace(checked, remarks=list(dict.fromkeys(remarks)), regions=regions, detection=detection)
 
 
@@ -131,6 +141,8 @@ def sentences(checked: Checked) -> list[str]:
     missing = sorted({name for run in checked.runs for name in run.missing})
     lines.append(f"columns missing: {', '.join(missing)}" if missing else "columns: all of the log format")
     lines += [f"! {remark}" for remark in checked.remarks] or ["bad samples: none"]
+    if checked.unchecked:
+        lines.append(f"not checked, since no other column tells: {', '.join(checked.unchecked)}")
     if checked.regions:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]

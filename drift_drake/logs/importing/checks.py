@@ -1,61 +1,118 @@
-"""What looks wrong in a recording's columns: units, signs and clocks that contradict each other, a sentence for each.
+"""What looks wrong in recordings: units, signs and clocks that contradict each other, a sentence for each.
 
-Units and signs are judged by the relations that every log is judged by (`screening.suspicions`), without a vehicle
-file; zeros of headings, tilted sensors and late clocks, which a file is imported with once and for all, beside them.
+Columns are held against each other as every log's are (`screening.consistency`), without a vehicle file; zeros of
+headings and tilted sensors, which a file is imported with once and for all, beside them.
 """
 
-import dataclasses
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drift_drake.arrays import Array
-from drift_drake.logs.importing.offsets import estimate_offset
-from drift_drake.logs.screening.relations import GRIP, KINDS, Relation, Windows, relations, windows_of_columns
-from drift_drake.logs.screening.suspicions import contradictions, mistakes
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.logs.importing.mapping import RecorderMapping
+from drift_drake.logs.screening.consistency import consistency
+from drift_drake.logs.screening.relations import Windows
 
 FEWEST = 230  # rows
-SCALE = math.log(1.25)  # of a ratio to one, beyond which a column's scale is doubted though no unit explains it
-SCALED = ("turn", "path", "rim")  # relations whose ratio no car changes that much
-WINDOW, TREND = 0.3, 3.0  # [s] over which noise is averaged out, and what changes too slowly to tell a time is
+WINDOW = 0.3  # [s] over which noise is averaged out
 JUMP = 0.5  # [rad] of heading from row to row
 SIDEWAYS = 1.3  # [rad] of sideslip over most of a run
+TURNED = 0.35  # [rad] about which the sideslip of a heading with another zero lies, and not that of a spin
+MOST_TURNED = 0.8  # of the rows
 WHEELBASES = (0.1, 8.0)  # [m] of any vehicle, understeer included
-LEAD, LAG = 0.25, 0.05  # [s] from command to yaw, and of yaw before its command: more is no car's response
-SEARCH = 1.5  # [s]
-THINNED = 5  # rows that change too little from one to the next to tell more than one of them does
-LIKENESS, ALIKE = 0.8, 0.7  # correlation of steering and yaw rate from which clocks are asked, and a lead is believed
 TILT = 0.7  # [m/s^2] of accelerometer that no motion explains
 GRAVITY = 9.81
+LIKENESS = 0.8  # correlation from which one signal is another's negative
+
+
+class Doubts(NamedTuple):
+    """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other one tells anything of."""
+
+    sentences: list[str]
+    unchecked: tuple[str, ...]
 
 
 def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
-    """Sentences on what looks wrong, none where all agrees.
+    """Sentences on what looks wrong in one run, none where all agrees (`recording_doubts`)."""
+    return recording_doubts([columns], period, wheelbase).sentences
+
+
+def recording_doubts(
+    runs: Sequence[Mapping[str, Array]], period: float, wheelbase: float | None = None,
+    stated: Mapping[str, str] | None = None, derived: Sequence[str] = (),
+) -> Doubts:  # fmt: skip
+    """What looks wrong in runs of one vehicle.
 
     Args:
-        columns: of the log, by name, all [n] at the same rows; `vx`, `vy`, `az` too where they were recorded.
-        period: time between rows [s]; wheelbase: of the vehicle [m], where known.
+        runs: columns of the log, by name, [n] at the same rows each; `vx`, `vy`, `az` too where they were recorded.
+        period: time between rows [s]; wheelbase: of the vehicle [m], where known; stated: units of the mapping, by
+            column; derived: columns that were made of each other.
     """
-    if len(columns["r"]) < FEWEST:
+    if sum(len(columns["r"]) for columns in runs) < FEWEST:
+        return Doubts([], ())
+    found = consistency(runs, [period] * len(runs), length=wheelbase, stated=stated, derived=derived)
+    sentences = [f"{doubt.sentence.removesuffix('?').removesuffix('.')}." for doubt in found.doubts]
+    names = set.intersection(*(set(columns) for columns in found.right))
+    right = {name: np.concatenate([columns[name] for columns in found.right]) for name in names}
+    if not found.complete:
+        return Doubts(sentences, ())
+    told = {doubt.column for doubt in found.doubts}
+    jumps = [sentence for columns in runs for sentence in _jumps(columns)]
+    sentences += jumps[:1]
+    sentences += _any_wheelbase(found.steer) if wheelbase is None else []
+    sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, found.windows, told)
+    return Doubts(sentences, found.unchecked)
+
+
+def doubts_of(
+    parts: Sequence[tuple[str, Mapping[str, Array]]], period: float, mapping: RecorderMapping
+) -> tuple[Doubts, dict[str, list[str]]]:
+    """What looks wrong in all recordings together, and by recording: what only some of them have is said of these.
+
+    Args:
+        parts: of each run the name of its recording, and its columns; period: time between rows [s].
+    """
+    stated = {key: signal.unit for key, signal in mapping.signals.items() if key not in mapping.formulas}
+    stated |= {"v": stated["vx"]} if "vx" in stated and "v" not in stated else {}
+    made = {"x", "y", "psi"} <= set(mapping.signals)
+    derived = [*mapping.derive, "x", "y", "psi"] if made else []
+    derived = [name for name in derived if name in ("x", "y", "psi") or name not in mapping.signals]
+
+    def asked(runs: Sequence[Mapping[str, Array]]) -> Doubts:
+        return recording_doubts(runs, period, mapping.wheelbase, stated, derived)
+
+    together = asked([columns for _, columns in parts])
+    labels = list(dict.fromkeys(label for label, _ in parts))
+    if len(labels) == 1:
+        return together, {labels[0]: together.sentences}
+    alone = {label: asked([columns for other, columns in parts if other == label]).sentences for label in labels}
+    odd = [label for label in labels if {_cause(said) for said in alone[label]} - {*map(_cause, together.sentences)}]
+    if len(odd) < len(labels) and odd:
+        shared = [{*map(_cause, alone[label])} for label in labels]
+        common = [said for said in together.sentences if all(_cause(said) in causes for causes in shared)]
+        return together, {label: common + [said for said in alone[label] if _cause(said) not in {*map(_cause, common)}]
+                          for label in labels}  # fmt: skip
+    return together, dict.fromkeys(labels, together.sentences)
+
+
+def _cause(sentence: str) -> str:
+    """A sentence without its numbers."""
+    return re.sub(r"[-+]?[0-9][0-9.e+-]*", "", sentence.split("(")[0])
+
+
+def _any_wheelbase(steer: float) -> list[str]:
+    """Of steering that fits no vehicle's wheelbase; steer: the one that it fits [m]."""
+    if WHEELBASES[0] < steer < WHEELBASES[1]:
         return []
-    length = 0.5 * (wheelbase or 1.0)
-    car = dataclasses.replace(VehicleParameters(), front_axle_distance=length, rear_axle_distance=length)
-    kinds = {name: kind for name, kind in KINDS.items() if name != "drive"}
-    if wheelbase is None:  # of steering then only the sign is judged
-        kinds["steer"] = dataclasses.replace(kinds["steer"], tolerance=math.inf)
-    found, windows = contradictions(
-        windows_of_columns(columns, period), lambda w: relations(w, car, kinds), mistakes(None)
-    )
-    sentences = [f"{doubt.sentence}." for doubt in found]
-    factors = {doubt.column: doubt.factor or 1.0 for doubt in found if doubt.column is not None}
-    right = {name: values / factors.get(name, 1.0) for name, values in columns.items()}
-    sentences += _jumps(columns)
-    sentences += _scales(relations(windows, car, kinds), wheelbase)
-    sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, windows)
-    return sentences or _clocks(right, period)
+    unit = "degrees, or like the steering wheel's angle" if steer > 1.0 else "another unit"
+    return [
+        f"column delta_cmd looks like {unit}: speed and yaw rate fit a wheelbase of {steer:.3g} m; give the "
+        "wheelbase in the mapping for more."
+    ]
 
 
 def _jumps(columns: Mapping[str, Array]) -> list[str]:
@@ -67,23 +124,6 @@ def _jumps(columns: Mapping[str, Array]) -> list[str]:
         f"heading jumps by {steps[worst]:.3g} rad from one row to the next (row {worst + 1}): "
         "wrapped at other than a full turn, or a frame lost?"
     ]
-
-
-def _scales(found: list[Relation], wheelbase: float | None) -> list[str]:
-    """Of ratios that are off by no known mistake."""
-    sentences = [
-        f"{at.kind.says} is {at.size:.3g}: check the unit or scale of column {next(iter(at.kind.powers))}."
-        for at in found
-        if at.name in SCALED and abs(math.log(at.size)) > SCALE
-    ]
-    steer = next((at.size for at in found if at.name == "steer"), 1.0)
-    if wheelbase is None and not WHEELBASES[0] < steer < WHEELBASES[1]:
-        unit = "degrees, or like the steering wheel's angle" if steer > 1.0 else "another unit"
-        sentences.append(
-            f"column delta_cmd looks like {unit}: speed and yaw rate fit a wheelbase of {steer:.3g} m; give the "
-            "wheelbase in the mapping for more."
-        )
-    return sentences
 
 
 def _directions(columns: Mapping[str, Array], rows: int) -> list[str]:
@@ -104,15 +144,17 @@ def _directions(columns: Mapping[str, Array], rows: int) -> list[str]:
             )
     if slip is not None and _likeness(uniform_filter1d(beta, rows), uniform_filter1d(slip, rows)) < -LIKENESS:
         sentences.append("column beta looks mirrored: it is heading minus course, or of another axis convention.")
-    if float(np.median(np.abs(beta))) > SIDEWAYS:
+    turned = float(np.angle(np.mean(np.exp(1j * beta))))
+    about = float(np.mean(np.abs(np.angle(np.exp(1j * (beta - turned)))) < TURNED))
+    if abs(turned) > SIDEWAYS and about > MOST_TURNED:
         sentences.append(
-            f"the vehicle moves {math.degrees(float(np.median(beta))):.0f} deg off its heading most of the time: "
+            f"the vehicle moves {math.degrees(turned):.0f} deg off its heading most of the time: "
             "another zero of the heading (north or east), or vx and vy exchanged?"
         )
     return sentences
 
 
-def _accelerometer(columns: Mapping[str, Array], w: Windows) -> list[str]:
+def _accelerometer(columns: Mapping[str, Array], w: Windows, told: set[str | None]) -> list[str]:
     """Of gravity in the accelerations, and of an axis that points down."""
     sentences = []
     beta, swing = np.nan_to_num(w.beta), np.nan_to_num(w.swing)
@@ -124,10 +166,7 @@ def _accelerometer(columns: Mapping[str, Array], w: Windows) -> list[str]:
     for name, motion in expected.items():
         read = getattr(w, name)
         rest = float(np.mean(read - motion)) if len(motion) else 0.0
-        size = float(np.std(read) / max(np.std(motion), 1e-9)) if _likeness(read, motion) > LIKENESS else 1.0
-        if abs(math.log(size)) > SCALE:
-            sentences.append(f"column {name} is {size:.3g} times the change of velocity: check its unit or scale.")
-        elif abs(rest) > TILT:
+        if name not in told and abs(rest) > TILT:
             sentences.append(
                 f"column {name} reads {rest:+.2g} m/s^2 besides the change of velocity: "
                 "gravity on a tilted sensor or a slope, or a bias?"
@@ -145,29 +184,3 @@ def _likeness(a: Array, b: Array) -> float:
     if len(a) < 2 or not np.isfinite(a).all() or min(np.ptp(a), np.ptp(b)) < 1e-9:
         return 0.0
     return float(np.corrcoef(a, b)[0, 1])
-
-
-def _clocks(columns: Mapping[str, Array], period: float) -> list[str]:
-    """Whether the yaw rate follows the steering as late as a car's does."""
-    if "delta_cmd" not in columns:
-        return []
-    grip = np.abs(columns.get("beta", np.zeros_like(columns["r"]))) < GRIP
-    turned, steered = (uniform_filter1d(z, max(round(WINDOW / period), 1))
-                       for z in (columns["r"], columns["delta_cmd"] * columns["v"]))  # fmt: skip
-    if np.count_nonzero(grip) < FEWEST or _likeness(turned[grip], steered[grip]) < LIKENESS:
-        return []
-    t = np.asarray(np.arange(len(turned)) * period, dtype=float)
-    # Slow changes tell little of a time, and an understeering car's follow the steering's with another shape.
-    turned, steered = (z - uniform_filter1d(z, round(TREND / period)) for z in (turned, steered))
-    try:
-        found = estimate_offset(t[grip][::THINNED], turned[grip][::THINNED], t, steered, 0.0, SEARCH)
-    except ValueError:
-        return []
-    lead = -found.offset
-    if found.correlation < ALIKE:
-        return []
-    if lead - 3.0 * found.std > LEAD:
-        return [f"commands lead the motion by {lead:.2g} s (+- {found.std:.1g} s): clocks not aligned?"]
-    if lead + 3.0 * found.std < -LAG:
-        return [f"the motion leads its commands by {-lead:.2g} s (+- {found.std:.1g} s): clocks not aligned?"]
-    return []

@@ -16,6 +16,8 @@ from drift_drake.run_folder import write_json
 from drift_drake.safe_files import alone_in, try_outputs, write_table, writing_together
 from drift_drake.standard_output import said_to, write_results, write_text
 
+MOST_NAMED = 4  # runs that a remark names
+
 if TYPE_CHECKING:
     from drift_drake.logs.importing.importer import ImportReport
 
@@ -160,5 +162,15 @@ def summary(report: "ImportReport") -> str:
     for remark in report.remarks:
         name, sentence = remark.split(": ", 1)
         where.setdefault(sentence, []).append(name)
-    lines += [f"! {sentence} ({', '.join(names)})" for sentence, names in where.items()]
-    return "\n".join(lines if where else [*lines, "Signs and units: nothing looks wrong."])
+    lines += [f"! {sentence} ({_names(names)})" for sentence, names in where.items()]
+    if not report.unchecked:
+        return "\n".join(lines if where else [*lines, "Signs and units: nothing looks wrong."])
+    verb = "is" if len(report.unchecked) == 1 else "are"
+    blind = f"no other column tells whether {', '.join(report.unchecked)} {verb} right"
+    return "\n".join([*lines, f"Signs and units: {'' if where else 'nothing else looks wrong; '}{blind}."])
+
+
+def _names(names: list[str]) -> str:
+    """Of runs, at most a few."""
+    few = ", ".join(names[:MOST_NAMED])
+    return few if len(names) <= MOST_NAMED else f"{few} and {len(names) - MOST_NAMED} more"

@@ -9,12 +9,12 @@ import numpy as np
 
 from drift_drake.arrays import Array
 from drift_drake.logs.driving import spans
-from drift_drake.logs.importing.checks import column_doubts
+from drift_drake.logs.importing.checks import doubts_of
+from drift_drake.logs.importing.clock_doubts import clock_doubts
 from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
-from drift_drake.logs.importing.position import course_doubts
 from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (
@@ -27,6 +27,8 @@ from drift_drake.logs.importing.stretches import (
     reversing_sentence,
     stretch_of,
 )
+from drift_drake.logs.noise import without_jumps
+from drift_drake.logs.screening.repeated import without_repeated
 from drift_drake.logs.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 
 PERIOD = 0.01  # [s] of the log
@@ -56,13 +58,15 @@ class RunReport:
 class ImportReport:
     """What was estimated on the way: offsets of clocks by recording, and each run's report.
 
-    remarks: all sentences on what looks wrong, each with the name of its run or recording.
+    remarks: all sentences on what looks wrong, each with the name of its run or recording; unchecked: columns of which
+    no other one tells whether they are right.
     """
 
     recorder: str
     clocks: dict[str, dict[str, ClockReport]]
     runs: list[RunReport]
     remarks: list[str]
+    unchecked: tuple[str, ...] = ()
 
 
 def import_recordings(
@@ -80,49 +84,80 @@ def import_recordings(
     """
     if not paths:
         raise InvalidRecordingError("no recordings; give some files")
-    runs: list[Run] = []
-    reports: list[RunReport] = []
+    pieces: list[Piece] = []
     clocks: dict[str, dict[str, ClockReport]] = {}
     remarks: list[str] = []
     for path in paths:
         recording = read_recording(path, mapping, databases)
-        first = recording.clocks[mapping.first_clock]
-        stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
-        offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
-        rows = [_rows(recording, stretch, offsets, mapping, start, end) for stretch in stretches]
-        kept = [(stretch, t) for stretch, t in zip(stretches, rows, strict=True) if len(t) >= SHORTEST_RUN]
-        if not kept:
-            asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
-            raise InvalidRecordingError(
-                f"{path}: holds no {SHORTEST_RUN} rows of motion{asked} without a gap; leave it out, or change "
-                "'moving', start or end"
-            )
         label = recording.name if recording.name not in clocks else f"{recording.name}_{len(clocks)}"
-        clocks[label] = offsets
-        remarks += [f"{label}: {sentence}" for sentence in recording.remarks + wrong + _slow_columns(recording)]
-        noise = _noise_of_other_clocks(recording, mapping)
-        parts = []
-        for stretch, t in kept:
-            columns = _columns(recording, stretch, t, offsets, mapping)
-            backwards = reversing_rows(columns, PERIOD)
-            remarks += [f"{label}: {sentence}" for sentence in reversing_sentence(t, spans(backwards))]
-            forwards = [slice(a, b) for a, b in spans(~backwards) if b - a >= SHORTEST_RUN]
-            parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]
-        if not parts:
-            raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of forward driving; leave it out")
-        for number, (stretch, columns) in enumerate(parts):
-            name = label if len(parts) == 1 else f"{label}_{number}"
-            try:
-                run, sentences = _run(name, columns, mapping)
-            except InvalidLogError as error:
-                raise InvalidRecordingError(f"{path}: {error}") from None
-            runs.append(run)
-            std = stretch.std | {key: value for key, value in noise.items() if key in COLUMNS}
-            start_s, end_s = float(run.t[0]), float(run.t[-1])
-            reports.append(RunReport(name, label, start_s, end_s, len(run), stretch.noise | noise, std,
-                                     stretch.bandwidth, sentences))  # fmt: skip
-            remarks += [f"{name}: {sentence}" for sentence in sentences]
-    return runs, ImportReport(mapping.recorder, clocks, reports, remarks)
+        found, clocks[label], sentences = _pieces(Path(path), label, recording, mapping, start, end)
+        pieces += found
+        remarks += [f"{label}: {sentence}" for sentence in sentences]
+    doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in pieces], PERIOD, mapping)
+    for piece in pieces:
+        wrong[piece.label] += [
+            doubt for doubt in course_doubts(piece.columns, PERIOD) if doubt not in wrong[piece.label]
+        ]
+    runs = [_run(piece, mapping, wrong[piece.label]) for piece in pieces]
+    once, same = without_repeated(runs)
+    pieces = [piece for piece, run in zip(pieces, runs, strict=True) if any(run is other for other in once)]
+    reports = [_report(piece, run, wrong[piece.label]) for piece, run in zip(pieces, once, strict=True)]
+    remarks += [f"{report.name}: {sentence}" for report in reports for sentence in report.remarks]
+    remarks += [f"{', '.join(clocks)}: {sentence}" for sentence in same]
+    return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked)
+
+
+@dataclasses.dataclass(frozen=True)
+class Piece:
+    """A part of a recording that is a run, before it is one. noise: of one reading (SI), of other clocks' signals."""
+
+    path: Path
+    name: str
+    label: str  # of its recording
+    stretch: Stretch
+    noise: dict[str, float]
+    columns: dict[str, Array]
+
+
+def _pieces(
+    path: Path, label: str, recording: Recording, mapping: RecorderMapping, start: float, end: float
+) -> tuple[list[Piece], dict[str, ClockReport], list[str]]:
+    """The forward driving of a recording, the offsets of its clocks, and sentences on it.
+
+    Raises:
+        InvalidRecordingError: there is too little.
+    """
+    first = recording.clocks[mapping.first_clock]
+    clock = mapping.clocks[mapping.first_clock]
+    doubted = clock_doubts(clock.column, first.t, clock.unit)
+    stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
+    offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
+    rows = [_rows(recording, stretch, offsets, mapping, start, end) for stretch in stretches]
+    kept = [(stretch, t) for stretch, t in zip(stretches, rows, strict=True) if len(t) >= SHORTEST_RUN]
+    if not kept:
+        if doubted:
+            raise InvalidRecordingError(f"{path}: {doubted[0]}")
+        asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
+        raise InvalidRecordingError(
+            f"{path}: holds no {SHORTEST_RUN} rows of motion{asked} without a gap; leave it out, or change "
+            "'moving', start or end"
+        )
+    noise = _noise_of_other_clocks(recording, mapping)
+    parts, back, times = [], [], []
+    for stretch, t in kept:
+        columns = _columns(recording, stretch, t, offsets, mapping)
+        backwards = reversing_rows(columns, PERIOD)
+        back.append(backwards)
+        times.append(t)
+        forwards = [slice(a, b) for a, b in spans(~backwards) if b - a >= SHORTEST_RUN]
+        parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]
+    if not parts:
+        raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of forward driving; leave it out")
+    names = [label if len(parts) == 1 else f"{label}_{number}" for number in range(len(parts))]
+    pieces = [Piece(path, name, label, stretch, noise, columns)
+              for name, (stretch, columns) in zip(names, parts, strict=True)]  # fmt: skip
+    reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)))
+    return pieces, offsets, [*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_]
 
 
 def _rows(
@@ -171,15 +206,24 @@ def resample(rows: Array, t: Array, values: Array, between: str = "linear") -> A
     return np.asarray(np.interp(rows, t, values))
 
 
-def _run(name: str, columns: dict[str, Array], mapping: RecorderMapping) -> tuple[Run, list[str]]:
-    """One run, and what looks wrong in it."""
-    sentences = column_doubts(columns, PERIOD, mapping.wheelbase) + course_doubts(columns, PERIOD)
+def _run(piece: Piece, mapping: RecorderMapping, sentences: Sequence[str]) -> Run:
+    """One run; sentences: on what looks wrong in its recording.
+
+    Raises:
+        InvalidRecordingError: no car's log may look like that.
+    """
     try:
-        present = {key: columns[key] for key in COLUMNS if key in columns}
-        run = Run(name=name, trusted=mapping.trust, recording="", **present)
+        present = {key: piece.columns[key] for key in COLUMNS if key in piece.columns}
+        return Run(name=piece.name, trusted=mapping.trust, recording="", **present)
     except InvalidLogError as error:
-        raise InvalidLogError(" ".join([f"{error}.", *sentences]).removesuffix(".")) from None
-    return run, sentences
+        said = " ".join([f"{error}.", *sentences]).removesuffix(".")
+        raise InvalidRecordingError(f"{piece.path}: {said}") from None
+
+
+def _report(piece: Piece, run: Run, sentences: list[str]) -> RunReport:
+    std = piece.stretch.std | {key: value for key, value in piece.noise.items() if key in COLUMNS}
+    return RunReport(piece.name, piece.label, float(run.t[0]), float(run.t[-1]), len(run),
+                     piece.stretch.noise | piece.noise, std, piece.stretch.bandwidth, sentences)  # fmt: skip
 
 
 def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> dict[str, float]:
@@ -189,7 +233,7 @@ def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> di
         if signal.clock != mapping.first_clock and name in MEASURED:
             t, values = recording.clocks[signal.clock].seen(name)
             if len(t) >= SHORTEST:
-                noise[name] = smooth(t, values).noise
+                noise[name] = smooth(t, without_jumps(values)).noise
     return noise
 
 

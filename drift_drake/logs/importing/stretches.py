@@ -15,6 +15,7 @@ from drift_drake.logs.importing.position import path_motion
 from drift_drake.logs.importing.recording import Readings
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.units import PlanarMotion, at_centre_of_gravity, to_body
+from drift_drake.logs.noise import without_jumps
 
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
@@ -73,7 +74,7 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
     noise, std, bandwidth = {}, {}, {}
     for name in MEASURED:
         if name in signals:
-            noise[name] = std[name] = smooth(t, signals[name]).noise
+            noise[name] = std[name] = smooth(t, without_jumps(signals[name])).noise
     if {"x", "y", "psi"} <= set(signals):
         captured = captured_motion(
             t, signals["x"], signals["y"], signals["psi"], mapping.measured_point, mapping.bandwidth

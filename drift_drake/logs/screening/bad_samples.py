@@ -1,4 +1,4 @@
-"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, and rows that are frozen."""
+"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, and frozen rows."""
 
 from collections.abc import Sequence
 
@@ -18,6 +18,7 @@ STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a smal
 PASSES = 10  # a large spike hides smaller ones beside it
 # Of frozen rows.
 SHORTEST = 5  # rows
+LONGEST_HOLD = 0.5  # [s] that any sensor holds a reading for: longer stretches are no yardstick of its usual hold
 BEYOND_HOLD = 3.0  # times as long as the channel usually holds a reading
 FINE = 0.1  # of the usual change from reading to reading, below which its resolution explains no repetition
 MOVES = 0.1  # of the usual change, from which a channel moves before and after
@@ -102,7 +103,7 @@ def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> 
     return np.min(apart, axis=1) - half_range, half_range
 
 
-def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[int, int]]:
+def frozen(values: np.ndarray, v: np.ndarray, resolution: float, period: float = 0.01) -> list[tuple[int, int]]:
     """Spans of rows (start, stop) in which the signal [n] repeats one value although it should have changed.
 
     Slow sensors hold each reading for some rows, and coarse ones repeat readings while the car hardly moves: a stretch
@@ -111,7 +112,8 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     jumped by many steps when it ends.
 
     Args:
-        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`).
+        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`);
+        period: time between rows [s].
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
     lengths = np.diff(edges)
@@ -120,7 +122,8 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
     readings = values[edges[:-1]]
     changes = np.abs(np.diff(readings))
     usual = float(np.median(changes))
-    hold = _weighted_median(lengths)
+    short = lengths[lengths * period <= LONGEST_HOLD]
+    hold = _weighted_median(short if len(short) else lengths)
     fine = resolution < FINE * usual and not _interpolated(values)
     standing = STANDING * float(np.quantile(v, 0.95))
     found = []
@@ -134,7 +137,7 @@ def frozen(values: np.ndarray, v: np.ndarray, resolution: float) -> list[tuple[i
             moved = [float(np.mean(part)) for part in (before, after) if len(part)]
             least = MOVES if len(moved) == 2 else STOPS
             # A channel that is zero up to its first change, or from its last on, may have nothing to tell.
-            idle = len(moved) < 2 and values[start] == 0.0
+            idle = len(moved) < 2 and values[start] == 0.0 and jump < JUMP
             reported = not idle and all(m >= least * usual for m in moved)
         else:
             reported = jump >= JUMP

@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.stats import spearmanr, theilslopes
 
+from drift_drake.logs.screening.averaging import averaging
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
 
-WINDOW = 0.6  # [s]
-PART = 0.08  # [s] at either end over which readings are averaged, and over which a course is taken
 MOVING = 0.15  # of a run's high speeds, below which headings and ratios of speeds mean nothing
 HALF_TURN_DEGREES = 180.0
 # What a column's factor scales; positions and the clock scale rates alone.
@@ -87,24 +86,12 @@ def windows_of(runs: Sequence[Run]) -> Windows:
 def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, index: int = 0) -> Windows:
     """Windows through columns of the log format [rows], which may lack all but `v`, of the run of that index."""
     rows = len(np.asarray(columns["v"]))
-    width, part = max(round(WINDOW / period), 8), max(round(PART / period), 2)
-    starts = np.arange(0, rows - width, width // 2)
-    length = width * period
+    over = averaging(rows, period)
+    starts, width, part, length = over.starts, over.width, over.part, over.length
 
     def column(name: str) -> np.ndarray:
         values = columns.get(name)
         return np.full(rows, np.nan) if values is None else np.asarray(values, dtype=float)
-
-    def change(values: np.ndarray) -> np.ndarray:
-        """From the mean of the first rows to that of the last, per second."""
-        sums = np.concatenate([[0.0], np.cumsum(values)])
-        first = (sums[starts + part] - sums[starts]) / part
-        last = (sums[starts + width] - sums[starts + width - part]) / part
-        return (last - first) / (length - part * period)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        """Weighted as the change of its integral is."""
-        return change(np.cumsum(values) * period)
 
     x, y, v = column("x"), column("y"), column("v")
     ends = [starts, starts + part, starts + width - part, starts + width]
@@ -113,17 +100,18 @@ def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, 
     turned = np.angle(np.exp(1j * (last_course - first_course)))
     steps = [np.append(np.arange(start, start + width, part), start + width) for start in starts]
     path = [sum(np.hypot(x[b] - x[a], y[b] - y[a]) for a, b in itertools.pairwise(rows)) for rows in steps]
+    mean, change = over.mean, over.change
     speed = mean(v)
     found = Windows(
         run=np.full(len(starts), index),
         r=mean(column("r")),
-        turning=change(_continuous(column("psi"))),
+        turning=change(continuous(column("psi"))),
         course=turned / (length - part * period),
         moved=np.array(path, dtype=float) / length,
         v=speed,
         gain=change(v),
         beta=mean(column("beta")),
-        swing=change(_continuous(column("beta"))),
+        swing=change(continuous(column("beta"))),
         omega_r=mean(column("omega_r")),
         rim_gain=change(column("omega_r")),
         ax=mean(column("ax")),
@@ -134,7 +122,7 @@ def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, 
     return found.where(speed > MOVING * float(np.quantile(v, 0.9)))
 
 
-def _continuous(angle: np.ndarray) -> np.ndarray:
+def continuous(angle: np.ndarray) -> np.ndarray:
     """An angle [n] without the jumps of wrapping, by a full turn in radians or in degrees."""
     reach = float(np.max(np.abs(angle)))
     if not np.isfinite(reach):

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from drift_drake.logs.driving import in_spans
-from drift_drake.logs.noise import coarse, noise_of, step, white_noise_level
+from drift_drake.logs.noise import coarse, noise_of, step, white_noise_level, wrap_size
 from drift_drake.logs.screening.bad_samples import filled, frozen, spikes
-from drift_drake.logs.table import OPTIONAL, UNITS, Run
+from drift_drake.logs.screening.dead import dead_columns
+from drift_drake.logs.table import COLUMNS, OPTIONAL, UNITS, Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
 ANGLES = ("psi", "beta")  # that may be wrapped
@@ -32,12 +33,14 @@ class BadRows:
 class Screened:
     """A run whose bad samples are filled by interpolation, with a list of them.
 
-    noise_floor: standard deviation [the column's unit] that coarse rounding alone makes, by column.
+    noise_floor: standard deviation [the column's unit] that coarse rounding alone makes, by column. dead: columns that
+    no run can do without and that stand still; others are left out.
     """
 
     run: Run
     bad: tuple[BadRows, ...]
     noise_floor: Mapping[str, float]
+    dead: tuple[str, ...] = ()
 
     def mask(self, beyond: float = 0.0) -> np.ndarray:
         """Rows [rows] (bool) in which a column is filled, not measured, for more than so many rows."""
@@ -53,6 +56,7 @@ def screened(runs: Sequence[Run]) -> tuple[list[Screened], list[str]]:
 
 def screen(run: Run) -> tuple[Screened, list[str]]:
     """One run without its bad samples, and sentences on them."""
+    run, dead, dead_sentences = _without_dead(run)
     bad: list[BadRows] = []
     floor: dict[str, float] = {}
     corrected: dict[str, Any] = {}
@@ -62,9 +66,16 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
         raw = run.column(name)
         if raw is None:
             continue
-        values = np.unwrap(raw) if name in ANGLES else raw
+        if name in dead:
+            continue
+        wrap = None if name in ANGLES else wrap_size(raw)
+        values = np.unwrap(raw) if name in ANGLES else raw if wrap is None else np.unwrap(raw, period=wrap)
+        if wrap is not None:
+            corrected[name] = raw = values
+            sentences.append(f"{run.name}: {name} jumps by {wrap:.4g} {UNITS[name]} over and over, as a recorder's "
+                             "number that has left its range: taken as if it went on")  # fmt: skip
         size = step(values)
-        held, found = _bad_spans(values, run.v, size)
+        held, found = _bad_spans(values, run.v, size, run.period)
         for span in held:
             stretches.setdefault(span, []).append(name)
         parts = [BadRows(name, "frozen", *span) for span in held] + [BadRows(name, "spike", *span) for span in found]
@@ -78,18 +89,27 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
                 f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse beside its noise: its noise is "
                 f"at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
-    sentences = _frozen_sentences(run, stretches) + sentences
+    sentences = dead_sentences + _frozen_sentences(run, stretches) + sentences
     clean = dataclasses.replace(run, **corrected) if corrected else run
-    return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor), sentences
+    return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor, dead), sentences
 
 
-def _bad_spans(values: np.ndarray, v: np.ndarray, size: float) -> tuple[list[Span], list[Span]]:
+def _without_dead(run: Run) -> tuple[Run, tuple[str, ...], list[str]]:
+    """The run without dead columns, those that it needs, and sentences on all."""
+    found = dead_columns([{name: run.column(name) for name in COLUMNS}], [run.period])
+    found = {name: sentence for name, sentence in found.items() if name in MEASURED}
+    needed = tuple(name for name in found if name not in OPTIONAL)
+    left_out = set(found) - set(needed)
+    return run.without(*left_out) if left_out else run, needed, [f"{run.name}: {said}" for said in found.values()]
+
+
+def _bad_spans(values: np.ndarray, v: np.ndarray, size: float, period: float) -> tuple[list[Span], list[Span]]:
     """Frozen stretches and spikes of one column; what is both is frozen."""
-    held = frozen(values, v, size)
+    held = frozen(values, v, size, period)
     found = [span for span in spikes(values, size) if not _overlaps(span, held)]
     if found:
         # A spike beside readings that repeat looks like the jump at a frozen stretch's end.
-        still = frozen(filled(values, found), v, size)
+        still = frozen(filled(values, found), v, size, period)
         held = [span for span in held if _overlaps(span, still)]
     return held, found
 
@@ -144,20 +164,25 @@ class RunQuality:
     reached: dict[str, float]
 
 
-def quality(runs: Sequence[Run]) -> tuple[list[RunQuality], list[str]]:
-    """Each run's quality, and sentences on bad samples."""
-    clean, sentences = screened(runs)
+def quality(runs: Sequence[Run], clean: Sequence[Screened]) -> list[RunQuality]:
+    """Each run's quality; clean: the runs, screened."""
     found = []
     for run, one in zip(runs, clean, strict=True):
         bad: dict[str, int] = {}
         for part in one.bad:
             bad[part.column] = bad.get(part.column, 0) + part.stop - part.start
         columns = {name: values for name in MEASURED if (values := one.run.column(name)) is not None}
-        noise = {name: white_noise_level(values) for name, values in columns.items() if name not in ("x", "y", "psi")}
+        noise = {name: _noise(one, name, values) for name, values in columns.items() if name not in ("x", "y", "psi")}
         missing = [name for name in OPTIONAL if run.column(name) is None]
         length = len(run) * run.period
         found.append(RunQuality(run.name, length, 1.0 / run.period, missing, noise, bad, reached(one.run)))
-    return found, sentences
+    return found
+
+
+def _noise(one: Screened, name: str, values: np.ndarray) -> float:
+    """White noise of a column where it is measured; the steps of its numbers make at least some."""
+    bad = in_spans([(part.start, part.stop) for part in one.bad if part.column == name], len(values))
+    return max(white_noise_level(np.asarray(values)[~bad]), one.noise_floor.get(name, 0.0))
 
 
 def reached(run: Run) -> dict[str, float]:

@@ -7,9 +7,10 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from drift_drake.benchmarks.compiled_cases import NOISE
-from drift_drake.logs.noise import coarse, noise_of, step
+from drift_drake.logs.importing.smoothing import smooth
+from drift_drake.logs.noise import coarse, noise_of, step, white_noise_level, without_jumps
 from drift_drake.logs.screening.bad_samples import frozen, spikes
-from drift_drake.logs.screening.screened import MEASURED, screen, screened
+from drift_drake.logs.screening.screened import MEASURED, quality, screen, screened
 
 ROWS = 1200
 T = np.arange(ROWS) * 0.01
@@ -60,6 +61,58 @@ def test_frozen_rows_are_found_told_and_filled(case, column, rows):
     ]
     assert f"{column} is frozen from 3.00 to {run.t[299 + rows]:.2f} s ({rows} rows" in sentences[0]
     assert np.ptp(one.run.column(column)[300 : 300 + rows]) > 0.0 or run.column(column)[299] == bad.column(column)[300]
+
+
+@pytest.mark.parametrize("share", [0.45, 0.5, 0.7, 0.95])
+@pytest.mark.parametrize("column", ["r", "v", "ay"])
+@pytest.mark.parametrize("place", ["first", "last", "middle"])
+def test_a_sensor_that_freezes_for_most_of_a_run_is_no_yardstick_of_itself(case, column, share, place):
+    """Its noise is that of the rows that are measured."""
+    run = case[0]
+    rows = round(share * len(run))
+    start = {"first": 0, "last": len(run) - rows, "middle": (len(run) - rows) // 2}[place]
+    one, sentences = screen(changed(run, column, start, start + rows, run.column(column)[start]))
+    assert [(part.column, part.kind) for part in one.bad] == [(column, "frozen")]
+    assert abs(one.bad[0].stop - one.bad[0].start - rows) <= 2
+    assert len(sentences) == 1
+    (found,) = quality([run], [one])
+    assert found.noise[column] > 0.5 * NOISE[column]
+
+
+def test_a_sensor_that_falls_to_zero_is_found(case):
+    one, _ = screen(changed(case[0], "v", 500, len(case[0]), 0.0))
+    assert [(part.kind, part.start, part.stop) for part in one.bad] == [("frozen", 500, len(case[0]))]
+
+
+@pytest.mark.parametrize("column", ["beta", "ay", "psi"])
+def test_a_column_that_is_dead_is_left_out(case, column):
+    one, sentences = screen(changed(case[0], column, 0, len(case[0]), 0.0))
+    assert one.run.column(column) is None
+    assert f"column {column} is dead: 0 in all rows though" in sentences[0]
+    dead, sentences = screen(changed(case[0], "r", 0, len(case[0]), 0.0))
+    assert dead.dead == ("r",)
+    assert "column r is dead" in sentences[0]
+
+
+def test_a_yaw_rate_that_wraps_is_continued(case):
+    run = case[0]
+    reach = 1.2 * float(np.max(np.abs(run.r)))
+    wrapped = (2.0 * run.r + reach) % (2.0 * reach) - reach
+    one, sentences = screen(dataclasses.replace(run, r=wrapped))
+    np.testing.assert_allclose(one.run.r, 2.0 * run.r, atol=0.05)
+    assert "over and over" in sentences[0]
+    assert white_noise_level(without_jumps(wrapped)) == pytest.approx(2.0 * NOISE["r"], rel=0.2)
+
+
+def test_noise_is_that_between_spikes():
+    """Of a yaw rate that is the difference of a wrapped heading: single rows of hundreds of rad/s."""
+    rng = np.random.default_rng(0)
+    r = 0.5 * np.sin(T) + 0.01 * rng.standard_normal(ROWS)
+    r[[100, 700, 900]] -= 2.0 * np.pi / 0.01
+    cleaned = without_jumps(r)
+    assert np.isnan(cleaned[[100, 700, 900]]).all()
+    assert smooth(T, cleaned).noise == pytest.approx(0.01, rel=0.2)
+    np.testing.assert_array_equal(without_jumps(np.delete(r, [100, 700, 900])), np.delete(r, [100, 700, 900]))
 
 
 def test_columns_that_freeze_together_are_told_in_one_sentence(case):

@@ -9,7 +9,8 @@ from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.log_mutations import unit_mistakes, with_factors
 from drift_drake.benchmarks.truths import Truth
 from drift_drake.logs.screening.relations import Windows, relations
-from drift_drake.logs.screening.suspicions import DEGREES, suspicions
+from drift_drake.logs.screening.suspicions import suspicions
+from drift_drake.logs.screening.unit_mistakes import DEGREES
 from drift_drake.logs.table import InvalidLogError
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -1,0 +1,145 @@
+"""The gain between two signals that should be equal, as an interval that holds whatever the noise of either.
+
+The regression of one signal on the other gives a gain that the other's noise makes too small; the regression the other
+way round, one that is too large. The true gain lies between the two (Frisch's bounds), each with its standard error
+from blocks of neighbouring windows, so that coloured noise and unmodelled motion widen the interval.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+ERRORS = 1e-4  # chance that one side of an interval misses: many relations of many logs are asked
+FEWEST_BLOCKS = 6
+TRIMMED = 4.0  # robust standard deviations of a residual, beyond which a window is left out
+TRIMS = 3  # passes
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """What a number is, between two others that it hardly lies outside of."""
+
+    low: float
+    middle: float
+    high: float
+
+    def beyond(self, value: float, margin: float) -> bool:
+        """Whether it differs from the value by more than the margin, for certain."""
+        return self.low > value + margin or self.high < value - margin
+
+    def over(self, other: float) -> "Interval":
+        """Divided by a number."""
+        ends = sorted((self.low / other, self.high / other))
+        return Interval(ends[0], self.middle / other, ends[1])
+
+
+def gain(
+    measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks: np.ndarray, least: float = 0.6
+) -> Interval | None:
+    """The factor on `expected` that gives `measured`, beside a constant and the nuisances; None where too unlike.
+
+    Args:
+        measured, expected: [windows]; others: nuisances [windows, n]; blocks: label of each window's block [windows];
+            least: correlation of what the nuisances leave of both, below which nothing is told.
+    """
+    design = np.column_stack([np.ones(len(measured)), others])
+    kept = np.isfinite(measured) & np.isfinite(expected) & np.isfinite(design).all(axis=1)
+    for _ in range(TRIMS):
+        parts = _rest(design[kept], measured[kept]), _rest(design[kept], expected[kept])
+        if not _enough(blocks[kept], design.shape[1] + 1) or min(np.ptp(part) for part in parts) < 1e-12:
+            return None
+        m, e = parts
+        rest = m - (e @ m) / (e @ e) * e
+        spread = float(np.median(np.abs(rest))) / 0.6745
+        good = np.abs(rest) <= TRIMMED * max(spread, 1e-12)
+        if good.all():
+            break
+        kept[np.flatnonzero(kept)[~good]] = False
+    m, e = _rest(design[kept], measured[kept]), _rest(design[kept], expected[kept])
+    likeness = float(m @ e / np.sqrt((m @ m) * (e @ e)))
+    if likeness < least:
+        return None
+    count, used = blocks[kept], design.shape[1] + 1
+    low, low_std = _slope(m, e, count, used)
+    back, back_std = _slope(e, m, count, used)
+    wide = _quantile(count, used)
+    at_most = back - wide * back_std
+    if at_most <= 0.0:
+        return None
+    return Interval(low - wide * low_std, float(np.sqrt(low / back)), 1.0 / at_most)
+
+
+def mean(values: np.ndarray, blocks: np.ndarray) -> Interval | None:
+    """The mean of values [windows], without the few that lie far off."""
+    kept = np.isfinite(values)
+    values, blocks = values[kept], blocks[kept]
+    if not _enough(blocks, 1):
+        return None
+    middle = float(np.median(values))
+    spread = float(np.median(np.abs(values - middle))) / 0.6745
+    good = np.abs(values - middle) <= TRIMMED * max(spread, 1e-12)
+    values, blocks = values[good], blocks[good]
+    if not _enough(blocks, 1):
+        return None
+    middle = float(np.mean(values))
+    scores = np.bincount(np.unique(blocks, return_inverse=True)[1], weights=values - middle)
+    std = float(np.sqrt(_inflated(np.sum(scores**2), len(scores), 1))) / len(values)
+    half = _quantile(blocks, 1) * std
+    return Interval(middle - half, middle, middle + half)
+
+
+def coefficients(design: np.ndarray, values: np.ndarray, blocks: np.ndarray) -> list[Interval] | None:
+    """Of a least-squares fit of values [windows] by the design's columns [windows, n], with errors from blocks."""
+    kept = np.isfinite(values) & np.isfinite(design).all(axis=1)
+    for _ in range(TRIMS):
+        if not _enough(blocks[kept], design.shape[1]):
+            return None
+        scale = np.sqrt(np.mean(design[kept] ** 2, axis=0))
+        if np.any(scale < 1e-12) or np.linalg.cond(design[kept] / scale) > 1e3:
+            return None
+        found, *_ = np.linalg.lstsq(design[kept], values[kept], rcond=None)
+        rest = values[kept] - design[kept] @ found
+        good = np.abs(rest) <= TRIMMED * max(float(np.median(np.abs(rest))) / 0.6745, 1e-12)
+        if good.all():
+            break
+        kept[np.flatnonzero(kept)[~good]] = False
+    part = design[kept]
+    found, *_ = np.linalg.lstsq(part, values[kept], rcond=None)
+    scores = part * (values[kept] - part @ found)[:, None]
+    label = np.unique(blocks[kept], return_inverse=True)[1]
+    sums = np.stack([np.bincount(label, weights=column) for column in scores.T], axis=1)
+    inverse = np.linalg.pinv(part.T @ part)
+    covariance = inverse @ _inflated(sums.T @ sums, len(sums), part.shape[1]) @ inverse
+    half = _quantile(blocks[kept], part.shape[1]) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return [Interval(float(q - h), float(q), float(q + h)) for q, h in zip(found, half, strict=True)]
+
+
+def _rest(design: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What the design's columns [n, k] leave of values [n]."""
+    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    return np.asarray(values - design @ found)
+
+
+def _enough(blocks: np.ndarray, used: int) -> bool:
+    return len(np.unique(blocks)) >= FEWEST_BLOCKS + used and len(blocks) > 2 * used
+
+
+def _slope(values: np.ndarray, of: np.ndarray, blocks: np.ndarray, used: int) -> tuple[float, float]:
+    """Regression of values on `of` (both [n] without mean), and its standard error from blocks."""
+    square = float(of @ of)
+    slope = float(of @ values) / square
+    label = np.unique(blocks, return_inverse=True)[1]
+    scores = np.bincount(label, weights=of * (values - slope * of))
+    return slope, float(np.sqrt(_inflated(np.sum(scores**2), len(scores), used))) / square
+
+
+def _inflated(squares: Any, count: int, used: int) -> Any:
+    """For the degrees of freedom that the fit has taken from its residuals."""
+    return squares * count / max(count - used, 1)
+
+
+def _quantile(blocks: np.ndarray, used: int) -> float:
+    """Of Student's distribution: standard errors to an interval's end."""
+    return float(student.ppf(1.0 - ERRORS, max(len(np.unique(blocks)) - used, 1)))

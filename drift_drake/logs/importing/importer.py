@@ -15,6 +15,7 @@ from drift_drake.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.logs.importing.formula import evaluate
 from drift_drake.logs.importing.mapping import RecorderMapping
 from drift_drake.logs.importing.offsets import ClockReport, clock_offsets
+from drift_drake.logs.importing.position import course_doubts
 from drift_drake.logs.importing.recording import Recording, read_recording
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.logs.importing.stretches import (

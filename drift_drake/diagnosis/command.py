@@ -142,6 +142,7 @@ def trust_options(command: Diagnose) -> dict[str, Any]:
 
     if command.calibration is not None:
         trust = read_trust(command.calibration)
+        trust.check_knows(chosen_effects(command), command.calibration)
     else:
         trust = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
     return {"normal": trust.normal} | (trust.options() if trust.normal is None else {})

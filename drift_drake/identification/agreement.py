@@ -1,0 +1,159 @@
+"""Whether the recordings of a baseline agree: which parameters they ask different values of, which recording is odd.
+
+Each recording pulls an estimate away from that of the others (`scores.pulls`, the influence of leaving it out). Where
+that is far more than chance, the equations lack something that one drive shows and another does not, or the car was
+not the same. More recordings of the same kinds of driving do not average that out: the estimate is as uncertain as one
+recording's differs from another's, however many there are.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.prior import TWO_SIDED
+from drift_drake.estimation.problem import flat
+from drift_drake.estimation.scores import BLOCK, CALIBRATED, Day, pulls, scatter_of, spread, summed
+from drift_drake.identification.calibration import Parameter
+from drift_drake.identification.estimate import Estimate
+
+BY_CHANCE = 0.01  # probability that recordings which do not differ are called so
+ODD = 5.0  # times the median of the others that a recording is from normal, to be named
+LEAST_ODD = 2.5  # [nats] below which none is odd
+LEAST_TO_COMPARE = 3  # pieces, of which one can be odd
+PIECE = 10.0  # [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class Agreement:
+    """Of the estimates [n]."""
+
+    apart: np.ndarray  # [n] variance of what single recordings ask for
+    disagreed: np.ndarray  # [n] bool: it is more than chance, and more than what the logs leave open otherwise
+    furthest: np.ndarray  # [n] index of the recording that pulls the most
+
+
+def agreement(pulled: np.ndarray, left: np.ndarray) -> Agreement:
+    """Whether recordings agree about estimates.
+
+    Args:
+        pulled: by how much each recording pulls the estimates [K, n]; left: variances of the estimates [n] if the
+            recordings do not differ, in the same units, `scores.CALIBRATED` times what blocks of time show.
+    """
+    from scipy.stats import chi2  # slow to import
+
+    count = len(pulled)
+    apart = np.diag(spread(pulled)).copy()
+    if count < 2:
+        return Agreement(apart, np.zeros(len(left), dtype=bool), np.zeros(len(left), dtype=int))
+    chance = left * count / CALIBRATED  # of one recording, from the scatter of its blocks
+    factor = float(chi2.ppf(1.0 - BY_CHANCE, count - 1)) / (count - 1)
+    return Agreement(apart, (apart > factor * chance) & (apart > left), np.argmax(np.abs(pulled), axis=0))
+
+
+def odd_pieces(day: Day, normal: Normal) -> dict[str, float]:
+    """Recordings, or pieces of long ones, that differ from the others far more than these among themselves, and how
+    many times more.
+
+    Each is asked as another day would be how far its scores lie from normal.
+
+    Args:
+        day: of the calibration, under the calibrated car; normal: what it shows of the car.
+    """
+    names, piece = pieces(day)
+    if len(names) < LEAST_TO_COMPARE:
+        return {}
+    nats = np.array([from_normal(part_of_day(day, piece == k), normal) for k in range(len(names))])
+    times = [float(nats[k] / max(np.median(np.delete(nats, k)), 1e-9)) for k in range(len(names))]
+    return {name: q for name, q, own in zip(names, times, nats, strict=True) if q > ODD and own > LEAST_ODD}
+
+
+def pieces(day: Day) -> tuple[list[str], np.ndarray]:
+    """Names of a day's runs, cut into pieces of `PIECE` seconds or more, and the piece that each window is of."""
+    names, piece = list[str](), np.zeros(len(day.run), dtype=int)
+    for i, run in enumerate(day.runs):
+        t = run.starts * run.period
+        count = max(int((t.max(initial=0.0) + BLOCK) // PIECE), 1)
+        edges = np.linspace(0.0, t.max(initial=0.0), count + 1)
+        piece[day.run == i] = len(names) + np.clip(np.searchsorted(edges, t, side="right") - 1, 0, count - 1)
+        names += [run.name if count == 1 else f"{run.name} from {a:.0f} to {b:.0f} s"
+                  for a, b in itertools.pairwise(edges)]  # fmt: skip
+    there, piece = np.unique(piece, return_inverse=True)
+    return [names[k] for k in there], piece
+
+
+def part_of_day(day: Day, kept: np.ndarray) -> Day:
+    """The windows of a day that are kept [windows] (bool)."""
+    indices = np.unique(day.run[kept], return_inverse=True)
+    block = np.unique(day.block[kept], return_inverse=True)[1]
+    return dataclasses.replace(
+        day, runs=[day.runs[i] for i in indices[0]], errors=day.errors[kept], jacobian=day.jacobian[kept], block=block,
+        run=indices[1], weights=day.weights[kept],
+    )  # fmt: skip
+
+
+def from_normal(day: Day, normal: Normal) -> float:
+    """Half the squared distance of a day's scores from normal [nats]."""
+    scatter = scatter_of(day, normal)
+    scores = summed(day, normal, day.errors) - scatter.mean
+    return float(0.5 * scores @ scatter.inverse @ scores)
+
+
+def by_likelihood(
+    found: Estimate, recordings: Sequence[str], at: np.ndarray, widened: np.ndarray
+) -> tuple[Agreement, list[str]]:
+    """The same of a fit by likelihood, and the recordings' names.
+
+    Args:
+        recordings: of each run; at: indices [n] in theta of the estimates; widened: what their standard deviations
+            were multiplied by [n], since innovations hang together.
+    """
+    names, jacobian = sorted(set(recordings)), found.at.jacobian
+    scores, rows = np.zeros((len(names), len(found.theta))), np.zeros(len(names))
+    parts = jacobian.by_run(flat(found.problem, found.at.filtered.innovations))
+    for recording, block, columns, e in zip(recordings, jacobian.blocks, jacobian.columns, parts, strict=True):
+        k = names.index(recording)
+        scores[k, columns] += block.T @ e
+        rows[k] += len(e)
+    pulled = pulls(scores, rows, found.covariance)[:, at]
+    return agreement(pulled, CALIBRATED * np.diag(found.covariance)[at] * widened**2), names
+
+
+def with_differences(
+    parameters: Mapping[str, Parameter], found: Agreement, names: Sequence[str], factor: np.ndarray
+) -> tuple[dict[str, Parameter], dict[str, str]]:
+    """Parameters whose intervals are as wide as recordings differ, where they do, and which pulls those the most.
+
+    Args:
+        names: of the recordings; factor: a parameter's unit in those of `found` [n].
+    """
+    out, disagreed = dict(parameters), dict[str, str]()
+    for i, (name, p) in enumerate(parameters.items()):
+        if found.disagreed[i] and p.kind != "known":
+            deviation = min(float(np.hypot(p.deviation, factor[i] * np.sqrt(found.apart[i]))), p.prior)
+            more = TWO_SIDED * (deviation - p.deviation)
+            low = max(p.low - more, 0.0) if p.low >= 0.0 else p.low - more
+            out[name] = dataclasses.replace(p, deviation=deviation, low=low, high=p.high + more)
+            disagreed[name] = names[found.furthest[i]]
+    return out, disagreed
+
+
+def sentences(disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[str]:
+    """In words; disagreed: by parameter the recording that pulls it the most; odd: `odd_pieces`."""
+    by_recording: dict[str, list[str]] = {}
+    for name, recording in disagreed.items():
+        by_recording.setdefault(recording, []).append(name)
+    out = [
+        f"the recordings ask for different values of {', '.join(parts)}, {recording} the most: not identified, and the "
+        f"interval is as wide as they differ; record more of that kind of driving, or leave {recording} out if the car "
+        "was not the same"
+        for recording, parts in by_recording.items()
+    ]
+    return out + [
+        f"{recording} differs from the rest {times:.0f} times as much as its parts among themselves: "
+        "another car, load or setting, an effect that comes and goes, or a kind of driving that they lack; leave it "
+        "out, or record more of its kind"
+        for recording, times in odd.items()
+    ]

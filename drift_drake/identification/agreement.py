@@ -8,14 +8,15 @@ recording's differs from another's, however many there are.
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.estimation.problem import flat
-from drift_drake.estimation.scores import BLOCK, CALIBRATED, Day, pulls, scatter_of, spread, summed
+from drift_drake.estimation.robust_fit import robust_scales
+from drift_drake.estimation.scores import BLOCK, CALIBRATED, Day, Learnt, pulls, scatter_of, spread, summed
 from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.estimate import Estimate
 
@@ -23,7 +24,8 @@ BY_CHANCE = 0.01  # probability that recordings which do not differ are called s
 ODD = 5.0  # times the median of the others that a recording is from normal, to be named
 LEAST_ODD = 2.5  # [nats] below which none is odd
 LEAST_TO_COMPARE = 3  # pieces, of which one can be odd
-PIECE = 10.0  # [s]
+PIECE, MOST_PIECES = 10.0, 12  # [s] at least, and how many
+MOST_WINDOWS = 1200
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,44 +55,63 @@ def agreement(pulled: np.ndarray, left: np.ndarray) -> Agreement:
     return Agreement(apart, (apart > factor * chance) & (apart > left), np.argmax(np.abs(pulled), axis=0))
 
 
-def odd_pieces(day: Day, normal: Normal) -> dict[str, float]:
-    """Recordings, or pieces of long ones, that differ from the others far more than these among themselves, and how
-    many times more.
+def odd_pieces(day: Day, pulled: np.ndarray, learn: Callable[[Day], Learnt]) -> dict[str, float]:
+    """Recordings that differ from the others far more than these among themselves, and how many times more.
 
-    Each is asked as another day would be how far its scores lie from normal.
+    Each is left out in turn, to first order, and asked as another day would be how far from normal it is for the car
+    that the others show. Of fewer than three recordings, pieces of them.
 
     Args:
-        day: of the calibration, under the calibrated car; normal: what it shows of the car.
+        day: of the calibration, under the calibrated car; pulled: by how much each recording pulls the effects, in
+            units [K, n] (`scores.pulls`); learn: what is normal, from a day of calibration.
     """
-    names, piece = pieces(day)
+    day = thinned_day(day)
+    if len(pulled) >= LEAST_TO_COMPARE:
+        names, piece = sorted({run.recording for run in day.runs}), day.recordings[day.run]
+    else:
+        names, piece = pieces(day)
+        pulled = np.zeros((len(names), pulled.shape[1]))
     if len(names) < LEAST_TO_COMPARE:
         return {}
-    nats = np.array([from_normal(part_of_day(day, piece == k), normal) for k in range(len(names))])
-    times = [float(nats[k] / max(np.median(np.delete(nats, k)), 1e-9)) for k in range(len(names))]
+    nats = []
+    for k in range(len(names)):
+        # The car without the recording, to first order.
+        e = day.errors - (day.jacobian @ pulled[k]).reshape(day.errors.shape) * robust_scales(day.errors)
+        moved = dataclasses.replace(day, errors=e)
+        nats.append(from_normal(part_of_day(moved, piece == k), learn(part_of_day(moved, piece != k)).normal))
+    times = [nats[k] / max(float(np.median(np.delete(nats, k))), 1e-9) for k in range(len(names))]
     return {name: q for name, q, own in zip(names, times, nats, strict=True) if q > ODD and own > LEAST_ODD}
 
 
+def thinned_day(day: Day) -> Day:
+    """The day with `MOST_WINDOWS` windows at most, evenly chosen."""
+    every = max(int(np.ceil(len(day.run) / MOST_WINDOWS)), 1)
+    return part_of_day(day, np.arange(len(day.run)) % every == 0) if every > 1 else day
+
+
 def pieces(day: Day) -> tuple[list[str], np.ndarray]:
-    """Names of a day's runs, cut into pieces of `PIECE` seconds or more, and the piece that each window is of."""
-    names, piece = list[str](), np.zeros(len(day.run), dtype=int)
-    for i, run in enumerate(day.runs):
-        t = run.starts * run.period
-        count = max(int((t.max(initial=0.0) + BLOCK) // PIECE), 1)
-        edges = np.linspace(0.0, t.max(initial=0.0), count + 1)
-        piece[day.run == i] = len(names) + np.clip(np.searchsorted(edges, t, side="right") - 1, 0, count - 1)
-        names += [run.name if count == 1 else f"{run.name} from {a:.0f} to {b:.0f} s"
+    """Names of a day's runs, cut into pieces of `PIECE` seconds or more, and the piece [windows] that each is of."""
+    ends = [float(run.starts[-1] * run.period) if len(run.starts) else 0.0 for run in day.runs]
+    length = max(PIECE, sum(ends) / MOST_PIECES)
+    names, piece = list[str](), list[np.ndarray]()
+    for run, end in zip(day.runs, ends, strict=True):
+        edges = np.linspace(0.0, end, max(int((end + BLOCK) // length), 1) + 1)
+        at = np.searchsorted(edges, run.starts * run.period, side="right") - 1
+        piece.append(len(names) + np.clip(at, 0, len(edges) - 2))
+        names += [run.name if len(edges) == 2 else f"{run.name} from {a:.0f} to {b:.0f} s"
                   for a, b in itertools.pairwise(edges)]  # fmt: skip
-    there, piece = np.unique(piece, return_inverse=True)
-    return [names[k] for k in there], piece
+    there, index = np.unique(np.concatenate(piece), return_inverse=True)
+    return [names[k] for k in there], index
 
 
 def part_of_day(day: Day, kept: np.ndarray) -> Day:
     """The windows of a day that are kept [windows] (bool)."""
-    indices = np.unique(day.run[kept], return_inverse=True)
+    there, run = np.unique(day.run[kept], return_inverse=True)
     block = np.unique(day.block[kept], return_inverse=True)[1]
+    runs = [dataclasses.replace(day.runs[i], starts=day.runs[i].starts[kept[day.run == i]]) for i in there]
     return dataclasses.replace(
-        day, runs=[day.runs[i] for i in indices[0]], errors=day.errors[kept], jacobian=day.jacobian[kept], block=block,
-        run=indices[1], weights=day.weights[kept],
+        day, runs=runs, errors=day.errors[kept], jacobian=day.jacobian[kept], block=block, run=run,
+        weights=day.weights[kept],
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -139,18 +139,20 @@ def fit_by_prediction(
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
-    learnt = learn_normal(day, seen, steps, prior, between_recordings(seen, vehicle) / steps)
+    everyday = between_recordings(seen, vehicle) / steps
+    learn = partial(learn_normal, names=seen, steps=steps, prior=prior, everyday=everyday)
+    learnt = learn(day)
     return PredictionFit(
-        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept]), held_out,
+        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], learn), held_out,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, prior, vehicle),
     )  # fmt: skip
 
 
-def left_open(day: Day, learnt: Learnt, names: Sequence[str]) -> LeftOpen:
+def left_open(day: Day, learnt: Learnt, names: Sequence[str], learn: Callable[[Day], Learnt]) -> LeftOpen:
     """What a baseline leaves open of the effects `names` that were fitted.
 
     Args:
-        day: the baseline under the calibrated car; learnt: what it shows of it.
+        day: the baseline under the calibrated car; learnt: what it shows of it; learn: the same of parts of it.
     """
     normal = learnt.normal
     at = [normal.names.index(name) for name in names]
@@ -166,7 +168,7 @@ def left_open(day: Day, learnt: Learnt, names: Sequence[str]) -> LeftOpen:
     return LeftOpen(
         deviations, np.where(found.disagreed, np.maximum(deviations, apart), deviations),
         covariance * WIDER**2 / np.outer(deviations, deviations), disagreed,
-        differences(len(recordings), disagreed, odd_pieces(day, normal)),
+        differences(len(recordings), disagreed, odd_pieces(day, learnt.pulled, learn)),
     )  # fmt: skip
 
 

@@ -115,6 +115,7 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     if c.left_out:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
+    lines += [f"Not identified: {name} (recordings disagree, {who} the most)." for name, who in c.disagreed.items()]
     lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
     where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
     if c.driving is not None:

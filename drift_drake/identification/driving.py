@@ -89,7 +89,7 @@ class Driving:
     def too_gentle(self, case: str) -> str:
         """Why nothing is calibrated on such drives, and what to do."""
         return (
-            f"{case}: too gentle to calibrate a car on: at most {100.0 * self.used:.0f} % of the friction limit is used, "
+            f"{case}: too gentle to calibrate a car on: {100.0 * self.used:.0f} % of the friction limit is used, "
             f"{100.0 * GENTLE:.0f} % are the least (from {100.0 * SEEN:.0f} % on friction shows too); drive {CIRCLES}, "
             "or take what is calibrated here for a guess and give --force, which leaves the tyres as they are"
         )

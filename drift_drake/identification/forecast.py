@@ -6,6 +6,7 @@ what it leaves shows what is normal, whether recordings agree, and what another 
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -48,9 +49,11 @@ def forecast(
     prior = np.array([prior_of(name, vehicle, stated | frozenset(known)) for name in seen]) / steps
     day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), effects, seen, steps)
     day = linearly_calibrated(day, prior)
-    learnt = learn_normal(day, seen, steps, prior, between_recordings(seen, vehicle) / steps)
+    everyday = between_recordings(seen, vehicle) / steps
+    learn = partial(learn_normal, names=seen, steps=steps, prior=prior, everyday=everyday)
+    learnt = learn(day)
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
-    return Forecast(left_open(day, learnt, own), outlook(day, learnt.normal, prior, vehicle))
+    return Forecast(left_open(day, learnt, own, learn), outlook(day, learnt.normal, prior, vehicle))
 
 
 def linearly_calibrated(day: Day, prior: np.ndarray) -> Day:

@@ -108,10 +108,10 @@ def identify(
     if not force:
         check_known(found.calibration)
     c = found.calibration
-    warnings += [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
+    more = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
     c = dataclasses.replace(
-        c, seconds=time.perf_counter() - began, warnings=[*warnings, *kept_sentences(asked), *c.warnings],
-        driving=driving,
+        c, seconds=time.perf_counter() - began, driving=driving,
+        warnings=[*warnings, *c.warnings, *more, *kept_sentences(asked)],
     )  # fmt: skip
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)

@@ -9,11 +9,13 @@ from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.prior import TOLERANCE_OF, TWO_SIDED
 from drift_drake.estimation.unknowns import FIELDS, unknown
 from drift_drake.identification.calibration import Identification, Parameter, directions
+from drift_drake.identification.outlook import TIMES
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
 EFFECT_OF = {tolerance: name for name, tolerance in TOLERANCE_OF.items()}
+NEVER: list[float | None] = [None] * len(TIMES)
 HELD = 1e-6  # of a parameter, or rad: a tolerance that a fit cannot move it by
 
 
@@ -51,6 +53,7 @@ def kept_at_first_guess(
     correlation = extended(np.array(c.correlation), len(parameters))
     calibration = dataclasses.replace(
         c, parameters=parameters, correlation=correlation.tolist(), not_identified=directions(parameters, correlation),
+        outlook=c.outlook | {EFFECT_OF[n]: NEVER for n in names if EFFECT_OF[n] in c.outlook},
         normal=None if c.normal is None else widened_unknown(c.normal, {EFFECT_OF[n]: q for n, q in changes.items()}),
     )  # fmt: skip
     tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)

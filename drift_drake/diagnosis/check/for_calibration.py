@@ -7,6 +7,7 @@ from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.errors import significant
 from drift_drake.identification.driving import Driving, Missing, driving_of
 from drift_drake.identification.forecast import forecast
+from drift_drake.identification.kept import EFFECT_OF, NEVER
 from drift_drake.identification.options import KNOWN
 from drift_drake.identification.outlook import TIMES, Outlook, never
 from drift_drake.logs.table import Run
@@ -49,7 +50,8 @@ def for_calibration(
         remarks = [WITHOUT_BETA]
     elif not driving.gentle:
         told = forecast(runs, vehicle, effects, (*KNOWN, *driving.unseen), stated)
-        disagreed, found = told.left_open.disagreed, told.outlook
+        disagreed = told.left_open.disagreed
+        found = told.outlook | {EFFECT_OF[name]: NEVER for name in driving.unseen if EFFECT_OF[name] in told.outlook}
         remarks = told.left_open.sentences[driving.recordings == 1 :]  # that there is one is among what is missing
     return ForCalibration(
         not any(one.grave for one in missing), driving.gentle, driving, missing, list(driving.unseen), disagreed, found,

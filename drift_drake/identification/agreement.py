@@ -21,7 +21,8 @@ from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.estimate import Estimate
 
 BY_CHANCE = 0.01  # probability that recordings which do not differ are called so
-ODD = 5.0  # times the median of the others that a recording is from normal, to be named
+ODD, ODD_OF_FEW = 4.5, 10.0  # times the median of the others that a recording is from normal, to be named
+FEW = 6  # recordings, up to which each is of a kind of driving of its own
 LEAST_ODD = 2.5  # [nats] below which none is odd
 LEAST_TO_COMPARE = 3  # pieces, of which one can be odd
 PIECE, MOST_PIECES = 10.0, 12  # [s] at least, and how many
@@ -80,7 +81,8 @@ def odd_pieces(day: Day, pulled: np.ndarray, learn: Callable[[Day], Learnt]) -> 
         moved = dataclasses.replace(day, errors=e)
         nats.append(from_normal(part_of_day(moved, piece == k), learn(part_of_day(moved, piece != k)).normal))
     times = [nats[k] / max(float(np.median(np.delete(nats, k))), 1e-9) for k in range(len(names))]
-    return {name: q for name, q, own in zip(names, times, nats, strict=True) if q > ODD and own > LEAST_ODD}
+    odd = ODD if len(names) >= FEW else ODD_OF_FEW
+    return {name: q for name, q, own in zip(names, times, nats, strict=True) if q > odd and own > LEAST_ODD}
 
 
 def thinned_day(day: Day) -> Day:
@@ -172,9 +174,10 @@ def sentences(disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[st
         "was not the same"
         for recording, parts in by_recording.items()
     ]
-    return out + [
-        f"{recording} differs from the rest {times:.0f} times as much as its parts among themselves: "
-        "another car, load or setting, an effect that comes and goes, or a kind of driving that they lack; leave it "
-        "out, or record more of its kind"
-        for recording, times in odd.items()
-    ]
+    if odd:
+        out.append(
+            f"{', '.join(odd)}: far from the rest of the baseline, {max(odd.values()):.0f} times as much as its other "
+            "parts: another car, load or setting, an effect that comes and goes, or a kind of driving that the others "
+            "lack; leave it out, or record more of its kind"
+        )
+    return out

@@ -23,7 +23,7 @@ from drift_drake.identification.estimate import (
     widened,
 )
 from drift_drake.identification.everyday_misfit import everyday_misfit, widening
-from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
+from drift_drake.identification.held_out import HeldOut, held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -82,13 +82,28 @@ def identify_by_likelihood(
     while least := negligible(kept):
         kept, dropped = refit_without(problem, kept, least), [*dropped, *least]
     # Stated values, intervals, tolerances and the file are of one fit: the last.
+    out = stated_in_full(kept, runs, vehicle, effects, case, known, dropped, held)
+    c = dataclasses.replace(out.calibration, warnings=[*warnings, *out.calibration.warnings])
+    tell("done", 1.0)
+    return dataclasses.replace(out, calibration=c)
+
+
+def stated_in_full(
+    kept: Estimate, runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
+    dropped: Sequence[str], held: HeldOut,
+) -> Identification:  # fmt: skip
+    """Parameters with intervals, the file and what a diagnosis needs, all of one fit.
+
+    Args:
+        dropped: effects that were left out of it; held: errors on parts that were not fitted.
+    """
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
     check_peak(case, covariance)
     row_weight, everyday = everyday_misfit(kept)
     new_vehicle, new_effects = calibrated_vehicle(
         kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
     )
-    # The file's tolerances are of one recording after another; what recordings differ by is stated with the estimates.
+    # The file's tolerances are those of the estimate; what recordings differ by is stated with the parameters.
     at, factors = places(kept.problem, kept.names), [s.factor for s in scales(kept.problem, vehicle, kept.names)]
     widened_by = np.array([p.widened for p in parameters.values()])
     apart, recordings = agreement.by_likelihood(kept, [run.recording or run.name for run in runs], at, widened_by)
@@ -99,21 +114,17 @@ def identify_by_likelihood(
         correlation=correlation.tolist(),
         not_identified=directions(parameters, correlation),
         tied=tied(list(parameters), correlation),
-        left_out=dropped,
+        left_out=list(dropped),
         held_out=held,
         trust=kept.trust,
         row_weight=row_weight,
         everyday=everyday,
         seconds=0.0,
         warnings=[
-            *warnings,
-            *end_warnings(kept, parameters),
-            *stretched(parameters),
-            *agreement.sentences(disagreed, {}),
+            *end_warnings(kept, parameters), *stretched(parameters), *agreement.sentences(disagreed, {}),
         ],
         disagreed=disagreed,
-    )
-    tell("done", 1.0)
+    )  # fmt: skip
     return Identification(calibration, new_vehicle, new_effects, sum(len(run) for run in runs))
 
 

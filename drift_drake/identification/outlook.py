@@ -60,7 +60,7 @@ def limits(
     spread, directions = np.linalg.eigh(covariance / np.outer(deviation, deviation))
     root = np.where(spread > SINGULAR * spread[-1], 1.0 / np.sqrt(np.maximum(spread, 1e-300)), 0.0)
     shifts = (root[:, None] * directions.T) @ (information / deviation[:, None])
-    size = np.maximum(np.linalg.norm(shifts, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(shifts, axis=0), 1e-150)
     alike = np.abs(shifts.T @ shifts) / np.outer(size, size) - np.eye(len(size))
     apart = np.sqrt(np.maximum(1.0 - np.minimum(alike.max(axis=0), 1.0) ** 2, 1e-12))
     out: dict[str, float | None] = {}

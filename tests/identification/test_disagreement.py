@@ -28,7 +28,7 @@ def test_recordings_that_differ_by_chance_agree() -> None:
 
 def test_recordings_that_differ_by_more_disagree_however_many_there_are() -> None:
     for count in (4, 12):
-        found = agreement(pulls_of([1.0, -1.0] * (count // 2) + []), np.array([0.01]))
+        found = agreement(pulls_of([1.0, -1.0] * (count // 2)), np.array([0.01]))
         assert found.disagreed[0]
         assert np.sqrt(found.apart[0]) == pytest.approx(1.0, rel=0.2)  # as one differs from another, not as their mean
 
@@ -42,10 +42,10 @@ def test_one_recording_disagrees_with_none() -> None:
 
 
 def test_estimates_that_recordings_disagree_about_are_named_with_the_recording() -> None:
-    first, second, odd = sentences({"friction": "laps", "drag": "ramp", "mass": "laps"}, {"ramp": 7.2})
+    first, second, odd = sentences({"friction": "laps", "drag": "ramp", "mass": "laps"}, {"ramp": 7.2, "circles": 11.0})
     assert first.startswith("the recordings ask for different values of friction, mass, laps the most: not identified")
     assert second.startswith("the recordings ask for different values of drag, ramp the most: not identified")
-    assert odd.startswith("ramp differs from the rest 7 times as much")
+    assert odd.startswith("ramp, circles: far from the rest of the baseline, 11 times as much")
     assert "leave it out" in odd
 
 

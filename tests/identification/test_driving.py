@@ -48,7 +48,7 @@ def test_gentle_driving_shows_no_tyre():
     assert found.gentle
     assert {"friction", "front_stiffness", "mass"} <= set(found.unseen)
     sentence = found.missing()[0].sentence()
-    assert sentence.startswith("3 % of the friction limit is used")
+    assert sentence.startswith("at most 3 % of the friction limit is used")
     assert "slowly tightened until the car slides" in sentence
 
 

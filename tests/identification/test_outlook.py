@@ -5,6 +5,7 @@ import pytest
 
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT
 from drift_drake.identification.outlook import gains, limits, never, outlook, sentences, unknown_after
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -16,24 +17,26 @@ class Two:
 
 
 def test_a_limit_is_where_the_shift_is_far_enough_from_none():
-    found = limits(np.diag([40.0, 30.0]), np.diag([25.0, 16.0]), Two, VehicleParameters())
-    assert found["mass_error"] == pytest.approx(BESIDE_NONE / 8.0 * 0.05)
-    assert found["gyro_bias"] == pytest.approx(BESIDE_NONE / 7.5 * 0.01)
+    found = limits(np.diag([10.0, 7.5]), np.diag([25.0, 16.0]), Two, VehicleParameters())
+    assert found["mass_error"] == pytest.approx(BESIDE_NONE / 2.0 * 0.05)
+    assert found["gyro_bias"] == pytest.approx(BESIDE_NONE / 1.875 * 0.01)
+    least = limits(np.diag([1e4, 1e4]), np.eye(2), Two, VehicleParameters())
+    assert least["mass_error"] == CATALOGUE["mass_error"].least_for(VehicleParameters())  # no gap below it
 
 
 def test_effects_that_look_alike_have_larger_limits_and_the_same_none():
     cosine = 0.9
-    information = 10.0 * np.array([[1.0, cosine], [0.0, np.sqrt(1.0 - cosine**2)]])
+    information = 2.0 * np.array([[1.0, cosine], [0.0, np.sqrt(1.0 - cosine**2)]])
     found = limits(information, np.eye(2), Two, VehicleParameters())
     apart = BESIDE_RIVAL / np.sqrt(1.0 - cosine**2)
     assert apart > BESIDE_NONE
-    assert found["gyro_bias"] == pytest.approx(apart / 10.0 * 0.01)
+    assert found["gyro_bias"] == pytest.approx(apart / 2.0 * 0.01)
     same = limits(np.array([[10.0, 10.0], [0.0, 0.0]]), np.eye(2), Two, VehicleParameters())
     assert never({name: [q] * 3 for name, q in same.items()}) == ["mass_error", "gyro_bias"]
 
 
 def test_a_singular_scatter_shows_nothing_in_its_direction():
-    found = limits(np.diag([40.0, 0.0]), np.diag([25.0, 1e-30]) + 0.0, Two, VehicleParameters())
+    found = limits(np.diag([40.0, 0.0]), np.diag([25.0, 1e-30]), Two, VehicleParameters())
     assert found["mass_error"] is not None
     assert found["gyro_bias"] is None
 

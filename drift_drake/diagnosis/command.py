@@ -149,6 +149,7 @@ def trust_options(command: Diagnose) -> dict[str, Any]:
         raise InvalidOptionError(f"--false-alarms {asked:g}: give a rate from {LEAST_ALARMS:g} to {MOST_ALARMS:g}")
     if command.calibration is not None:
         trust = read_trust(command.calibration)
+        trust.check_knows(chosen_effects(command), command.calibration)
     else:
         trust = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
     if trust.normal is None and asked is not None:

@@ -170,6 +170,11 @@ def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
     return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
 
 
+def before_logs(prior: np.ndarray, scores: int) -> np.ndarray:
+    """Standard deviations [m] of what a calibrated car may deviate by; prior: of the effects before calibration [n]."""
+    return np.concatenate([LEFT_OF_PRIOR * prior, np.full(scores - len(prior), PARTIAL_PRIOR)])
+
+
 class LeftOut(NamedTuple):
     """One recording of a baseline, or one stretch of its only one, judged by the others."""
 
@@ -239,7 +244,7 @@ def learn_normal(
     between = np.concatenate([everyday, np.zeros(len(total) - n)])
     spread_ = Spread(scatter, diagonal / len(score), ratio, len(score),
                      variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
-    before = np.concatenate([LEFT_OF_PRIOR * prior, np.full(len(total) - n, PARTIAL_PRIOR)])
+    before = before_logs(prior, len(total))
     known, apart = known_from(stretches, spread_, before), left_out(stretches, spread_, before)
     distances = np.array([part.distance for part in apart])
     unknown, recording, pulled, seen_apart = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday,

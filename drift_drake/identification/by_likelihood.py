@@ -9,7 +9,8 @@ from drift_drake.estimation.fit import cost_of, parameter_limits
 from drift_drake.estimation.prior import TWO_SIDED, scale
 from drift_drake.estimation.problem import NUISANCES, Problem, car, flat, make_problem
 from drift_drake.estimation.usable import seen_effects
-from drift_drake.identification.calibration import Calibration, Identification, Parameter, not_identified, tied
+from drift_drake.identification import agreement
+from drift_drake.identification.calibration import Calibration, Identification, Parameter, directions, tied
 from drift_drake.identification.estimate import (
     FIRST_SHARE,
     KEEPS,
@@ -22,7 +23,7 @@ from drift_drake.identification.estimate import (
     widened,
 )
 from drift_drake.identification.everyday_misfit import everyday_misfit, widening
-from drift_drake.identification.held_out import held_out_error, held_out_rows, squares_of, without_fold
+from drift_drake.identification.held_out import HeldOut, held_out_error, held_out_rows, squares_of, without_fold
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -38,6 +39,11 @@ LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are 
 ABSOLUTE = ("front_axle_distance", "steering_offset")  # tolerances with a unit; the others are relative
 FIELD = {"torque": "gear_ratio"}  # the parameter that a deviation changes, where it has another name
 STRETCHED = 3.0  # tolerances beyond which a known parameter that came out elsewhere is doubted
+
+NO_PEAK = (
+    "{case}: the likelihood has no peak, since the filter loses the car on these logs; name what is known of it "
+    "(--known mass), give a first guess nearer to it, or choose --criterion prediction"
+)
 
 
 def identify_by_likelihood(
@@ -76,39 +82,56 @@ def identify_by_likelihood(
     while least := negligible(kept):
         kept, dropped = refit_without(problem, kept, least), [*dropped, *least]
     # Stated values, intervals, tolerances and the file are of one fit: the last.
+    out = stated_in_full(kept, runs, vehicle, effects, case, known, dropped, held)
+    c = dataclasses.replace(out.calibration, warnings=[*warnings, *out.calibration.warnings])
+    tell("done", 1.0)
+    return dataclasses.replace(out, calibration=c)
+
+
+def stated_in_full(
+    kept: Estimate, runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
+    dropped: Sequence[str], held: HeldOut,
+) -> Identification:  # fmt: skip
+    """Parameters with intervals, the file and what a diagnosis needs, all of one fit.
+
+    Args:
+        dropped: effects that were left out of it; held: errors on parts that were not fitted.
+    """
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
     check_peak(case, covariance)
     row_weight, everyday = everyday_misfit(kept)
-    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
-    prior = np.array([p.prior for p in parameters.values()])
     new_vehicle, new_effects = calibrated_vehicle(
         kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
     )
+    # The file's tolerances are those of the estimate; what recordings differ by is stated with the parameters.
+    at, factors = places(kept.problem, kept.names), [s.factor for s in scales(kept.problem, vehicle, kept.names)]
+    widened_by = np.array([p.widened for p in parameters.values()])
+    apart, recordings = agreement.by_likelihood(kept, [run.recording or run.name for run in runs], at, widened_by)
+    parameters, disagreed = agreement.with_differences(parameters, apart, recordings, np.abs(factors))
     calibration = Calibration(
         case=case,
         parameters=parameters,
         correlation=correlation.tolist(),
-        not_identified=not_identified([list(parameters)[i] for i in free], prior[free], covariance[np.ix_(free, free)]),
+        not_identified=directions(parameters, correlation),
         tied=tied(list(parameters), correlation),
-        left_out=dropped,
+        left_out=list(dropped),
         held_out=held,
         trust=kept.trust,
         row_weight=row_weight,
         everyday=everyday,
         seconds=0.0,
-        warnings=warnings + end_warnings(kept, parameters) + stretched(parameters),
-    )
-    tell("done", 1.0)
+        warnings=[
+            *end_warnings(kept, parameters), *stretched(parameters), *agreement.sentences(disagreed, {}),
+        ],
+        disagreed=disagreed,
+    )  # fmt: skip
     return Identification(calibration, new_vehicle, new_effects, sum(len(run) for run in runs))
 
 
 def check_peak(case: str, covariance: np.ndarray) -> None:
     """Raises InvalidLogError where the likelihood has no peak, so that nothing is known of the parameters."""
     if not np.isfinite(covariance).all():
-        raise InvalidLogError(
-            f"{case}: the likelihood has no peak, since the filter loses the car on these logs; name what is known of "
-            "it (--known mass), give a first guess nearer to it, or choose --criterion prediction"
-        )
+        raise InvalidLogError(NO_PEAK.format(case=case))
 
 
 def first_guess(problem: Problem, names: Sequence[str], effects: Effects, share: float = FIRST_SHARE) -> np.ndarray:

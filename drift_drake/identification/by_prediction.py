@@ -1,21 +1,23 @@
 """A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from drift_drake.diagnosis.another_day.left_out import probabilities_of_none
-from drift_drake.estimation.baseline import learn_normal
+from drift_drake.estimation.baseline import Learnt, learn_normal
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import STATES
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
-from drift_drake.estimation.scores import between_recordings, block_of, make_day, units
+from drift_drake.estimation.scores import Day, between_recordings, block_of, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
+from drift_drake.identification.agreement import agreement, odd_pieces, sentences
 from drift_drake.identification.estimate import KEEPS
 from drift_drake.identification.held_out import HeldOut
+from drift_drake.identification.outlook import Outlook, outlook
 from drift_drake.standard_output import Progress
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
@@ -28,11 +30,21 @@ FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
 WIDER = 1.5  # intervals, than the scatter of blocks says: what the equations lack moves estimates too
-MOST_DISAGREED = 0.5  # of an estimate's variance, above which recordings' differences are what makes it uncertain
 ALONE = (
     "calibrated on one recording: by how much this car differs from one to the next is not known, but for what varies "
     "on any car (biases, grade, wind, rolling resistance); calibrate on several recordings, of different driving"
 )
+
+
+@dataclasses.dataclass(frozen=True)
+class LeftOpen:
+    """What a baseline leaves open of the parameters that were fitted."""
+
+    deviations: np.ndarray  # [n] standard deviations
+    stated: np.ndarray  # [n] the same with what the recordings differ by, where they disagree
+    correlation: np.ndarray  # [n, n]
+    disagreed: dict[str, str]  # parameters that recordings disagree about, and which pulls each the most
+    sentences: list[str]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,11 +56,10 @@ class PredictionFit:
     vehicle: VehicleParameters  # with the deviations folded in
     effects: Effects
     normal: Normal
-    deviations: np.ndarray  # [n] standard deviations of the unknowns
-    correlation: np.ndarray  # [n, n]
+    left_open: LeftOpen
     held_out: HeldOut
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
-    differences: list[str]  # what recordings disagree about, in sentences
+    outlook: Outlook  # detection limits, and what more recordings would bring
 
 
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
@@ -122,20 +133,38 @@ def fit_by_prediction(
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
-    learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps)
+    everyday = between_recordings(seen, vehicle) / steps
+    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday)
+    learnt = learn(day)
     none = probabilities_of_none(learnt.left_out, learnt.normal.names, steps, car)
-    normal = dataclasses.replace(learnt.normal, left_out_none=none)
-    at = [seen.index(u.name) for u in kept]
-    scale = steps[at]
+    learnt = learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none))
+    return PredictionFit(
+        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], learn), held_out,
+        tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, prior, vehicle),
+    )  # fmt: skip
+
+
+def left_open(day: Day, learnt: Learnt, names: Sequence[str], learn: Callable[[Day], Learnt]) -> LeftOpen:
+    """What a baseline leaves open of the effects `names` that were fitted.
+
+    Args:
+        day: the baseline under the calibrated car; learnt: what it shows of it; learn: the same of parts of it.
+    """
+    normal = learnt.normal
+    at = [normal.names.index(name) for name in names]
+    scale = normal.units[at]
     covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
     deviations = WIDER * np.sqrt(np.diag(covariance))
-    correlation = covariance * WIDER**2 / np.outer(deviations, deviations)
-    recordings = sorted({run.recording for run in runs})
-    return PredictionFit(
-        tuple(kept), fit, car, rest, normal, deviations, correlation, held_out,
-        tuple(name for name in candidates if name not in fit.names),
-        differences(recordings, [FIELDS.get(u.name, u.name) for u in kept], learnt.pulled[:, at],
-                    np.diag(learnt.between)[at], np.diag(normal.unknown)[at]),
+    recordings = sorted({run.recording for run in day.runs})
+    left = np.diag(normal.unknown)[at] - np.diag(normal.recording)[at] / len(recordings)
+    found = agreement(learnt.pulled[:, at], left)
+    apart = scale * np.sqrt(WIDER**2 * left + found.apart)
+    furthest = zip((FIELDS.get(name, name) for name in names), found.disagreed, found.furthest, strict=True)
+    disagreed = {name: recordings[k] for name, differs, k in furthest if differs}
+    return LeftOpen(
+        deviations, np.where(found.disagreed, np.maximum(deviations, apart), deviations),
+        covariance * WIDER**2 / np.outer(deviations, deviations), disagreed,
+        differences(len(recordings), disagreed, odd_pieces(day, learnt.pulled, learn)),
     )  # fmt: skip
 
 
@@ -184,24 +213,10 @@ def held_out_windows(
     )
 
 
-def differences(
-    recordings: Sequence[str], names: Sequence[str], pulled: np.ndarray, between: np.ndarray, total: np.ndarray
-) -> list[str]:
-    """Sentences on estimates that the recordings disagree about.
+def differences(recordings: int, disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[str]:
+    """Sentences on recordings that disagree, or that there is one only.
 
     Args:
-        recordings: names [K]; names: of the estimates [n]; pulled: by how much each recording pulls the estimates
-            (`scores.pulls`) [K, n]; between: variances of the estimates from that [n]; total: their
-            variances in all [n], in the same units.
+        disagreed: by parameter the recording that pulls it the most; odd: `odd_pieces`.
     """
-    if len(recordings) == 1:
-        return [ALONE]
-    by_recording: dict[str, list[str]] = {}
-    for i, name in enumerate(names):
-        if between[i] > MOST_DISAGREED * total[i]:
-            by_recording.setdefault(recordings[int(np.argmax(np.abs(pulled[:, i])))], []).append(name)
-    return [
-        f"the recordings ask for different values of {', '.join(parts)}, {recording} the most, which is most of what "
-        "makes them uncertain; more recordings of that kind of driving would tell"
-        for recording, parts in by_recording.items()
-    ]
+    return [*([ALONE] if recordings == 1 else []), *sentences(disagreed, odd)]

@@ -12,10 +12,13 @@ from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.normal import Normal, normal_from_data
 from drift_drake.estimation.problem import Everyday
+from drift_drake.identification.driving import Driving
 from drift_drake.identification.estimate import Trust
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.options import LARGEST_SCALE
+from drift_drake.identification.outlook import Outlook
 from drift_drake.plain_files import named_number, read_json
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -51,7 +54,7 @@ class Parameter:
     deviation: float
     prior: float
     widened: float  # by how much the interval is wider than that of white innovations
-    kind: str  # free, known (held by its tolerance) or effect
+    kind: str  # free, known (held by its tolerance), effect, or unseen (kept at its first guess)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +76,19 @@ class Calibration:
     criterion: str = "likelihood"  # or "prediction"
     normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
     watching: dict[str, Any] | None = None  # `monitoring.normal.NormalScores`, for `drift-drake watch`
+    catalogue: tuple[str, ...] = tuple(CATALOGUE)  # effects that there were
+    disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
+    driving: Driving | None = None
+    outlook: Outlook = dataclasses.field(default_factory=dict)  # detection limits, after more recordings too
+
+    @property
+    def identified(self) -> list[str]:
+        """Parameters that are known to half of what was believed before, and that all recordings agree about."""
+        return [
+            name
+            for name, p in self.parameters.items()
+            if p.kind != "known" and p.deviation < LEFT * p.prior and name not in self.disagreed
+        ]
 
     def sentence(self) -> str:
         """What was reached, in one sentence."""
@@ -82,11 +98,12 @@ class Calibration:
                 f"{self.case}: no better than the first guess: {h.judged:g} s ahead on parts that were not fitted, "
                 f"errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of its."
             )
-        identified = sum(1 for p in self.parameters.values() if p.kind != "known" and p.deviation < 0.5 * p.prior)
-        free = sum(1 for p in self.parameters.values() if p.kind != "known")
+        free = [name for name, p in self.parameters.items() if p.kind != "known"]
+        apart = f" (recordings disagree about {len(self.disagreed)})" if self.disagreed else ""
         return (
-            f"{self.case}: {identified} of {free} parameters identified; {h.judged:g} s ahead on parts that were not "
-            f"fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first guess's."
+            f"{self.case}: {len(self.identified)} of {len(free)} parameters identified{apart}; {h.judged:g} s ahead on "
+            f"parts that were not fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first "
+            "guess's."
         )
 
 
@@ -118,6 +135,15 @@ def not_identified(names: Sequence[str], prior: np.ndarray, covariance: np.ndarr
     return out
 
 
+def directions(parameters: Mapping[str, Parameter], correlation: np.ndarray) -> list[Direction]:
+    """`not_identified` of all parameters that are not known."""
+    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
+    names, sigma = list(parameters), np.array([p.deviation for p in parameters.values()])
+    prior = np.array([p.prior for p in parameters.values()])
+    covariance = correlation * np.outer(sigma, sigma)
+    return not_identified([names[i] for i in free], prior[free], covariance[np.ix_(free, free)])
+
+
 def tied(names: Sequence[str], correlation: np.ndarray) -> list[tuple[str, str, float]]:
     """Pairs of parameters that are identified only together, the closest first."""
     pairs = [
@@ -142,10 +168,26 @@ class CarTrust:
     row_weight: float
     everyday: Everyday | None
     normal: Normal | None = None  # of a car calibrated by prediction, in place of the others
+    catalogue: tuple[str, ...] = ()  # effects that there were when `normal` was learnt
 
     def options(self) -> dict[str, Any]:
         """As `diagnose` takes them."""
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "normal"}
+        own = ("normal", "catalogue")
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in own}
+
+    def check_knows(self, effects: Sequence[str], path: str | Path) -> None:
+        """Sees that what is normal was learnt for all these effects: one that it lacks would be left out in silence.
+
+        Raises:
+            InvalidCalibrationError: an effect has been added since, by a package that was installed say.
+        """
+        lacks = [name for name in effects if name not in self.catalogue] if self.normal is not None else []
+        if lacks:
+            raise InvalidCalibrationError(
+                f"{path}: this calibration does not know {', '.join(lacks)}, which the catalogue has now: calibrate "
+                f"again (drift-drake identify --json), or leave {'it' if len(lacks) == 1 else 'them'} out (--exclude "
+                f"{' '.join(lacks)})"
+            )
 
 
 def read_trust(path: str | Path) -> CarTrust:
@@ -167,7 +209,9 @@ def read_trust(path: str | Path) -> CarTrust:
 def trust_of(data: Any) -> CarTrust:
     """The same from the JSON's content; KeyError or TypeError where something is missing, ValueError if off."""
     if data.get("normal"):
-        return CarTrust(1.0, 1.0, 1.0, None, normal_from_data(data["normal"]))
+        normal = normal_from_data(data["normal"])
+        known = data.get("catalogue") or normal.names
+        return CarTrust(1.0, 1.0, 1.0, None, normal, tuple(str(name) for name in known))
     everyday = data["everyday"]
     return CarTrust(
         _within("trust.noise", data["trust"]["noise"], LARGEST_SCALE),

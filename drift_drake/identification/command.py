@@ -51,7 +51,8 @@ class Identify:
     """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
     second ahead; auto lets the logs choose, and says so."""
     force: bool = False
-    """Write the vehicle file also where the calibrated car predicts held-out parts worse than the first guess."""
+    """Calibrate and write the files also on logs that are too gentle, where a known parameter comes out far from what
+    is known of it, or where held-out parts are predicted worse than by the first guess."""
     quiet: bool = False
     """No progress bar."""
 
@@ -69,7 +70,7 @@ def run_identify(command: Identify) -> None:
     with progress_bar(command.quiet) as show:
         found = identify(
             days.runs, vehicle, effects, days.case, command.known, command.effects, days.stated, show,
-            command.criterion, stated_tolerances(command.vehicle),
+            command.criterion, stated_tolerances(command.vehicle), command.force,
         )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
     if found.calibration.held_out.ratio > 1.0 and not command.force:
@@ -105,15 +106,21 @@ def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calib
 
 def summary(found: "Identification", json: Path | None = None) -> str:
     """The calibration in sentences; `json` is where it goes."""
+    from drift_drake.identification.outlook import sentences as outlook_sentences
+
     c = found.calibration
     lines = [c.sentence()]
     for name, p in c.parameters.items():
-        lines.append(f"  {name:<28}{row(p)}")
+        lines.append(f"  {name:<28}{row(p, name in c.disagreed)}")
     if c.left_out:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
+    lines += [f"Not identified: {name} (recordings disagree, {who} the most)." for name, who in c.disagreed.items()]
     lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
     where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
+    if c.driving is not None:
+        lines += [f"{sentence}." for sentence in outlook_sentences(c.outlook, c.driving.recordings)]
+        lines += [f"Not shown well: {one.sentence()}." for one in c.driving.missing() if not one.grave]
     if c.normal is not None:
         lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
         return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
@@ -125,9 +132,10 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 
 
-def row(p: "Parameter") -> str:
-    """Estimate, interval and first guess of one parameter."""
+def row(p: "Parameter", disagreed: bool = False) -> str:
+    """Estimate, interval and first guess of one parameter; disagreed: the recordings ask for different values."""
     unit = unit_suffix(p.unit)
-    note = ", held by its tolerance" if p.kind == "known" else ""
+    note = {"known": ", held by its tolerance", "unseen": ", kept: not shown by these drives"}.get(p.kind, "")
+    note += "; recordings disagree" if disagreed else ""
     estimate, low, high, start = (significant(value, 4) for value in (p.estimate, p.low, p.high, p.start))
     return f"{estimate}{unit} (95 %: {low} to {high}; first guess {start}{note})"

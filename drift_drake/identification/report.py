@@ -12,6 +12,7 @@ from drift_drake.logs.table import UNITS
 from drift_drake.pages.charts import NORMAL, Line, Panel, beside, finished, heat_map
 from drift_drake.pages.page import Source, page_html
 from drift_drake.pictures.style import CARS
+from drift_drake.vehicle.catalogue import CATALOGUE
 
 TEMPLATE = Path(__file__).parent / "report.html"
 WORDS = ("95 % interval", "innovation", "held out", "calibrated car", "sideslip (beta)", "yaw rate (r)", "omega_r")
@@ -67,6 +68,7 @@ def report_html(found: Identification, source: Source | None = None) -> str:
         sentence=c.sentence(),
         not_identified=[direction.sentence() for direction in c.not_identified],
         rows=found.rows,
+        unit_of=lambda name: CATALOGUE[name].unit,
         intervals=intervals(c.parameters),
         errors=error_chart(c.held_out),
         correlations=correlations(list(c.parameters), c.correlation),

@@ -7,7 +7,9 @@ import pytest
 from drift_drake.cli import BAD_INPUT, main
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.identification.calibration import CarTrust, InvalidCalibrationError, read_trust
+from drift_drake.logs.table import write_run
 from drift_drake.run_folder import to_json
+from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 
 
@@ -58,3 +60,39 @@ def test_bad_trust_is_one_sentence(tmp_path, capsys, arguments, says):
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_an_effect_that_came_later_asks_to_calibrate_again(other_car, tmp_path):
+    """As from a package that was installed since, or a catalogue that has grown."""
+    path, written = tmp_path / "car.json", json.loads(to_json(other_car.found.calibration))
+    path.write_text(json.dumps(written))
+    trust = read_trust(path)
+    trust.check_knows(tuple(CATALOGUE), path)  # columns that were missing are no effect that was
+    with pytest.raises(
+        InvalidCalibrationError, match=r"car.json: .* not know steering_gain.*calibrate again.*--exclude"
+    ):
+        trust.check_knows((*CATALOGUE, "steering_gain"), path)
+    before = written | {"catalogue": [name for name in CATALOGUE if name != "gyro_bias"]}
+    path.write_text(json.dumps(before))
+    read_trust(path).check_knows([name for name in CATALOGUE if name != "gyro_bias"], path)
+    with pytest.raises(InvalidCalibrationError, match="does not know gyro_bias"):
+        read_trust(path).check_knows(tuple(CATALOGUE), path)
+
+
+def test_a_calibration_by_likelihood_needs_no_effects(identified, tmp_path):
+    (tmp_path / "car.json").write_text(to_json(identified.calibration))
+    read_trust(tmp_path / "car.json").check_knows(("steering_gain",), tmp_path / "car.json")
+
+
+def test_diagnose_and_check_refuse_an_older_calibration(other_car, tmp_path, capsys):
+    written = json.loads(to_json(other_car.found.calibration))
+    path, car, logs = tmp_path / "car.json", tmp_path / "car.yaml", tmp_path / "logs"
+    path.write_text(json.dumps(written | {"catalogue": [name for name in CATALOGUE if name != "gyro_bias"]}))
+    other_car.guess.to_yaml(car)
+    write_run(other_car.runs[0], logs / "run_0.csv")
+    for name in ("diagnose", "check"):
+        assert main([name, str(logs), "--vehicle", str(car), "--calibration", str(path)]) == BAD_INPUT
+        error = capsys.readouterr().err
+        assert "does not know gyro_bias" in error
+        assert "calibrate again" in error
+        assert error.count("\n") == 1

@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
-from drift_drake.identification.identify import NEAR, Whiteness, whiteness
+from drift_drake.identification.whiteness import NEAR, Whiteness, whiteness
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -37,15 +37,15 @@ def test_of_another_kind_of_car_they_are_not(other_car):
 
 
 def test_a_filter_that_diverges_is_not_white(nominal_runs, monkeypatch):
-    from drift_drake.identification import identify
+    from drift_drake.identification import whiteness as module
 
     def diverged(problem, *_args):
         gains = filter_case(problem, *_args)
         gains.innovations[0][:] = np.nan
         return gains
 
-    filter_case = identify.filter_case
-    monkeypatch.setattr(identify, "filter_case", diverged)
+    filter_case = module.filter_case
+    monkeypatch.setattr(module, "filter_case", diverged)
     found = whiteness(nominal_runs, VehicleParameters(), Effects(), None)
     assert found == Whiteness(float("inf"), 1.0)
     assert not found.may_be_white

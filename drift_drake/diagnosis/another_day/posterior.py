@@ -57,7 +57,7 @@ def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, Detec
     Args:
         curves: of every single effect (`Search.curves`).
     """
-    root = np.linalg.cholesky(search.scatter.inverse + 1e-300 * np.eye(len(search.scatter.inverse)))
+    root = root_of(search.scatter.inverse)
     at_zero = search.scores({})
     shifts = []
     for curve in curves:
@@ -66,6 +66,18 @@ def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, Detec
         shifts.append(Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root))
     own = {curve.name: shift for curve, shift in zip(curves, shifts, strict=True) if curve.follows == 0.0}
     return {name: limit_of(own[name], [rival for rival in shifts if rival.name != name]) for name in search.ranges}
+
+
+def root_of(inverse: np.ndarray) -> np.ndarray:
+    """Root R [n, n] of an inverse covariance R R'; zero in directions that rounding leaves without a sign.
+
+    Scores that a day's driving does not move scatter by nothing, and their inverse covariance is no longer positive.
+    What an effect does in such a direction is not seen.
+    """
+    size = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    values, vectors = np.linalg.eigh(0.5 * (inverse + inverse.T) / np.outer(size, size))
+    kept = np.sqrt(np.where(values > len(values) * np.finfo(float).eps * values[-1], values, 0.0))
+    return np.asarray(size[:, None] * vectors * kept)
 
 
 def limit_of(effect: Shifts, rivals: Sequence[Shifts]) -> DetectionLimit:

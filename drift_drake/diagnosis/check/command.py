@@ -17,9 +17,10 @@ from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances
 
 if TYPE_CHECKING:
+    from drift_drake.diagnosis.check.for_calibration import ForCalibration
     from drift_drake.logs.screening.screened import RunQuality
     from drift_drake.logs.table import Run
     from drift_drake.vehicle.effects import Effects
@@ -36,12 +37,15 @@ class Check:
 
     drift-drake check logs/monday --vehicle car.yaml
 
+    drift-drake check logs/monday --vehicle start.yaml --for-calibration
+
     drift-drake check logs/tuesday --vehicle car.yaml --calibration car.json
 
     Without a vehicle file: rates, columns, noise, bad samples, how hard the car was driven, and where columns that say
     the same disagree: by how much, and what would fix it. With one: the steering ratio and the torque too, which parts
     can be used, the operating regions, and for each effect of the
     catalogue the least magnitude that these logs would show; with the calibration, beside what is normal for the car.
+    With --for-calibration: whether the logs are good enough for `drift-drake identify`, and which drive is missing.
     """
 
     logs: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS")]
@@ -50,6 +54,9 @@ class Check:
     """What the simulator believes of the car (YAML)."""
     calibration: Path | None = None
     """What `drift-drake identify --json` wrote of this car."""
+    for_calibration: bool = False
+    """Say whether a car can be calibrated on these logs, given its first guess: what would stay unknown, which drive is
+    missing, and what more recordings would bring."""
     json: Path | None = None
     """Where to write all of it as JSON (-: standard output)."""
     workers: int = 2
@@ -67,6 +74,7 @@ class Checked:
     regions: dict[str, float] = dataclasses.field(default_factory=dict)
     detection: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     unchecked: tuple[str, ...] = ()
+    for_calibration: "ForCalibration | None" = None
 
 
 def run_check(command: Check) -> None:
@@ -74,6 +82,8 @@ def run_check(command: Check) -> None:
         check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
         if command.vehicle is None:
             raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
+    if command.for_calibration and (command.vehicle is None or command.calibration is not None):
+        raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
     given = None if command.vehicle is None else read_vehicle(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
     try_outputs({"--json": command.json}, inputs)
@@ -116,14 +126,24 @@ def with_vehicle(
     for run in kept:
         beta = np.zeros(len(run)) if run.beta is None else run.beta
         np.add.at(seconds, region_of(run.v, run.r, beta, grip), run.period)
+    regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
+    remarks = [*checked.remarks, *warnings]
+    if command.for_calibration:
+        from drift_drake.diagnosis.check.for_calibration import for_calibration
+
+        assert command.vehicle is not None
+        found = for_calibration(kept, vehicle, own, stated_tolerances(command.vehicle))
+        remarks = list(dict.fromkeys(remarks))
+        return dataclasses.replace(checked, remarks=remarks, regions=regions, for_calibration=found)
     trust = CarTrust(1.0, 1.0, 1.0, None) if command.calibration is None else read_trust(command.calibration)
+    if command.calibration is not None:
+        trust.check_knows(tuple(CATALOGUE), command.calibration)
     if trust.normal is not None:
         detection, more = limits_by_prediction(kept, vehicle, trust.normal, own, checked.case, command.workers)
     else:
         detection, more = limits_by_filter(kept, vehicle, own, stated_noise(command.logs), trust.options())
-    regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
-    remarks = [*checked.remarks, *warnings, *more]
-    return dataclasses.replace(checked, remarks=list(dict.fromkeys(remarks)), regions=regions, detection=detection)
+    remarks = list(dict.fromkeys([*remarks, *more]))
+    return dataclasses.replace(checked, remarks=remarks, regions=regions, detection=detection)
 
 
 def sentences(checked: Checked) -> list[str]:
@@ -146,6 +166,10 @@ def sentences(checked: Checked) -> list[str]:
     if checked.regions:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
+    if checked.for_calibration is not None:
+        from drift_drake.diagnosis.check.for_calibration import said
+
+        lines += said(checked.for_calibration)
     return lines + could_show(checked.detection)
 
 

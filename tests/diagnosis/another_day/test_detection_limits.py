@@ -52,6 +52,17 @@ def test_scatter_makes_limits_larger():
     assert limits["torque_lag"].least == pytest.approx(BESIDE_NONE / 60.0, rel=FINE)
 
 
+def test_a_scatter_that_is_singular_shows_nothing_in_that_direction():
+    """As of a baseline that turns to one side alone: rounding leaves its inverse without a sign."""
+    search = Linear({"mass_error": [100.0, 0.0], "torque_lag": [0.0, 60.0]})
+    search.scatter.inverse = np.array([[1.0, 0.0], [0.0, -1e-18]])
+    limits = search.limits()
+    assert limits["mass_error"].least == pytest.approx(BESIDE_NONE / 100.0, rel=FINE)
+    assert limits["torque_lag"].least is None
+    search.scatter.inverse = np.array([[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]])  # no root of its own
+    assert all(np.isfinite(limit.least or 0.0) for limit in search.limits().values())
+
+
 def test_effects_that_look_alike_must_be_told_from_each_other():
     cosine = 0.95
     other = 50.0 * np.array([cosine, np.sqrt(1.0 - cosine**2)])

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from drift_drake.cli import main
@@ -57,7 +58,42 @@ def test_with_a_vehicle_file_limits_are_no_finer_than_its_tolerances(files, caps
     assert "would be named, from this magnitude on" in err
 
 
+def test_for_a_calibration_the_missing_drives_and_the_outlook_are_said(other_car, tmp_path, capsys):
+    for index, run in enumerate(other_car.runs):
+        write_run(run, tmp_path / "monday" / f"run_{index}.csv")
+    other_car.guess.to_yaml(tmp_path / "start.yaml")
+    asked = ["check", str(tmp_path / "monday"), "--vehicle", str(tmp_path / "start.yaml"), "--for-calibration"]
+    assert main([*asked, "--json", "-"]) == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)["for_calibration"]
+    assert found["good_enough"] == (not any(one["grave"] for one in found["missing"]))
+    assert "to calibrate a car on: " in err
+    for one in found["missing"]:
+        assert one["drive"] in err
+    now, twice, four = found["outlook"]["steering_offset"]
+    assert four <= twice <= now
+    # As the calibration itself says, which has been fitted.
+    assert 0.4 < now / other_car.found.calibration.outlook["steering_offset"][0] < 2.5
+
+
+def test_gentle_logs_are_not_good_enough(tmp_path, capsys):
+    t = np.arange(0.0, 30.0, 0.01)
+    noise = np.random.default_rng(0).normal(size=(2, len(t)))
+    r = 0.02 * np.sin(t)
+    run = Run("run_0", t, r + 1e-3 * noise[0], 20.0 + 0.02 * noise[1], r * 2.5 / 20.0)
+    write_run(run, tmp_path / "motorway" / "run_0.csv")
+    VehicleParameters().to_yaml(tmp_path / "start.yaml")
+    assert main(["check", str(tmp_path / "motorway"), "--vehicle", str(tmp_path / "start.yaml"),
+                 "--for-calibration"]) == 0  # fmt: skip
+    out = capsys.readouterr().out
+    assert "to calibrate a car on: not good enough; 'drift-drake identify' refuses them" in out
+    assert "slowly tightened until the car slides" in out
+    assert "would stay at the first guess: friction" in out
+
+
 def test_mistakes_are_one_sentence(files, capsys):
+    assert main(["check", str(files / "monday"), "--for-calibration"]) == 2
+    assert "give --vehicle" in capsys.readouterr().err
     assert main(["check", str(files / "monday"), "--calibration", str(files / "car.yaml")]) == 2
     assert "give --vehicle too" in capsys.readouterr().err
     assert main(["check", str(files / "nothing")]) == 2

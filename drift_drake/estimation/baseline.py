@@ -19,7 +19,8 @@ from drift_drake.estimation.prediction_constants import (
     CALIBRATED,
     FROM_LEFT_OUT,
     HANGS,
-    LEFT_OF_PRIOR,
+    LEFT_OF_FITTED,
+    LEFT_OF_OTHERS,
     MODEL_FORM,
     MORE_SO,
     OFF_SHAPE,
@@ -170,9 +171,18 @@ def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
     return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
 
 
-def before_logs(prior: np.ndarray, scores: int) -> np.ndarray:
-    """Standard deviations [m] of what a calibrated car may deviate by; prior: of the effects before calibration [n]."""
-    return np.concatenate([LEFT_OF_PRIOR * prior, np.full(scores - len(prior), PARTIAL_PRIOR)])
+def left_of(prior: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Standard deviations [n] of what a calibrated car may deviate by, before its scores are looked at.
+
+    Args:
+        prior: of the effects before calibration [n]; fitted: which of them were [n] (bool).
+    """
+    return np.asarray(np.where(fitted, LEFT_OF_FITTED, LEFT_OF_OTHERS) * prior)
+
+
+def with_partial(left: np.ndarray, scores: int) -> np.ndarray:
+    """The same of effects [n] and their partial effects [m]."""
+    return np.concatenate([left, np.full(scores - len(left), PARTIAL_PRIOR)])
 
 
 class LeftOut(NamedTuple):
@@ -222,14 +232,15 @@ class Learnt(NamedTuple):
 
 
 def learn_normal(
-    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray
+    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray, left: np.ndarray
 ) -> Learnt:
     """What is normal, from the day of calibration.
 
     Args:
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
         prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
-            they differ by from one recording to the next at least (`between_recordings`).
+            they differ by from one recording to the next at least (`between_recordings`); left: what the car may
+            deviate by (`left_of`).
     """
     n = len(names)
     scales = robust_scales(day.errors)
@@ -244,7 +255,7 @@ def learn_normal(
     between = np.concatenate([everyday, np.zeros(len(total) - n)])
     spread_ = Spread(scatter, diagonal / len(score), ratio, len(score),
                      variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
-    before = before_logs(prior, len(total))
+    before = with_partial(left, len(total))
     known, apart = known_from(stretches, spread_, before), left_out(stretches, spread_, before)
     distances = np.array([part.distance for part in apart])
     unknown, recording, pulled, seen_apart = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday,

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from drift_drake.diagnosis.another_day.left_out import probabilities_of_none
-from drift_drake.estimation.baseline import Learnt, learn_normal
+from drift_drake.estimation.baseline import Learnt, learn_normal, left_of
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import STATES
 from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
@@ -134,13 +134,14 @@ def fit_by_prediction(
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
     everyday = between_recordings(seen, vehicle) / steps
-    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday)
+    left = left_of(prior, np.isin(seen, fit.names))
+    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday, left=left)
     learnt = learn(day)
     none = probabilities_of_none(learnt.left_out, learnt.normal.names, steps, car)
     learnt = learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none))
     return PredictionFit(
         tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], learn), held_out,
-        tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, prior, vehicle),
+        tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
     )  # fmt: skip
 
 

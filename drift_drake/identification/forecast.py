@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.estimation.baseline import learn_normal, left_of
 from drift_drake.estimation.robust_fit import robust_scales
-from drift_drake.estimation.scores import Day, between_recordings, huber_weights, learn_normal, make_day, units
+from drift_drake.estimation.scores import Day, between_recordings, huber_weights, make_day, units
 from drift_drake.estimation.unknowns import OWN
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.estimation.windows import stride_of, thinned, windowed
@@ -50,10 +51,11 @@ def forecast(
     day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), effects, seen, steps)
     day = linearly_calibrated(day, prior)
     everyday = between_recordings(seen, vehicle) / steps
-    learn = partial(learn_normal, names=seen, steps=steps, prior=prior, everyday=everyday)
-    learnt = learn(day)
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
-    return Forecast(left_open(day, learnt, own, learn), outlook(day, learnt.normal, prior, vehicle))
+    left = left_of(prior, np.isin(seen, own))
+    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday, left=left)
+    learnt = learn(day)
+    return Forecast(left_open(day, learnt, own, learn), outlook(day, learnt.normal, left, vehicle))
 
 
 def linearly_calibrated(day: Day, prior: np.ndarray) -> Day:
@@ -67,7 +69,7 @@ def linearly_calibrated(day: Day, prior: np.ndarray) -> Day:
         scales = robust_scales(e)
         weights = np.broadcast_to(huber_weights(e, scales), e.shape).reshape(len(e), -1)
         # Derivatives are in scales of the first guess.
-        jacobian = day.jacobian * (robust_scales(day.errors) / scales).reshape(-1)[:, None]
+        jacobian = day.jacobian[..., : len(prior)] * (robust_scales(day.errors) / scales).reshape(-1)[:, None]
         flat = (day.errors / scales).reshape(len(e), -1)
         information = np.einsum("wip,wi,wiq->pq", jacobian, weights, jacobian, optimize=True)
         gradient = np.einsum("wip,wi,wi->p", jacobian, weights, flat, optimize=True)

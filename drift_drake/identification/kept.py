@@ -69,8 +69,12 @@ def extended(correlation: np.ndarray, count: int) -> np.ndarray:
 
 def widened_unknown(normal: Normal, priors: dict[str, float]) -> Normal:
     """What is normal where nothing more is known of some effects than `priors`, standard deviations by name."""
-    factor = np.ones(len(normal.names))
-    for i, (name, unit) in enumerate(zip(normal.names, normal.units, strict=True)):
-        if name in priors:
-            factor[i] = max(priors[name] / unit / np.sqrt(max(normal.unknown[i, i], 1e-300)), 1.0)
-    return dataclasses.replace(normal, unknown=normal.unknown * np.outer(factor, factor))
+    out = {}
+    for field in ("unknown", "left_open"):
+        covariance = getattr(normal, field)
+        factor = np.ones(len(covariance))
+        for i, (name, unit) in enumerate(zip(normal.names, normal.units, strict=True)):
+            if name in priors:
+                factor[i] = max(priors[name] / unit / np.sqrt(max(covariance[i, i], 1e-300)), 1.0)
+        out[field] = covariance * np.outer(factor, factor)
+    return dataclasses.replace(normal, **out)

@@ -12,7 +12,7 @@ import numpy as np
 
 from drift_drake.diagnosis.shared.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
 from drift_drake.errors import significant
-from drift_drake.estimation.baseline import before_logs, scatter_of
+from drift_drake.estimation.baseline import scatter_of, with_partial
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.scores import Day, block_information
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -26,18 +26,18 @@ MOST_SAID = 5
 Outlook = dict[str, list[float | None]]  # by effect the least magnitude after `TIMES` as many recordings
 
 
-def outlook(day: Day, normal: Normal, prior: np.ndarray, vehicle: VehicleParameters) -> Outlook:
+def outlook(day: Day, normal: Normal, prior: np.ndarray, fitted: np.ndarray, vehicle: VehicleParameters) -> Outlook:
     """Detection limits of a day like that of the calibration, after `TIMES` as many recordings like its own.
 
     Args:
-        day: of the calibration, under the calibrated car; normal: what is normal for it; prior: standard deviations
-            [n] of the effects before the logs, in the units of `normal`.
+        day: of the calibration, under the calibrated car; normal: what is normal for it; left: standard deviations [n]
+            of what the car may deviate by (`baseline.left_of`).
     """
     information = block_information(day, normal.scales, normal.precision)
     columns = []
     for times in TIMES:
-        left = unknown_after(normal.left_open, before_logs(prior, len(information)), times)
-        after = dataclasses.replace(normal, left_open=left)
+        unknown = unknown_after(normal.left_open, with_partial(left, len(information)), times)
+        after = dataclasses.replace(normal, left_open=unknown)
         columns.append(limits(information, scatter_of(day, after).covariance, normal, vehicle))
     return {name: [column[name] for column in columns] for name in columns[0]}
 

@@ -26,12 +26,12 @@ MOST_SAID = 5
 Outlook = dict[str, list[float | None]]  # by effect the least magnitude after `TIMES` as many recordings
 
 
-def outlook(day: Day, normal: Normal, prior: np.ndarray, fitted: np.ndarray, vehicle: VehicleParameters) -> Outlook:
+def outlook(day: Day, normal: Normal, left: np.ndarray, vehicle: VehicleParameters) -> Outlook:
     """Detection limits of a day like that of the calibration, after `TIMES` as many recordings like its own.
 
     Args:
-        day: of the calibration, under the calibrated car; normal: what is normal for it; left: standard deviations [n]
-            of what the car may deviate by (`baseline.left_of`).
+        day: of the calibration, under the calibrated car; normal: what is normal for it; left: standard deviations
+            [n] of what the car may deviate by (`baseline.left_of`), in the units of `normal`.
     """
     information = block_information(day, normal.scales, normal.precision)
     columns = []

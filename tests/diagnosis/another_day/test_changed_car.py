@@ -33,7 +33,8 @@ def test_what_is_put_into_the_commands_is_found_as_exactly_where_it_is_large(off
     own = 0.5 * (up.magnitudes[0] + down.magnitudes[0])
     assert up.magnitudes[0] - own == pytest.approx(0.05, rel=0.01)
     assert small.magnitudes[0] - own == pytest.approx(0.015, abs=5e-4)
-    assert up.covariance[0, 0] == pytest.approx(small.covariance[0, 0], rel=0.1)
+    # A steering ratio that calibration knows to some per cent leaves as much of a large offset of the commands open.
+    assert 0.9 * small.covariance[0, 0] < up.covariance[0, 0] < small.covariance[0, 0] + (0.03 * 0.05) ** 2
 
 
 def test_the_most_likely_magnitude_is_a_fixed_point(late_day):

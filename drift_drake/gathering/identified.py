@@ -93,7 +93,10 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     """
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = identify(runs, first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood")
+            # What gentle drives do not show is judged by how the car predicts (`gathering.choice`), not kept.
+            found = identify(
+                runs, first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=()
+            )
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
     return IdentifiedCar(found.vehicle, found.effects)

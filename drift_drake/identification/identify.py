@@ -70,6 +70,7 @@ def identify(
     criterion: Criterion = "auto",
     tolerances: frozenset[str] = frozenset(),
     force: bool = False,
+    unseen: Sequence[str] | None = None,
 ) -> Identification:
     """Calibrates a car on runs. Parameters that the drives cannot show stay at their first guess.
 
@@ -80,7 +81,8 @@ def identify(
         stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
         criterion: "auto" is the likelihood where innovations are white beside the car that it finds, else prediction;
         tolerances: names of those that the vehicle file states: prediction believes them, times two;
-        force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as.
+        force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as;
+        unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show.
 
     Raises:
         InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
@@ -97,13 +99,13 @@ def identify(
     driving = driving_of(runs, vehicle)
     if driving.gentle and not force:
         raise InvalidLogError(driving.too_gentle(case))
-    unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
+    found_unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
     asked = Asked(vehicle, effects, case, tuple(known), tuple(name for name in names if name not in OWN), stated,
-                  criterion, tolerances, unseen)  # fmt: skip
+                  criterion, tolerances, found_unseen if unseen is None else tuple(unseen))  # fmt: skip
     found = calibrated(runs, asked, tell)
     shows = driving.shows_friction_of(vehicle.friction, found.vehicle.friction)
-    if not shows and "friction" not in (*unseen, *known):
-        asked = dataclasses.replace(asked, unseen=("friction", *unseen))
+    if unseen is None and not shows and "friction" not in (*asked.unseen, *known):
+        asked = dataclasses.replace(asked, unseen=("friction", *asked.unseen))
         found = calibrated(runs, asked, tell)
     if not force:
         check_known(found.calibration)
@@ -195,6 +197,11 @@ def by_prediction(runs: Sequence[Run], asked: Asked, tell: Progress) -> Predicti
     held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.unseen)}
     seen, _ = seen_effects(runs, tuple(CATALOGUE))
     own = [name for name in OWN if name not in held and name in seen]
+    if not own:
+        raise InvalidLogError(
+            f"{asked.case}: nothing is left to be calibrated: every parameter is known (--known) or not shown by these "
+            f"drives; drive {CIRCLES}"
+        )
     further = asked.without_unseen(list(dict.fromkeys([*asked.names, *FURTHER])))
     candidates = [name for name in further if name in seen and name not in OWN]
     stated = asked.tolerances | frozenset(asked.known)

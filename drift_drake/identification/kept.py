@@ -36,7 +36,7 @@ def kept_at_first_guess(
     """
     if not names:
         return found
-    c, parameters, changes = found.calibration, dict(found.calibration.parameters), {}
+    c, parameters, changes = found.calibration, dict(found.calibration.parameters), dict[str, float]()
     for name in names:
         effect = EFFECT_OF[name]
         field, prior = FIELDS.get(effect), unknown(effect, vehicle, stated).prior

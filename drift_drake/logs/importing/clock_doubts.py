@@ -6,6 +6,7 @@ from drift_drake.arrays import Array
 
 FASTEST, SLOWEST = 5e3, 0.5  # [Hz] of a recorder's rows
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+COARSEST = 2.0  # [s] between packed times that a jump of 40 can be told from
 MINUTE, HOUR = 40.0, 4000.0  # that packed times jump by, beside the time that passed: hhmmss.ss
 
 
@@ -40,6 +41,8 @@ def _another_power(column: str, step: float, unit: str, size: float) -> list[str
 def _packed(column: str, numbers: Array, steps: Array) -> list[str]:
     """Of times written as hhmmss.ss: they jump from 59 to 100, and their last two digits never pass 59."""
     usual = float(np.median(steps))
+    if usual > COARSEST:
+        return []
     jumps = np.flatnonzero(np.abs(np.diff(numbers) - MINUTE) < 2.0 * usual + 1e-3)
     jumps = np.concatenate([jumps, np.flatnonzero(np.abs(np.diff(numbers) - MINUTE - HOUR) < 2.0 * usual + 1e-3)])
     seconds = numbers % 100.0

@@ -59,7 +59,8 @@ def agreements(m: Motion) -> list[Agreement]:
     least = LIKE if slides else ALONG
     if np.isfinite(m.heading).any():
         says = f"the rate of psi{' and beta' if slides else ''} over that of the course of x, y"
-        found.append((says, {"psi": 1}, MARGIN, gain(m.heading, m.course, beside, m.block, least)))
+        powers = {"psi": 1, "beta": 0} if slides else {"psi": 1}
+        found.append((says, powers, MARGIN, gain(m.heading, m.course, beside, m.block, least)))
     elif np.isfinite(m.course).any():
         found.append(
             (

@@ -97,6 +97,8 @@ def derivative(a: Signal, turns: bool = False) -> Signal:
 def travelled(north: Signal, east: Signal, degrees: bool) -> Signal:
     """Speed [m/s] of a position [m], or of latitude and longitude [deg]."""
     along, across = derivative(north), derivative(east)
+    if not len(along.t) or not len(across.t):  # too few readings
+        return Signal(along.t[:0], along.values[:0], "m/s")
     if degrees:
         size = math.radians(1.0) * EARTH
         narrow = math.cos(math.radians(float(np.nanmean(north.values))))
@@ -112,7 +114,7 @@ def units_by_motion(signals: Mapping[str, Signal], speed: Signal | None = None) 
         signals: by quantity; speed: of the position, where it is known.
     """
     found: dict[str, str] = {}
-    if speed is not None and "v" in signals and signals["v"].unit is None:
+    if speed is not None and len(speed.t) and "v" in signals and signals["v"].unit is None:
         x, y = _paired(signals["v"], speed)
         moving = (x > 0.2 * np.max(x, initial=0.0)) & (y > 0.0)
         if np.count_nonzero(moving) >= LEAST:

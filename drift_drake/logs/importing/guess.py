@@ -75,7 +75,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
     rates = {name: rate_of(t) for name, t in times.items()}
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
-    choices = {name: found for name in LOOKED_FOR if (found := _candidates(name, ordered, clocks))}
+    choices = {name: some for name in LOOKED_FOR if (some := _candidates(name, ordered, clocks))}
     signals = _Signals(times)
     found = _one_position(_chosen(choices, signals), signals)
     notes = _choices_said(found, choices)

@@ -85,7 +85,8 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
         std |= {name: captured.std[name] for name in sorted(wanted & set(captured.std))}
         bandwidth = captured.bandwidth
     elif needs_path(mapping) and {"x", "y"} <= set(signals):
-        followed = path_motion(t, *(signals.get(name) for name in ("x", "y", "v", "course")), mapping.bandwidth)
+        x, y, v, course = signals["x"], signals["y"], signals.get("v"), signals.get("course")
+        followed = path_motion(t, x, y, v, course, mapping.bandwidth)
         columns |= {name: values for name, values in followed.items() if name not in columns}
     if "vx" in columns and VELOCITY & set(mapping.signals) <= set(columns):
         columns = from_velocity(columns, mapping.measured_point)

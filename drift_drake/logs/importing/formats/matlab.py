@@ -136,10 +136,11 @@ def _of_table(name: str, table: pd.DataFrame) -> Topic:
     clock = ""
     if isinstance(table.index, pd.TimedeltaIndex | pd.DatetimeIndex):
         clock = f"{name}.{table.index.name or 'Time'}"
-        origin = pd.Timestamp(0, tz=table.index.tz) if isinstance(table.index, pd.DatetimeIndex) else pd.Timedelta(0)
-        columns[clock] = np.asarray((table.index - origin) / pd.Timedelta(1, "s"), dtype=float)
+        index: Any = table.index
+        origin = pd.Timestamp(0, tz=index.tz) if isinstance(index, pd.DatetimeIndex) else pd.Timedelta(0)
+        columns[clock] = np.asarray((index - origin) / pd.Timedelta(1, "s"), dtype=float)
     for key in table.columns:
-        values = table[key]
+        values: Any = table[key]
         if values.dtype.kind == "m":
             values = values / pd.Timedelta(1, "s")
         columns[f"{name}.{key}"] = values.to_numpy()
@@ -225,7 +226,7 @@ def _times(value: Mapping[str, Any], keys: Mapping[str, str]) -> Array | None:
         return t
     try:
         start, step, count = (float(np.squeeze(parts[key])) for key in ("start", "increment", "length"))
-        return start + step * np.arange(int(count)) if step > 0.0 else None
+        return np.asarray(start + step * np.arange(int(count)), dtype=float) if step > 0.0 else None
     except (KeyError, TypeError, ValueError):
         return None
 

@@ -62,7 +62,8 @@ def _fits(quantity: str, choice: Signal, known: Mapping[str, Signal]) -> float:
         if {"ay", "v"} <= set(known):
             others.append(abs(likeness(product(choice, known["v"]), known["ay"])))
     if quantity == "v" and {"ay", "r"} <= set(known):
-        others.append(abs(likeness(product(choice, known["r"]), known["ay"])))
+        off = _off({"v": choice, "r": known["r"], "ay": known["ay"]})
+        others.append(abs(likeness(product(choice, known["r"]), known["ay"])) - min(off, 2.0 * BETTER))
     if quantity == "ay" and {"v", "r"} <= set(known):
         others.append(abs(likeness(choice, product(known["v"], known["r"]))))
     if quantity == "psi" and "r" in known:
@@ -167,23 +168,37 @@ def steering_unit(steer: Signal, speed: Signal, rate: Signal, handwheel: bool) -
 
 
 def _turning(signals: Mapping[str, Signal], given: Mapping[str, str | None]) -> dict[str, str]:
-    """Units of which ay = v r, the fewest changed from SI."""
+    """Units by which ay = v r, the fewest changed from SI."""
     if None not in given.values() or "?" in given.values():
         return {}
+    fits = [(off + changed, units) for off, changed, units in _explained(signals, given) if off < EXACT]
+    if not fits:
+        return {}
+    _, units = min(fits, key=lambda fit: fit[0])
+    return {name: unit for name, unit in units.items() if given[name] is None}
+
+
+def _off(signals: Mapping[str, Signal]) -> float:
+    """How far (logarithm) v, r and ay are from ay = v r in the units that explain them best; 0: not known."""
+    given = {name: None if signal.unit == "?" else signal.unit for name, signal in signals.items()}
+    return min((off for off, _, _ in _explained(signals, given)), default=0.0)
+
+
+def _explained(
+    signals: Mapping[str, Signal], given: Mapping[str, str | None]
+) -> list[tuple[float, int, dict[str, str]]]:
+    """How far off ay = v r is, and how many units differ from SI, for all usual units of what states none."""
     x, y = _paired(product(signals["r"], signals["v"]), signals["ay"])
     if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
-        return {}
+        return []
     size = float(np.std(x) / np.std(y))
-    best: tuple[float, dict[str, str]] | None = None
-    for units in itertools.product(*(USUAL[name] if unit is None else (unit,) for name, unit in given.items())):
-        v, r, ay = (factor(unit) for unit in units)
-        off = abs(math.log(size * v * r / ay))
-        changed = sum(
-            unit != DIMENSIONS[QUANTITIES[n]][0] for unit, n in zip(units, given, strict=True) if not given[n]
-        )
-        if off < EXACT and (best is None or changed + off < best[0]):
-            best = changed + off, {name: unit for name, unit in zip(given, units, strict=True) if given[name] is None}
-    return {} if best is None else best[1]
+    found = []
+    for choice in itertools.product(*(USUAL[name] if unit is None else (unit,) for name, unit in given.items())):
+        units = dict(zip(given, choice, strict=True))
+        off = abs(math.log(size * factor(units["v"]) * factor(units["r"]) / factor(units["ay"])))
+        changed = sum(units[name] != DIMENSIONS[QUANTITIES[name]][0] for name in given if given[name] is None)
+        found.append((off, changed, units))
+    return found
 
 
 def _rate(r: Signal, heading_rate: Signal) -> dict[str, str]:

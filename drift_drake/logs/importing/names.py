@@ -9,7 +9,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from drift_drake.logs.importing.spelling import DIMENSIONS, Unit, is_stated, meanings, unit_of
+from drift_drake.logs.importing.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 from drift_drake.logs.importing.units import dimensions_of
 from drift_drake.logs.importing.vocabulary import WORDS
 
@@ -145,10 +145,11 @@ def bracketed(name: str) -> tuple[str, Stated | None]:
         return name, None
     text = (found[2] if found[2] is not None else found[3]).strip()
     square = found[2] is not None
-    words = pieces(text)
     if not is_stated(text):
         return (name[: found.start()] + " " + found[4]).strip(), None
-    if not meanings(text) and not square and words and all(word in WORDS or word.isdigit() for word in words):
+    words = [word for word in pieces(text) if not word.isdigit()]
+    of_name = words and all(len(word) > 1 and word in WORDS for word in words)
+    if of_name and not square and all(unit.dimension == OTHER for unit in meanings(text)):
         return name, None
     return (name[: found.start()] + " " + found[4]).strip(), Stated(text, True)
 
@@ -197,9 +198,9 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     known = unit_of(stated.text, kinds) if stated else None
     if stated and known is None and meanings(stated.text):
         return None
-    first, _, rest = bare.lstrip("/.").partition(".")
-    if not topic and len(rest) > 1:
-        topic, bare = first, rest
+    nested = re.match(r"[/.]*([^\s.]+)\.(\S.+)", bare)
+    if not topic and nested:
+        topic, bare = nested[1], nested[2]
     said, unknown, numbers = concepts(bare)
     if "heading" in said and RECEIVERS & set(pieces(bare)):
         said = said - {"heading"} | {"course"}  # that they see: where the car moves, not where it points

@@ -158,7 +158,7 @@ def suffixed(name: str, kinds: tuple[str, ...]) -> tuple[str, Stated | None]:
     """A name without the unit at its end (`speed_kmh`, `yaw_rate_deg_s`, `x_m`), and this unit."""
     parts = [part for part in re.split(r"[_\s.\-]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)) if part]
     for count in (3, 2, 1):
-        if len(parts) <= count or parts[-2:] == ["of", "day"]:
+        if len(parts) <= count or [part.lower() for part in parts[-2:]] == ["of", "day"]:
             continue
         words = parts[-count:]
         for text in dict.fromkeys(("/".join(words), " ".join(words), "".join(words))):

@@ -44,7 +44,7 @@ def seconds_of(values: "pd.Series[Any]") -> Array | None:
     if is_datetime64_any_dtype(values) or is_timedelta64_dtype(values):
         plain = values.dt.tz_convert(None) if getattr(values.dt, "tz", None) is not None else values
         origin = pd.Timedelta(0) if is_timedelta64_dtype(values) else pd.Timestamp(0)
-        return np.array((plain - origin) / pd.Timedelta("1s"), dtype=float)
+        return np.array((plain - origin).dt.total_seconds(), dtype=float)
     if re.match(BASIC, str(values.dropna().iloc[0] if values.notna().any() else "")):
         values = values.astype("string").str.replace(BASIC, r"\1 \2:\3:\4", regex=True)
     texts = values.dropna().astype(str)

@@ -48,8 +48,8 @@ CONCEPTS = {
     "v": "v",
     "r": "r",
     "time": (
-        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit uhr utc "
-        "gmt epoch unixtime tijd"
+        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit uhr "
+        "utc gmt epoch unixtime tijd"
     ),
     "t": "t ts",
     "date": "date datum datetime",

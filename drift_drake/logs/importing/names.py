@@ -63,6 +63,7 @@ DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to
 IN_WORDS = ("kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs", "dps",
             "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
+LONGEST = 200  # characters of a name that is read
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
@@ -139,6 +140,8 @@ def concepts(name: str) -> tuple[set[str], int, int]:
 
 def bracketed(name: str) -> tuple[str, Stated | None]:
     """A name without its last brackets, and the unit in them; brackets that say no unit (`W (IMU)`) stay."""
+    if len(name) > LONGEST:
+        return name, None
     name = re.sub(r" \(column \d+\)$", "", name)  # of two with one name
     found = re.search(r"\s*(\[([^\[\]]*[^\[\]\d\s][^\[\]]*)\]|\(([^()]*)\))([^\[\]()]*)$", name)
     if not found:
@@ -156,6 +159,8 @@ def bracketed(name: str) -> tuple[str, Stated | None]:
 
 def suffixed(name: str, kinds: tuple[str, ...]) -> tuple[str, Stated | None]:
     """A name without the unit at its end (`speed_kmh`, `yaw_rate_deg_s`, `x_m`), and this unit."""
+    if len(name) > LONGEST:
+        return name, None
     parts = [part for part in re.split(r"[_\s.\-]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)) if part]
     for count in (3, 2, 1):
         if len(parts) <= count or [part.lower() for part in parts[-2:]] == ["of", "day"]:
@@ -193,6 +198,8 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     Args:
         name: of the column, without its topic; unit: as far as the file states it; topic: the topic's name.
     """
+    if len(name) > LONGEST:
+        return None
     bare, stated = stated_unit(name, unit, quantity)
     kinds = ("time",) if quantity == "time" else dimensions_of(quantity)
     known = unit_of(stated.text, kinds) if stated else None

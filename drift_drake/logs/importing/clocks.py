@@ -37,7 +37,7 @@ def with_numbers(topic: Topic) -> Topic:
         if not is_numeric_dtype(values):
             numbers = pd.to_numeric(values, errors="coerce")
             if numbers.notna().sum() > FEWEST * values.notna().sum():
-                found[column] = numbers
+                found[str(column)] = numbers
     return dataclasses.replace(topic, table=topic.table.assign(**found)) if found else topic
 
 
@@ -155,4 +155,4 @@ def _together(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
         return True
     part = slice(max(a[0], b[0]), min(a[-1], b[-1]) + 1)
     both, either = np.count_nonzero((one & other)[part]), np.count_nonzero((one | other)[part])
-    return either > 0 and both >= TOGETHER * either
+    return bool(either > 0 and both >= TOGETHER * either)

@@ -26,19 +26,19 @@ ROLLS = math.log(1.06)  # of a wheel's speed to the car's, over most of a drive
 
 
 @dataclasses.dataclass(frozen=True)
-class Signal:
+class Trace:
     """Readings [n] of a column at times t [n] [s], in its own unit (None: it is not stated)."""
 
     t: Array
     values: Array
     unit: str | None
 
-    def si(self) -> "Signal":
+    def si(self) -> "Trace":
         size = factor(self.unit) if self.unit not in (None, "?") else 1.0
-        return Signal(self.t, self.values * size, self.unit)
+        return Trace(self.t, self.values * size, self.unit)
 
 
-def likeness(a: Signal, b: Signal) -> float:
+def likeness(a: Trace, b: Trace) -> float:
     """Correlation of two signals, zero where it is not known."""
     x, y = _paired(a, b)
     if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9:
@@ -46,14 +46,14 @@ def likeness(a: Signal, b: Signal) -> float:
     return float(np.corrcoef(x, y)[0, 1])
 
 
-def better(quantity: str, choices: Sequence[Signal], known: Mapping[str, Signal]) -> int:
+def better(quantity: str, choices: Sequence[Trace], known: Mapping[str, Trace]) -> int:
     """Which of several columns is that quantity by the motion: the first, unless another fits much better."""
     scores = [_fits(quantity, choice, known) for choice in choices]
     best = int(np.argmax(scores))
     return best if scores[best] > scores[0] + BETTER and scores[best] > LIKE else 0
 
 
-def _fits(quantity: str, choice: Signal, known: Mapping[str, Signal]) -> float:
+def _fits(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> float:
     """The best correlation with what other columns say of it."""
     others: list[float] = [0.0]
     if quantity == "r":
@@ -62,7 +62,8 @@ def _fits(quantity: str, choice: Signal, known: Mapping[str, Signal]) -> float:
         if {"ay", "v"} <= set(known):
             others.append(abs(likeness(product(choice, known["v"]), known["ay"])))
     if quantity == "v" and {"ay", "r"} <= set(known):
-        others.append(abs(likeness(product(choice, known["r"]), known["ay"])))
+        off = _off({"v": choice, "r": known["r"], "ay": known["ay"]})
+        others.append(abs(likeness(product(choice, known["r"]), known["ay"])) - min(off, 2.0 * BETTER))
     if quantity == "ay" and {"v", "r"} <= set(known):
         others.append(abs(likeness(choice, product(known["v"], known["r"]))))
     if quantity == "psi" and "r" in known:
@@ -74,27 +75,27 @@ def _fits(quantity: str, choice: Signal, known: Mapping[str, Signal]) -> float:
     return max(others)
 
 
-def product(a: Signal, b: Signal) -> Signal:
+def product(a: Trace, b: Trace) -> Trace:
     there = np.isfinite(b.values)
     if np.count_nonzero(there) < 2:
-        return Signal(a.t, np.full(len(a.t), np.nan), None)
-    return Signal(a.t, a.values * np.interp(a.t, b.t[there], b.values[there]), None)
+        return Trace(a.t, np.full(len(a.t), np.nan), None)
+    return Trace(a.t, a.values * np.interp(a.t, b.t[there], b.values[there]), None)
 
 
-def derivative(a: Signal, turns: bool = False) -> Signal:
+def derivative(a: Trace, turns: bool = False) -> Trace:
     """Rate of change; of an angle that wraps (`turns`) too."""
     there = np.isfinite(a.values) & np.isfinite(a.t)
     t, values = a.t[there], a.values[there]
     fresh = np.diff(t, prepend=-np.inf) > 0.0
     t, values = t[fresh], values[fresh]
     if len(t) < LEAST:
-        return Signal(a.t[:0], a.t[:0], None)
+        return Trace(a.t[:0], a.t[:0], None)
     if turns:
         values = np.unwrap(values, period=360.0 if np.ptp(values) > 7.0 and a.unit is None else 2.0 * np.pi)
-    return Signal(t, np.gradient(_averaged(t, values), t), None)
+    return Trace(t, np.gradient(_averaged(t, values), t), None)
 
 
-def travelled(north: Signal, east: Signal, degrees: bool) -> Signal:
+def travelled(north: Trace, east: Trace, degrees: bool) -> Trace:
     """Speed [m/s] of a position [m], or of latitude and longitude [deg]."""
     along, across = derivative(north), derivative(east)
     if not len(along.t) or not len(across.t):  # too few readings
@@ -104,10 +105,10 @@ def travelled(north: Signal, east: Signal, degrees: bool) -> Signal:
         narrow = math.cos(math.radians(float(np.nanmean(north.values))))
         along = dataclasses.replace(along, values=size * along.values)
         across = dataclasses.replace(across, values=size * narrow * across.values)
-    return Signal(along.t, np.hypot(along.values, np.interp(along.t, across.t, across.values)), "m/s")
+    return Trace(along.t, np.hypot(along.values, np.interp(along.t, across.t, across.values)), "m/s")
 
 
-def units_by_motion(signals: Mapping[str, Signal], speed: Signal | None = None) -> dict[str, str]:
+def units_by_motion(signals: Mapping[str, Trace], speed: Trace | None = None) -> dict[str, str]:
     """Units of v, r, ay, psi where none is stated and the motion tells it.
 
     Args:
@@ -136,14 +137,14 @@ def units_by_motion(signals: Mapping[str, Signal], speed: Signal | None = None) 
     return found
 
 
-def ratio(a: Signal, b: Signal) -> float:
+def ratio(a: Trace, b: Trace) -> float:
     """The second signal in units of the first, over most of the time that both are not near zero; 0: not known."""
     x, y = _paired(a, b)
     moving = np.abs(x) > 0.2 * np.max(np.abs(x), initial=0.0)
     return float(np.median(y[moving] / x[moving])) if np.count_nonzero(moving) >= LEAST else 0.0
 
 
-def wheel_unit(wheel: Signal, speed: Signal) -> str | None:
+def wheel_unit(wheel: Trace, speed: Trace) -> str | None:
     """The unit of a wheel's speed by the car's [m/s]: of the rim, or of its turning about a wheel of sensible size."""
     size = ratio(wheel, speed)
     if size <= 0.0:
@@ -157,7 +158,7 @@ def wheel_unit(wheel: Signal, speed: Signal) -> str | None:
     return next(iter(likely), None)
 
 
-def steering_unit(steer: Signal, speed: Signal, rate: Signal, handwheel: bool) -> str | None:
+def steering_unit(steer: Trace, speed: Trace, rate: Trace, handwheel: bool) -> str | None:
     """`deg` where a steering angle taken for radians belongs to no vehicle's wheelbase, and taken for degrees does."""
     length = abs(ratio(rate, product(steer, speed)))
     if abs(likeness(rate, product(steer, speed))) < LIKE:
@@ -168,27 +169,41 @@ def steering_unit(steer: Signal, speed: Signal, rate: Signal, handwheel: bool) -
     return "deg" if length > high and sensible else None
 
 
-def _turning(signals: Mapping[str, Signal], given: Mapping[str, str | None]) -> dict[str, str]:
-    """Units of which ay = v r, the fewest changed from SI."""
+def _turning(signals: Mapping[str, Trace], given: Mapping[str, str | None]) -> dict[str, str]:
+    """Units by which ay = v r, the fewest changed from SI."""
     if None not in given.values() or "?" in given.values():
         return {}
+    fits = [(off + changed, units) for off, changed, units in _explained(signals, given) if off < EXACT]
+    if not fits:
+        return {}
+    _, units = min(fits, key=lambda fit: fit[0])
+    return {name: unit for name, unit in units.items() if given[name] is None}
+
+
+def _off(signals: Mapping[str, Trace]) -> float:
+    """How far (logarithm) v, r and ay are from ay = v r in the units that explain them best; 0: not known."""
+    given = {name: None if signal.unit == "?" else signal.unit for name, signal in signals.items()}
+    return min((off for off, _, _ in _explained(signals, given)), default=0.0)
+
+
+def _explained(
+    signals: Mapping[str, Trace], given: Mapping[str, str | None]
+) -> list[tuple[float, int, dict[str, str]]]:
+    """How far off ay = v r is, and how many units differ from SI, for all usual units of what states none."""
     x, y = _paired(product(signals["r"], signals["v"]), signals["ay"])
     if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
-        return {}
+        return []
     size = float(np.std(x) / np.std(y))
-    best: tuple[float, dict[str, str]] | None = None
-    for units in itertools.product(*(USUAL[name] if unit is None else (unit,) for name, unit in given.items())):
-        v, r, ay = (factor(unit) for unit in units)
-        off = abs(math.log(size * v * r / ay))
-        changed = sum(
-            unit != DIMENSIONS[QUANTITIES[n]][0] for unit, n in zip(units, given, strict=True) if not given[n]
-        )
-        if off < EXACT and (best is None or changed + off < best[0]):
-            best = changed + off, {name: unit for name, unit in zip(given, units, strict=True) if given[name] is None}
-    return {} if best is None else best[1]
+    found = []
+    for choice in itertools.product(*(USUAL[name] if unit is None else (unit,) for name, unit in given.items())):
+        units = dict(zip(given, choice, strict=True))
+        off = abs(math.log(size * factor(units["v"]) * factor(units["r"]) / factor(units["ay"])))
+        changed = sum(units[name] != DIMENSIONS[QUANTITIES[name]][0] for name in given if given[name] is None)
+        found.append((off, changed, units))
+    return found
 
 
-def _rate(r: Signal, heading_rate: Signal) -> dict[str, str]:
+def _rate(r: Trace, heading_rate: Trace) -> dict[str, str]:
     x, y = _paired(r, heading_rate)
     if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
         return {}
@@ -197,7 +212,7 @@ def _rate(r: Signal, heading_rate: Signal) -> dict[str, str]:
     return {} if unit is None else {"r": unit}
 
 
-def _paired(a: Signal, b: Signal) -> tuple[Array, Array]:
+def _paired(a: Trace, b: Trace) -> tuple[Array, Array]:
     """The second signal at the first one's times, both averaged, where both are there."""
     there, other = np.isfinite(a.values) & np.isfinite(a.t), np.isfinite(b.values) & np.isfinite(b.t)
     if np.count_nonzero(there) < LEAST or np.count_nonzero(other) < LEAST:

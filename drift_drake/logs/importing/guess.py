@@ -21,7 +21,7 @@ from drift_drake.logs.importing.clocks import (
 from drift_drake.logs.importing.evidence import (
     LIKE,
     RADII,
-    Signal,
+    Trace,
     better,
     derivative,
     likeness,
@@ -51,7 +51,7 @@ FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
 
 
-class Candidate(NamedTuple):
+class ColumnChoice(NamedTuple):
     """A column that may be a quantity: how badly its name fits, and its unit (None: not stated, `?`: not known)."""
 
     topic: Topic
@@ -75,8 +75,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
     rates = {name: rate_of(t) for name, t in times.items()}
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
-    choices = {name: some for name in LOOKED_FOR if (some := _candidates(name, ordered, clocks))}
-    signals = _Signals(times)
+    choices = {name: fits for name in LOOKED_FOR if (fits := _candidates(name, ordered, clocks))}
+    signals = _Traces(times)
     found = _one_position(_chosen(choices, signals), signals)
     notes = _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
@@ -101,20 +101,20 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     return Guess(mapping, [name for name in NEEDED if name not in known], notes + said)
 
 
-class _Signals:
+class _Traces:
     """Readings of candidates, thinned, by their topic's clock (by rows where there is none)."""
 
     def __init__(self, times: Mapping[str, np.ndarray]) -> None:
         self.times = times
 
-    def __call__(self, candidate: Candidate) -> Signal:
+    def __call__(self, candidate: ColumnChoice) -> Trace:
         values = numbers_of_column(candidate.topic, candidate.column)
         t = self.times.get(candidate.topic.name, np.arange(float(len(values))))
         thin = slice(None, None, 1 + len(values) // MOST_ROWS)
-        return Signal(t[thin], values[thin], candidate.unit)
+        return Trace(t[thin], values[thin], candidate.unit)
 
 
-def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[Candidate]:
+def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
     """All columns that may be this quantity, the best first."""
     found = []
     for topic in ordered:
@@ -133,16 +133,16 @@ def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, st
             if not len(seen):
                 continue
             late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
-            found.append(Candidate(topic, str(column), fits[0] + late, fits[1]))
+            found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
     return sorted(found, key=lambda candidate: candidate.rank)
 
 
-def _chosen(choices: Mapping[str, list[Candidate]], signals: _Signals) -> dict[str, Candidate]:
+def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict[str, ColumnChoice]:
     """One column for each quantity, none for two."""
-    found: dict[str, Candidate] = {}
+    found: dict[str, ColumnChoice] = {}
     taken: set[tuple[str, str]] = set()
 
-    def take(name: str, candidate: Candidate) -> None:
+    def take(name: str, candidate: ColumnChoice) -> None:
         if name in found:
             taken.discard((found[name].topic.name, found[name].column))
         found[name] = candidate
@@ -170,7 +170,7 @@ def _chosen(choices: Mapping[str, list[Candidate]], signals: _Signals) -> dict[s
     return found
 
 
-def _one_position(found: dict[str, Candidate], signals: _Signals) -> dict[str, Candidate]:
+def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> dict[str, ColumnChoice]:
     """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it."""
     halves = [found[name] for name in ("latitude", "longitude") if name in found]
     if len(halves) == 2 and halves[0].topic is halves[1].topic:
@@ -182,7 +182,7 @@ def _one_position(found: dict[str, Candidate], signals: _Signals) -> dict[str, C
     return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}
 
 
-def _choices_said(found: Mapping[str, Candidate], choices: Mapping[str, list[Candidate]]) -> list[str]:
+def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[ColumnChoice]]) -> list[str]:
     """Sentences on quantities that several columns may be."""
     sentences = []
     used = {(c.topic.name, c.column) for c in found.values()}
@@ -201,7 +201,7 @@ def _choices_said(found: Mapping[str, Candidate], choices: Mapping[str, list[Can
 
 
 def _units(
-    found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[Topic]
+    found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]
 ) -> tuple[dict[str, str], list[str]]:
     """Units of the chosen columns: as stated, else by names and motion, else SI; and sentences on them."""
     units = {key: c.unit for key, c in found.items()}
@@ -240,7 +240,7 @@ def _units(
     return {key: units[key] or told.get(key) or plain[key] for key in found}, sentences
 
 
-def _speed_of_position(found: Mapping[str, Candidate], signals: _Signals, topics: Sequence[Topic]) -> Signal | None:
+def _speed_of_position(found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]) -> Trace | None:
     """Speed by x and y in metres, or by latitude and longitude in degrees."""
     if {"x", "y"} <= set(found) and found["x"].unit in (None, "m"):
         return travelled(signals(found["x"]), signals(found["y"]), degrees=False)
@@ -253,14 +253,14 @@ def _speed_of_position(found: Mapping[str, Candidate], signals: _Signals, topics
             for words in (("latitude", "lat"), ("longitude", "lon", "long"))
         ]
         if all(name is not None and is_numeric_dtype(topic.table[name]) for name in place):
-            north, east = (signals(Candidate(topic, str(name), 0.0, "deg")) for name in place)
+            north, east = (signals(ColumnChoice(topic, str(name), 0.0, "deg")) for name in place)
             if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0:
                 return travelled(north, east, degrees=True)
     return None
 
 
 def _clock_entries(
-    found: Mapping[str, Candidate], clocks: Mapping[str, str], rates: Mapping[str, float]
+    found: Mapping[str, ColumnChoice], clocks: Mapping[str, str], rates: Mapping[str, float]
 ) -> tuple[dict[str, Any], dict[tuple[str, str], str]]:
     """The mapping's clocks, and the clock of each column by topic and column."""
     tables = {c.topic.name: c.topic for c in found.values()}
@@ -282,7 +282,7 @@ def _clock_entries(
 
 
 def _adapted(
-    lines: dict[str, Any], found: Mapping[str, Candidate], signals: _Signals, units: Mapping[str, str]
+    lines: dict[str, Any], found: Mapping[str, ColumnChoice], signals: _Traces, units: Mapping[str, str]
 ) -> list[str]:
     """Adds a wheel's radius and a compass' frame to the lines of signals; sentences on them."""
     read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}

@@ -9,7 +9,7 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from drift_drake.logs.importing.spelling import DIMENSIONS, Unit, is_stated, meanings, unit_of
+from drift_drake.logs.importing.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 from drift_drake.logs.importing.units import dimensions_of
 from drift_drake.logs.importing.vocabulary import WORDS
 
@@ -63,6 +63,7 @@ DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to
 IN_WORDS = ("kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs", "dps",
             "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
+LONGEST = 200  # characters of a name that is read
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
@@ -139,25 +140,30 @@ def concepts(name: str) -> tuple[set[str], int, int]:
 
 def bracketed(name: str) -> tuple[str, Stated | None]:
     """A name without its last brackets, and the unit in them; brackets that say no unit (`W (IMU)`) stay."""
+    if len(name) > LONGEST:
+        return name, None
     name = re.sub(r" \(column \d+\)$", "", name)  # of two with one name
     found = re.search(r"\s*(\[([^\[\]]*[^\[\]\d\s][^\[\]]*)\]|\(([^()]*)\))([^\[\]()]*)$", name)
     if not found:
         return name, None
     text = (found[2] if found[2] is not None else found[3]).strip()
     square = found[2] is not None
-    words = pieces(text)
     if not is_stated(text):
         return (name[: found.start()] + " " + found[4]).strip(), None
-    if not meanings(text) and not square and words and all(word in WORDS or word.isdigit() for word in words):
+    words = [word for word in pieces(text) if not word.isdigit()]
+    of_name = words and all(len(word) > 1 and word in WORDS for word in words)
+    if of_name and not square and all(unit.dimension == OTHER for unit in meanings(text)):
         return name, None
     return (name[: found.start()] + " " + found[4]).strip(), Stated(text, True)
 
 
 def suffixed(name: str, kinds: tuple[str, ...]) -> tuple[str, Stated | None]:
     """A name without the unit at its end (`speed_kmh`, `yaw_rate_deg_s`, `x_m`), and this unit."""
+    if len(name) > LONGEST:
+        return name, None
     parts = [part for part in re.split(r"[_\s.\-]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)) if part]
     for count in (3, 2, 1):
-        if len(parts) <= count or parts[-2:] == ["of", "day"]:
+        if len(parts) <= count or [part.lower() for part in parts[-2:]] == ["of", "day"]:
             continue
         words = parts[-count:]
         for text in dict.fromkeys(("/".join(words), " ".join(words), "".join(words))):
@@ -192,14 +198,16 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     Args:
         name: of the column, without its topic; unit: as far as the file states it; topic: the topic's name.
     """
+    if len(name) > LONGEST:
+        return None
     bare, stated = stated_unit(name, unit, quantity)
     kinds = ("time",) if quantity == "time" else dimensions_of(quantity)
     known = unit_of(stated.text, kinds) if stated else None
     if stated and known is None and meanings(stated.text):
         return None
-    first, _, rest = bare.lstrip("/.").partition(".")
-    if not topic and len(rest) > 1:
-        topic, bare = first, rest
+    nested = re.match(r"[/.]*([^\s.]+)\.(\S.+)", bare)
+    if not topic and nested:
+        topic, bare = nested[1], nested[2]
     said, unknown, numbers = concepts(bare)
     if "heading" in said and RECEIVERS & set(pieces(bare)):
         said = said - {"heading"} | {"course"}  # that they see: where the car moves, not where it points

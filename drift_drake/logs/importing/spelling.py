@@ -126,8 +126,7 @@ def is_stated(text: str) -> bool:
 @functools.lru_cache(maxsize=4096)
 def meanings(text: str) -> tuple[Unit, ...]:
     """The units that a text may mean, none where it is not known; of several the most usual first."""
-    plain = _plain(text)
-    if not plain or len(plain) > LONGEST:
+    if len(text) > LONGEST or not (plain := _plain(text)):
         return ()
     for words, name in ((NAMED, text.strip()), (NAMED, plain), (SPELT, plain.lower())):
         if name in words:

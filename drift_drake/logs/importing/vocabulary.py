@@ -9,7 +9,7 @@ CONCEPTS = {
     "angular": "angular angulaire rotational angvel winkelgeschwindigkeit",
     "linear": "linear",
     "speed": "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad velocita sog",
-    "steer": "steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata",
+    "steer": "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata",
     "handwheel": "handwheel swa sas lenkrad volant volante",
     "road": "road roadwheel strasse",
     "angle": "angle ang angles winkel wkl angulo angolo",
@@ -48,15 +48,15 @@ CONCEPTS = {
     "v": "v",
     "r": "r",
     "time": (
-        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage uhrzeit uhr utc gmt "
-        "epoch unixtime tijd"
+        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit uhr "
+        "utc gmt epoch unixtime tijd"
     ),
     "t": "t ts",
     "date": "date datum datetime",
     "car": "car vehicle veh fahrzeug fzg fahr vehicule voiture auto vehiculo veicolo ground over own host body chassis",
     "norm": "norm magnitude abs absolute total horizontal",
     "source": (
-        "gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
+        "based gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
         "messwert ist actual act est estimated estimate filtered filt raw corr corrected calc calculated kf ekf fused "
         "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
         "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
@@ -87,6 +87,7 @@ CONCEPTS = {
     ),
 }
 PAIRS = {  # words that say two things
+    "lws": "handwheel angle", "hwa": "handwheel angle", "rwa": "road wheel angle",
     "lenkw": "steer angle", "lw": "steer angle", "lrw": "handwheel angle", "strangle": "steer angle",
     "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",
     "az": "acc z", "wx": "gyro x", "wy": "gyro y", "wz": "gyro z", "omegaz": "gyro z", "omegax": "gyro x",

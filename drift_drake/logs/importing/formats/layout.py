@@ -184,7 +184,7 @@ def _above(
             continue
         filled = [cell for cell in row if cell]
         fits = abs(len(row) - width) <= 1 or (len(row) <= width and len(filled) >= max(2, width // 2))
-        if not fits or any(map(_is_value, filled)) or len(found) == MOST_NAMES:
+        if not fits or 4 * sum(map(_is_value, filled)) > len(filled) or len(found) == MOST_NAMES:
             break
         found.append((line, row))
     return found[::-1] or commented

@@ -11,4 +11,6 @@ from drift_drake.logs.importing.formats.topics import Topic
 def read_parquet(path: Path) -> list[Topic]:
     """The table of a Parquet file; ImportError where pyarrow is not installed."""
     table = pd.read_parquet(path)
+    if not isinstance(table.index, pd.RangeIndex):  # of times, as a rule
+        table = table.reset_index()
     return [topic_of_table(table, [str(name).strip() for name in table.columns])]

@@ -21,7 +21,7 @@ FEW = 0.5  # share of a column's texts that are numbers with a comma, from which
 
 def read_csv(path: Path) -> list[Topic]:
     """The table of a text file; ValueError or OSError where it is none."""
-    with PACKERS.get(path.suffix.lower(), lambda file: file.open("rb"))(path) as stream:
+    with PACKERS.get(path.suffix.lower(), _plain)(path) as stream:
         head = stream.read(HEAD + 1)
     layout = layout_of(head[:HEAD], len(head) <= HEAD)
     if not layout.plain:
@@ -36,6 +36,10 @@ def read_csv(path: Path) -> list[Topic]:
         table = pd.read_csv(path, low_memory=False, encoding=OTHERWISE)
         header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE).iloc[0]
     return [topic_of_table(table, [str(name).strip() for name in header])]
+
+
+def _plain(path: Path) -> Any:
+    return path.open("rb")
 
 
 def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[str] = (), first_line: int = 2) -> Topic:

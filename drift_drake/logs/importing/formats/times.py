@@ -25,6 +25,7 @@ BASIC = r"^\s*(\d{8})T(\d{2})(\d{2})(\d{2})"  # of ISO 8601, without dashes and 
 DAYS = re.compile(r"(?P<days>\d{1,4})\s*(?:d|day|days|\.)?[,.\s]*", re.IGNORECASE)
 ALIKE = 0.9  # share of a column's texts that are times
 TRIED = 50  # texts
+LONGEST = 80  # characters of a time
 THINNED = 101  # rows, of which one shows soon that a clock counts on beyond the sixtieth second
 
 
@@ -44,10 +45,13 @@ def seconds_of(values: "pd.Series[Any]") -> Array | None:
     if is_datetime64_any_dtype(values) or is_timedelta64_dtype(values):
         plain = values.dt.tz_convert(None) if getattr(values.dt, "tz", None) is not None else values
         origin = pd.Timedelta(0) if is_timedelta64_dtype(values) else pd.Timestamp(0)
-        return np.array((plain - origin) / pd.Timedelta("1s"), dtype=float)
+        elapsed: Any = plain - origin
+        return np.array(elapsed.dt.total_seconds(), dtype=float)
     if re.match(BASIC, str(values.dropna().iloc[0] if values.notna().any() else "")):
         values = values.astype("string").str.replace(BASIC, r"\1 \2:\3:\4", regex=True)
     texts = values.dropna().astype(str)
+    if len(texts) and texts.str.len().max() > LONGEST:
+        return None
     some = texts.iloc[:: max(1, len(texts) // TRIED)]
     if not len(some) or np.mean([bool(TEXT.match(text)) for text in some]) < ALIKE:
         return None

@@ -29,7 +29,7 @@ def is_small_text(path: Path) -> bool:
             return False
         with path.open("rb") as file:
             packed = file.read(len(GZIP)) == GZIP
-        with gzip.open(path) if packed else path.open("rb") as stream:
+        with STREAMS[GZIP](path) if packed else path.open("rb") as stream:
             first = stream.read(PIECE)
             if b"\0" in first[:4096] and not first.startswith(UTF_16):
                 return False

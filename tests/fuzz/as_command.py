@@ -21,6 +21,7 @@ from fuzzing import COUNTS, LONGEST
 
 from drift_drake.cli import load, main
 
+BESIDE = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on beside
 MEMORY = 2 << 30  # bytes beside what the interpreter has already
 SPOKEN = ("check", "watch", "apply", "effects", "import", "export", "replay", "diagnose", "fleet")
 BAD = re.compile(rb"Traceback \(most recent call last\)|Warning:|Fatal Python error|core dumped|NoneType: None")
@@ -38,7 +39,7 @@ class Ended:
     @property
     def flaw(self) -> str:
         """What is wrong with it; nothing where it ended well, or refused its input in a sentence."""
-        if self.hung:
+        if self.hung or self.code == -signal.SIGXCPU:
             return f"it took more than {LONGEST} s"
         if self.code < 0:
             return f"it was ended by {signal.Signals(-self.code).name}"
@@ -58,7 +59,7 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
     """Runs `drift-drake WORDS` in a folder.
 
     Args:
-        killed_after: [s] after which it is killed (-9), if it has not ended.
+        killed_after: [s] after which it is killed (-9), if it has not ended; longest: [s] of processor time.
     """
     arguments, heard = [str(word) for word in words], folder / ".said"
     begun = time.monotonic()
@@ -67,7 +68,7 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
         child = os.fork()
     if child == 0:
         _run(folder, arguments, heard, longest)
-    end, hung = begun + (longest if killed_after is None else killed_after), False
+    end, hung = begun + (BESIDE * longest if killed_after is None else killed_after), False
     while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
         if time.monotonic() > end:
             hung = killed_after is None
@@ -93,7 +94,9 @@ def _run(folder: Path, arguments: Sequence[str], heard: Path, longest: float) ->
         space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (space + MEMORY, space + MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_CPU, (2 * int(longest), 2 * int(longest)))
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        time_limit = int(used.ru_utime + used.ru_stime + longest) + 1
+        resource.setrlimit(resource.RLIMIT_CPU, (time_limit, time_limit + 1))
         warnings.resetwarnings()
         warnings.filterwarnings("default", category=DeprecationWarning, module="__main__")
         for kind in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):

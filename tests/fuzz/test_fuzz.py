@@ -24,6 +24,7 @@ from drift_drake.diagnosis.next_drive.foresight import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.freeform import FORCE_CHANNELS
 from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.partial import DRIVING, partial_effects
 from drift_drake.estimation.problem import NUISANCES
 from drift_drake.estimation.windows import HORIZONS, PREDICTED
 from drift_drake.identification.calibration import read_trust
@@ -71,23 +72,32 @@ CALIBRATION: dict[str, Any] = {
     "trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
     "everyday": {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "row_weight": 0.3},
 }  # fmt: skip
+NAMES = ("aero_drag", "steering_lag")
+SCORES = len(NAMES) + len(partial_effects(NAMES))
+CHANNEL_SCALES = np.ones((HORIZONS, len(PREDICTED)))
 CALIBRATION_BY_PREDICTION: dict[str, Any] = {
     "normal": Normal(
-        ("aero_drag", "steering_lag"),
-        0.1,
-        np.ones(2),
-        np.ones((HORIZONS, len(PREDICTED))),
-        np.eye(HORIZONS * len(PREDICTED)),
-        9,
-        np.zeros(2),
-        np.eye(2),
-        np.zeros((3, 2)),
-        np.ones(2),
-        np.ones(4),
-        np.eye(2),
-        np.eye(2),
-        np.zeros((HORIZONS, len(PREDICTED))),
-        np.ones((HORIZONS, len(PREDICTED))),
+        names=NAMES,
+        stride=0.1,
+        units=np.ones(2),
+        scales=CHANNEL_SCALES,
+        precision=np.eye(CHANNEL_SCALES.size),
+        standard=np.ones((2, len(DRIVING))),
+        blocks=9,
+        covariance=np.eye(SCORES),
+        information=np.ones(SCORES),
+        ratio=1.0,
+        expected=np.zeros(SCORES),
+        left_open=np.eye(SCORES),
+        everyday=np.ones(2),
+        scale=1.0,
+        left_out=np.ones(3),
+        left_out_none=0.5 * np.ones(3),
+        covered=np.ones(4),
+        unknown=np.eye(2),
+        recording=np.eye(2),
+        offset=0.0 * CHANNEL_SCALES,
+        level=CHANNEL_SCALES,
     ).as_data(),
 }
 MAPPING = yaml.safe_load("""

@@ -17,7 +17,7 @@ pytest.importorskip("hypothesis", reason="fuzzing needs the extra `test`")
 import yaml
 from as_command import Ended, command, warm, well
 from corpus_targets import CORPUS, TARGETS
-from fuzzing import CASES, COUNTS, cases, tried
+from fuzzing import CASES, COUNTS, LONGEST, cases, tried
 from hypothesis import given, settings, target
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
@@ -29,6 +29,7 @@ from drift_drake.run_folder import is_done
 
 FEW = 5  # of a target in the test suite
 REPORT = {"mapping": {"trust": ["v"]}, "runs": [{"std": {"v": 0.1}}]}
+LONG = 300  # [s] that a command may compute, if it fits a car
 SHARE = 0.01  # of all cases, of a target of commands
 
 
@@ -139,8 +140,8 @@ class Sequences(RuleBasedStateMachine):
     def teardown(self) -> None:
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _does(self, *words: str, after: float | None = None) -> Ended:
-        ended = command(self.folder, *words, killed_after=after)
+    def _does(self, *words: str, after: float | None = None, longest: float = LONGEST) -> Ended:
+        ended = command(self.folder, *words, killed_after=after, longest=longest)
         return ended if ended.code == -9 and after is not None else well("sequences", ended)
 
     @rule(after=st.none() | st.floats(0.0, 0.3), trust=st.booleans())
@@ -151,13 +152,24 @@ class Sequences(RuleBasedStateMachine):
 
     @rule(after=st.none() | st.floats(0.0, 0.3))
     @precondition(lambda self: (self.folder / "runs" / "run_0.csv").exists())
-    def checks(self, after: float | None) -> None:
+    def exports(self, after: float | None) -> None:
         self._does("export", "runs", "--format", "parquet", "--out", "exported", after=after)
 
     @rule(after=st.none() | st.floats(0.0, 0.3))
     def applies(self, after: float | None) -> None:
         ended = self._does("apply", "answer.json", "--vehicle", "car.yaml", "--out", "corrected.yaml", after=after)
         assert ended.code in (0, -9), ended.said
+
+    @rule(after=st.none() | st.floats(0.0, 10.0))
+    @precondition(lambda self: CASES > 0 and (self.folder / "runs" / "run_0.csv").exists())
+    def checks(self, after: float | None) -> None:
+        self._does("check", "runs", "--vehicle", "car.yaml", after=after, longest=LONG)
+
+    @rule(after=st.none() | st.floats(0.0, 20.0))
+    @precondition(lambda self: CASES > 0 and (self.folder / "runs" / "run_0.csv").exists())
+    def identifies(self, after: float | None) -> None:
+        words = ("identify", "runs", "--vehicle", "car.yaml", "--out", "identified.yaml", "--quiet")
+        self._does(*words, after=after, longest=LONG)
 
     @rule()
     @precondition(lambda self: (self.folder / "corrected.yaml").exists())
@@ -177,8 +189,9 @@ class Sequences(RuleBasedStateMachine):
     def what_is_there_is_whole(self) -> None:
         for path in self.folder.rglob("*.json"):
             assert is_done(path), path
-        corrected = self.folder / "corrected.yaml"
-        assert not corrected.exists() or yaml.safe_load(corrected.read_text())["effects"]
+        for name in ("corrected.yaml", "identified.yaml"):
+            path = self.folder / name
+            assert not path.exists() or yaml.safe_load(path.read_text()), path
 
 
 TestSequences = Sequences.TestCase

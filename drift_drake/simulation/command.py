@@ -33,8 +33,8 @@ class DriveOptions:
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
-    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
-    clock_drift, saturated (the actuator), friction_patch."""
+    dropout, nan, freeze, spike, bias, delay, jitter, hold, drift (of the measured state), solver_failure, lost_plans,
+    late_plans, clock_drift, saturated, steering_stuck, torque_stuck, torque_lost (the actuators), friction_patch."""
     monitor: MonitorPolicy = "off"
     """Watch for changes of the car against its simulator (events.jsonl in the folder), and what follows: nothing
     (watch); the named cause is taken into the nominal model, or off the readings (correct); the lane is driven slowly

@@ -192,7 +192,9 @@ class FaultPoints:
 
     def actuators(self, port: OutputPort, parameters: VehicleParameters) -> OutputPort:
         """Behind the command."""
-        return self._behind(port, "actuator_faults", ACTUATOR_KINDS, lambda: ActuatorFaults(self._faults, parameters, self._period))
+        return self._behind(
+            port, "actuator_faults", ACTUATOR_KINDS, lambda: ActuatorFaults(self._faults, parameters, self._period)
+        )
 
     def _behind(
         self, port: OutputPort, name: str, kinds: Mapping[str, float], system: Callable[[], LeafSystem]

@@ -219,7 +219,11 @@ def main(config: CampaignConfig) -> None:
     """
     folder = make_run_folder("fault_campaign", config.out)
     write_versions(folder)
-    keep_settings(folder, dataclasses.asdict(config), free=("loops", "vehicles", "first_vehicle", "bare", "models", "seed", "run_on", "out"))
+    keep_settings(
+        folder,
+        dataclasses.asdict(config),
+        free=("loops", "vehicles", "first_vehicle", "bare", "models", "seed", "run_on", "out"),
+    )
     loops = folder / "loops"
     loops.mkdir(exist_ok=True)
     jobs = make_jobs(config)

@@ -29,6 +29,15 @@ class DriveOptions:
     """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
     (known); or the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
     too), or adapting with what its belief leaves over as an offset."""
+    radius: float | None = None
+    """[m] of the circles; without, 18 m for a car of the default coupe's size, in proportion to the wheelbase (as are
+    the other lengths; speeds follow, with its root)."""
+    transition: float | None = None
+    """[m] from one drift to the next; 20 m for the default coupe."""
+    sideslip: float = 0.6
+    """[rad] of the drifts."""
+    half_width: float | None = None
+    """[m] of the lane to either side; 3 m for the default coupe."""
     seed: int = 0
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()

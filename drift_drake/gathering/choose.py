@@ -1,5 +1,7 @@
 """Which model may drive a car at its limits: the function behind `drift-drake choose`."""
 
+from pathlib import Path
+
 from drift_drake.gathering.choice import Choice, ask
 from drift_drake.gathering.usable_drives import check_drives
 from drift_drake.logs.given import Logs, logs_given
@@ -25,5 +27,5 @@ def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | N
     """
     given = logs_given(logs)
     first_guess = VehicleParameters() if vehicle is None else vehicle_given(vehicle).parameters
-    check_drives(given.runs, logs if isinstance(logs, str) else given.case)
+    check_drives(given.runs, logs if isinstance(logs, str | Path) else given.case)
     return ask(given.runs, first_guess, progress)

@@ -135,12 +135,8 @@ def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> R
         return ReadingKind.MISSING
     if reading[1] <= 0.0 or reading[3] <= 0.0:
         return ReadingKind.STOPPED
-    if (np.abs(reading) > LARGEST).any():
+    if spoilt_channels(reading, last, elapsed).any():
         return ReadingKind.JUMPED
-    if np.isfinite(last).all() and elapsed <= PATIENCE:
-        limit = NOISE + FASTEST * elapsed
-        if (np.abs(reading - last)[:-1] > limit[:-1]).any():
-            return ReadingKind.JUMPED
     return ReadingKind.FROZEN if repeats >= FROZEN else ReadingKind.GOOD
 
 
@@ -172,11 +168,12 @@ class Screen(LeafSystem):
 
     A reading is judged by itself and the last good one (`judge`), then by the model (`Innovation`), where there is
     one: it disagrees where its distance is beyond the bound. Where readings go on disagreeing with the model but agree
-    with each other, it is the car that has changed, or the model that is wrong: they are believed.
+    with each other, it is the car that has changed, or the model that is wrong: they are believed. A channel of
+    `CHECKED` that alone jumps or disagrees is not, until it is where the others say.
 
     Input ports: measured_state [7]; command [2], in force, without which the model is not asked.
     Output ports: judged, a `JudgedReading`; screened_state [7]; reading [1], a `ReadingKind`; estimate [7], the reading
-    where it is good, else the model's prediction; counts [6] of each kind until now.
+    where it is good, else what the model and its good channels make of it (`fusion`); counts [6] of each kind until now.
     State in the Context, each `period`: time and values of the last good reading, the last reading and how often it
     was repeated, the last verdict and command, the counts.
     """

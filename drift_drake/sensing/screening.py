@@ -173,7 +173,7 @@ class Screen(LeafSystem):
 
     Input ports: measured_state [7]; command [2], in force, without which the model is not asked.
     Output ports: judged, a `JudgedReading`; screened_state [7]; reading [1], a `ReadingKind`; estimate [7], the reading
-    where it is good, else what the model and its good channels make of it (`fusion`); counts [6] of each kind until now.
+    where it is good, else what the model and its good channels make of it (`fusion`); counts [6] of each kind so far.
     State in the Context, each `period`: time and values of the last good reading, the last reading and how often it
     was repeated, the last verdict and command, the counts.
     """

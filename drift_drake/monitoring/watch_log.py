@@ -32,7 +32,7 @@ Event = dict[str, Any]
 
 
 @dataclasses.dataclass(frozen=True)
-class Watched:
+class WatchedDrive:
     """What has changed during a drive: events in the order of time, and how much could be judged [s]."""
 
     events: list[Event]
@@ -54,7 +54,7 @@ class Watched:
 def watch(
     log: str | Path | Run, vehicle: Vehicle, calibration: Any = None, *, follow: bool = False, idle: float = 0.0,
     page: str | Path | None = None, tell: Callable[[list[Event]], None] | None = None,
-) -> Watched:  # fmt: skip
+) -> WatchedDrive:  # fmt: skip
     """Watches a drive row by row: since when the car differs from its simulator, and which effect explains it.
 
         seen = drift_drake.watch("logs/monday/run_0.csv", "car.yaml")
@@ -86,7 +86,7 @@ def watch(
         events += new
         if new and tell is not None:
             tell(new)
-    return Watched(events, judged, monitor)
+    return WatchedDrive(events, judged, monitor)
 
 
 def _scores(calibration: Any) -> NormalScores:

@@ -251,7 +251,7 @@ class ClosedLoop:
     ) -> "ClosedLoopRun":  # fmt: skip
         """Simulates until the reference's end, a safe stop, a spin, the lane's edge or the time limit.
 
-        A car has stopped below the speed at which slips have a meaning. An error of the integrator or of a system ends the run as "simulation failed", with what it left.
+        An error of the integrator or of a system ends the run as "simulation failed", with what it left.
 
         Args:
             context: see `initial_context`; change: of the car on the way.

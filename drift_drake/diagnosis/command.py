@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 
 GAP_FOUND = 3  # exit code, where it is asked for
-LEAST_ALARMS, USUAL_ALARMS, MOST_ALARMS = 0.001, 0.05, 0.2  # rates of false alarms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +92,9 @@ def run_diagnose(command: Diagnose) -> int:
     vehicle, own = read_vehicle(command.vehicle)
     effects = chosen_effects(command)
     check_options(effects, command.without, command.every, command.most_seconds, command.workers)
-    trusting = (command.calibration, command.process_scale, command.noise_scale, command.row_weight)
+    trusting = (
+        command.calibration, command.process_scale, command.noise_scale, command.row_weight, command.false_alarms
+    )  # fmt: skip
     check_trust(*trusting)
     folders = case_folders(command.case)
     with ended_at_once():
@@ -143,7 +144,8 @@ def _diagnose_one(command: Diagnose, by_prediction: bool, options: Mapping[str, 
     with progress_bar(command.quiet) as show:
         diagnosis = diagnose(
             command.case, command.vehicle, command.calibration, process_scale=command.process_scale,
-            noise_scale=command.noise_scale, row_weight=command.row_weight, workers=command.workers, progress=show,
+            noise_scale=command.noise_scale, row_weight=command.row_weight, false_alarms=command.false_alarms,
+            workers=command.workers, progress=show,
             **further,
         )  # fmt: skip
     _say(diagnosis.answer, to=said_to(command.json))

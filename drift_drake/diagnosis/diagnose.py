@@ -7,7 +7,7 @@ from typing import Any
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
 from drift_drake.diagnosis.folders import answer_folder, answer_runs
 from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
-from drift_drake.diagnosis.options import check_options, check_trust
+from drift_drake.diagnosis.options import USUAL_ALARMS, check_options, check_trust
 from drift_drake.errors import InvalidOptionError
 from drift_drake.estimation.usable import MOST_SECONDS
 from drift_drake.identification.calibration import Calibration, CarTrust, Identification, read_trust, trust_of
@@ -24,7 +24,8 @@ def diagnose(
     logs: Logs, vehicle: Vehicle, calibration: GivenCalibration | None = None, *, case: str | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE), without: Sequence[str] = (), every: int = 1,
     process_scale: float = 1.0, noise_scale: float = 1.0, row_weight: float = 1.0,
-    most_seconds: float = MOST_SECONDS, workers: int = 2, progress: Progress | None = None,
+    false_alarms: float | None = None, most_seconds: float = MOST_SECONDS, workers: int = 2,
+    progress: Progress | None = None,
 ) -> Diagnosis | DayDiagnosis:  # fmt: skip
     """Finds where a simulator is wrong, which effect it lacks, how large that is, and how far adding it helps.
 
@@ -39,6 +40,8 @@ def diagnose(
         without: columns to leave out; every: rows of the logs that make one here;
         process_scale, noise_scale: factors on process and sensor noise [1]; row_weight: what a row is worth, (0, 1];
             these three are part of a calibration;
+        false_alarms: relative to a calibration by prediction, how often a day without a change may be said to have a
+            gap (0.001 to 0.2; 0.05 if it is not given);
         most_seconds: of logs that are looked at [s]; a calibration by prediction has a limit of its own;
         workers: threads; progress: called with a stage and the share done.
 
@@ -54,7 +57,7 @@ def diagnose(
     check_options(catalogue, without, every, most_seconds, workers)
     options: dict[str, Any] = {
         "own": car.effects, "catalogue": tuple(catalogue), "most_seconds": most_seconds, "progress": progress,
-        **trust_options(calibration, process_scale, noise_scale, row_weight),
+        **trust_options(calibration, process_scale, noise_scale, row_weight, false_alarms),
     }  # fmt: skip
     if isinstance(logs, str | Path):
         return answer_folder(logs, car.parameters, workers, without=tuple(without), every=every, **options)
@@ -64,7 +67,11 @@ def diagnose(
 
 
 def trust_options(
-    calibration: GivenCalibration | None, process_scale: float = 1.0, noise_scale: float = 1.0, row_weight: float = 1.0
+    calibration: GivenCalibration | None,
+    process_scale: float = 1.0,
+    noise_scale: float = 1.0,
+    row_weight: float = 1.0,
+    false_alarms: float | None = None,
 ) -> dict[str, Any]:
     """How far to trust sensors and model, from the calibration or the factors: options of `answer_folder`.
 
@@ -72,12 +79,18 @@ def trust_options(
         InvalidOptionError: both are given, or a factor is out of range;
         InvalidCalibrationError: the calibration cannot be used.
     """
-    check_trust(calibration, process_scale, noise_scale, row_weight)
+    check_trust(calibration, process_scale, noise_scale, row_weight, false_alarms)
     if calibration is not None:
         trust = trust_given(calibration)
     else:
         trust = CarTrust(noise_scale, process_scale, row_weight, None)
-    return {"normal": trust.normal} | (trust.options() if trust.normal is None else {})
+    if trust.normal is None and false_alarms is not None:
+        raise InvalidOptionError(
+            "--false-alarms is a rate relative to a --calibration by prediction; give one ('drift-drake identify "
+            "--criterion prediction --json'), or leave the rate out"
+        )
+    by_prediction = {"false_alarms": false_alarms or USUAL_ALARMS}
+    return {"normal": trust.normal} | (trust.options() if trust.normal is None else by_prediction)
 
 
 def trust_given(calibration: GivenCalibration) -> CarTrust:

@@ -37,7 +37,12 @@ def check_options(
         raise InvalidVehicleError("there is no effect to consider; name some of the catalogue")
 
 
-def check_trust(calibration: Any, process_scale: float, noise_scale: float, row_weight: float) -> None:
+LEAST_ALARMS, USUAL_ALARMS, MOST_ALARMS = 0.001, 0.05, 0.2  # rates of false alarms
+
+
+def check_trust(
+    calibration: Any, process_scale: float, noise_scale: float, row_weight: float, false_alarms: float | None = None
+) -> None:
     """Sees that the factors, or the calibration's path, can be used.
 
     Raises:
@@ -52,3 +57,7 @@ def check_trust(calibration: Any, process_scale: float, noise_scale: float, row_
         raise InvalidOptionError(f"--row-weight {row_weight:g}: give a number above 0, up to 1")
     if not all(0.0 < factor <= LARGEST_SCALE for factor in (noise_scale, process_scale)):
         raise InvalidOptionError(f"--noise-scale and --process-scale are factors above 0, up to {LARGEST_SCALE:g}")
+    if false_alarms is not None and not LEAST_ALARMS <= false_alarms <= MOST_ALARMS:
+        raise InvalidOptionError(
+            f"--false-alarms {false_alarms:g}: give a rate from {LEAST_ALARMS:g} to {MOST_ALARMS:g}"
+        )

@@ -84,12 +84,14 @@ def run_import(command: Import) -> None:
         )
     mapping = read_mapping(command.mapping)
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
+    with ended_at_once():
+        from drift_drake.logs.importing.import_logs import check_asked, import_logs
+
     if is_path_only(mapping):
         with alone_in(command.out):
+            check_asked(command.out, command.start, command.end, command.trust)
             _import_paths(command, mapping, command.out)
         return
-    with ended_at_once():
-        from drift_drake.logs.importing.import_logs import import_logs
 
     imported = import_logs(
         command.recordings, command.mapping, command.out, start=command.start, end=command.end, trust=command.trust,

@@ -43,24 +43,35 @@ def import_logs(
         InvalidOptionError: another argument cannot be used; OutputError: the folder holds runs, or cannot be written.
     """
     paths = [recordings] if isinstance(recordings, str | Path) else list(recordings)
-    if not start < end:
-        raise InvalidOptionError(f"--start {start:g} --end {end:g}: give a start before the end")
-    for name in trust:
-        if name not in COLUMNS:
-            raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
+    check_asked(out, start, end, trust)
     given = mapping if isinstance(mapping, RecorderMapping) else read_mapping(str(mapping))
     given = dataclasses.replace(given, trust=(*given.trust, *trust))
     if out is None:
         return Imported(*import_recordings(paths, given, start, end, dbc))
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise OutputError(f"{out}: is a file; give a new folder")
     with alone_in(out):
-        if run_paths(out):
-            raise OutputError(f"{out}: holds runs already; give a new folder")
+        check_asked(out, start, end, trust)  # nobody else has written runs since
         imported = Imported(*import_recordings(paths, given, start, end, dbc))
         write_case(out, *imported, given)
     return imported
+
+
+def check_asked(out: str | Path | None, start: float, end: float, trust: Sequence[str]) -> None:
+    """Sees that an import's options can be used.
+
+    Raises:
+        InvalidOptionError: names the option and the remedy; OutputError: the folder is a file, or holds runs.
+    """
+    if not start < end:
+        raise InvalidOptionError(f"--start {start:g} --end {end:g}: give a start before the end")
+    for name in trust:
+        if name not in COLUMNS:
+            raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
+    if out is not None and Path(out).exists():
+        if not Path(out).is_dir():
+            raise OutputError(f"{out}: is a file; give a new folder")
+        if run_paths(Path(out)):
+            raise OutputError(f"{out}: holds runs already; give a new folder")
 
 
 def write_case(folder: Path, runs: Sequence[Run], report: ImportReport, mapping: RecorderMapping) -> None:

@@ -106,7 +106,7 @@ def run_diagnose(command: Diagnose) -> int:
         "every": command.every,
         "most_seconds": command.most_seconds,
     }
-    trust = trust_options(*trusting)
+    trust = trust_options(*trusting, effects)
     if folders != [command.case]:
         answers = _diagnose_many(command, vehicle, folders, options | trust)
     else:

@@ -57,7 +57,7 @@ def diagnose(
     check_options(catalogue, without, every, most_seconds, workers)
     options: dict[str, Any] = {
         "own": car.effects, "catalogue": tuple(catalogue), "most_seconds": most_seconds, "progress": progress,
-        **trust_options(calibration, process_scale, noise_scale, row_weight, false_alarms),
+        **trust_options(calibration, process_scale, noise_scale, row_weight, false_alarms, catalogue),
     }  # fmt: skip
     if isinstance(logs, str | Path):
         return answer_folder(logs, car.parameters, workers, without=tuple(without), every=every, **options)
@@ -72,6 +72,7 @@ def trust_options(
     noise_scale: float = 1.0,
     row_weight: float = 1.0,
     false_alarms: float | None = None,
+    catalogue: Sequence[str] = (),
 ) -> dict[str, Any]:
     """How far to trust sensors and model, from the calibration or the factors: options of `answer_folder`.
 
@@ -81,7 +82,7 @@ def trust_options(
     """
     check_trust(calibration, process_scale, noise_scale, row_weight, false_alarms)
     if calibration is not None:
-        trust = trust_given(calibration)
+        trust = trust_given(calibration, catalogue)
     else:
         trust = CarTrust(noise_scale, process_scale, row_weight, None)
     if trust.normal is None and false_alarms is not None:
@@ -93,17 +94,21 @@ def trust_options(
     return {"normal": trust.normal} | (trust.options() if trust.normal is None else by_prediction)
 
 
-def trust_given(calibration: GivenCalibration) -> CarTrust:
-    """How far to trust sensors and model, of a calibration's JSON or object.
+def trust_given(calibration: GivenCalibration, catalogue: Sequence[str] = ()) -> CarTrust:
+    """How far to trust sensors and model, of a calibration's JSON or object; `catalogue`: effects that it has to know.
 
     Raises:
         InvalidOptionError: it is neither; InvalidCalibrationError: the JSON cannot be used.
     """
     if isinstance(calibration, str | Path):
-        return read_trust(calibration)
+        trust = read_trust(calibration)
+        trust.check_knows(catalogue, calibration)
+        return trust
     found = calibration.calibration if isinstance(calibration, Identification) else calibration
     if not isinstance(found, Calibration):
         raise InvalidOptionError(
             f"calibration: {type(calibration).__name__} is none; give what 'identify' found, or its JSON's path"
         )
-    return trust_of(plain(found))
+    trust = trust_of(plain(found))
+    trust.check_knows(catalogue, "the calibration")
+    return trust

@@ -18,7 +18,7 @@ from drift_drake.vehicle.given import Vehicle, vehicle_given
 def identify(
     logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
     effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
-    case: str | None = None, watching: bool = True, progress: Progress | None = None,
+    case: str | None = None, force: bool = False, watching: bool = True, progress: Progress | None = None,
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
 
@@ -33,7 +33,7 @@ def identify(
         criterion: "likelihood" (exact where innovations are white), "prediction" (errors half a second ahead), or
             "auto", which lets the logs choose;
         stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
-        watching: whether to learn what is normal while the car is watched (`watch`), where the logs can say; progress:
+        force: also on logs that are too gentle; watching: whether to learn what is normal while the car is watched (`watch`), where the logs can say; progress:
             called with a stage and the share done.
 
     Returns:
@@ -45,7 +45,7 @@ def identify(
     car, days = vehicle_given(vehicle), _days(logs, case)
     found = identify_runs(
         days.runs, car.parameters, car.effects, days.case, known, effects, {**days.stated, **(stated or {})}, progress,
-        criterion, car.tolerances,
+        criterion, car.tolerances, force,
     )  # fmt: skip
     return _with_normal_scores(found, days.runs) if watching else found
 

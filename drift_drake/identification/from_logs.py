@@ -33,8 +33,8 @@ def identify(
         criterion: "likelihood" (exact where innovations are white), "prediction" (errors half a second ahead), or
             "auto", which lets the logs choose;
         stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
-        force: also on logs that are too gentle; watching: whether to learn what is normal while the car is watched (`watch`), where the logs can say; progress:
-            called with a stage and the share done.
+        force: also on logs that are too gentle; watching: whether to learn what is normal while the car is watched
+            (`watch`), where the logs can say; progress: called with a stage and the share done.
 
     Returns:
         The calibrated vehicle, its effects and the calibration with 95 % intervals (`calibration.parameters`).

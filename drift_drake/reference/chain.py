@@ -76,7 +76,7 @@ def plan_transition(parameters: VehicleParameters, start: DriftEquilibrium, end:
         raise ValueError(f"length is {length:g} m; a transition needs {5.0 * SPACING * units.length:.3g} m or more")
     s = np.linspace(0.0, length / units.length, round(length / units.length / SPACING) + 1)
     constants = units.usual(parameters).constants()
-    z, defect = _solve(_blend(*(_in_units(state, units) for state in (start, end)), s), s[1], constants)
+    z, defect = _solve(_blend(_in_units(start, units), _in_units(end, units), s), s[1], constants)
     if defect > DEFECT_TOLERANCE:
         raise NoTransitionError(f"{_described(start, end, length)}: no motion was found; give more distance")
     steering, torque = np.abs(z[:, 4]).max(), units.torque * np.array([z[:, 5].min(), z[:, 5].max()])

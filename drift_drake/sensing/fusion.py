@@ -9,10 +9,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drift_drake.arrays import Array
 from drift_drake.sensing.sensors import MEASURED_STATE
 
+Mask = NDArray[np.bool_]
 SIZE = len(MEASURED_STATE)
 FORCES = 4  # of (r, v, beta, omega_r): the states that forces act on
 CORRELATED = 0.2  # [s] over which forces that are not modelled stay the same
@@ -70,7 +72,7 @@ def predicted(x: Array, before: Fused, jacobian: Array, rates: Array, period: fl
     return moved, Fused(covariance, before.lacking * math.exp(-period / FORGETTING))
 
 
-def corrected(x: Array, state: Fused, reading: Array, used: Array, noise: Array, length: float) -> tuple[Array, Fused]:
+def corrected(x: Array, state: Fused, reading: Array, used: Mask, noise: Array, length: float) -> tuple[Array, Fused]:
     """A predicted state [7] corrected by the channels of a reading that are used [7] and within their gates.
 
     Args:
@@ -89,8 +91,8 @@ def corrected(x: Array, state: Fused, reading: Array, used: Array, noise: Array,
     return x + gain @ difference[kept], state._replace(covariance=0.5 * (covariance + covariance.T))
 
 
-def within_gate(difference: Array, state: Fused, noise: Array) -> Array:
+def within_gate(difference: Array, state: Fused, noise: Array) -> Mask:
     """Which channels [7] differ from a state by no more than both are uncertain."""
     with np.errstate(invalid="ignore"):
         near = np.abs(difference) <= GATE * np.sqrt(np.diag(state.covariance) + noise**2)
-    return np.asarray(near)
+    return np.asarray(near, dtype=np.bool_)

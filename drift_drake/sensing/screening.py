@@ -11,7 +11,7 @@ from scipy.special import chdtri  # chi-square's; scipy.stats takes half a secon
 from drift_drake.arrays import Array
 from drift_drake.logs.driving import slowest
 from drift_drake.reference.path import Path
-from drift_drake.sensing.fusion import Fused, corrected, learnt, predicted, within_gate
+from drift_drake.sensing.fusion import Fused, Mask, corrected, learnt, predicted, within_gate
 from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
@@ -114,14 +114,14 @@ class ReadingKind(enum.IntEnum):
     DISAGREEING = 5  # far from what the model makes of the last good one
 
 
-def spoilt_channels(reading: Array, last: Array, elapsed: float) -> Array:
+def spoilt_channels(reading: Array, last: Array, elapsed: float) -> Mask:
     """Which channels [7] of a reading are wrong by themselves; arguments as those of `reading_kind`."""
     with np.errstate(invalid="ignore"):
         wrong = ~np.isfinite(reading) | (np.abs(reading) > LARGEST)
         wrong[[1, 3]] |= reading[[1, 3]] <= 0.0
         if np.isfinite(last).all() and elapsed <= PATIENCE:
             wrong[:-1] |= (np.abs(reading - last) > NOISE + FASTEST * elapsed)[:-1]
-    return wrong
+    return np.asarray(wrong, dtype=np.bool_)
 
 
 def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
@@ -147,7 +147,7 @@ class JudgedReading(NamedTuple):
     estimate: Array  # [7] the reading where it is good, else what the model and its good channels make of it
     streak: float = 0.0  # readings in a row that disagree with the model and agree with each other
     spread: float = 0.0  # [s] for which what is unmodelled has acted on the estimate
-    out: Array = np.zeros(len(MEASURED_STATE), dtype=bool)  # channels [7] not used until they agree with the others
+    out: Mask = np.zeros(len(MEASURED_STATE), dtype=bool)  # channels [7] not used until they agree with the others
     fused: Fused = Fused.after_good(np.zeros(len(MEASURED_STATE)))
 
     def vector(self) -> Array:
@@ -235,7 +235,7 @@ class Screen(LeafSystem):
         return self._by_the_model(self._innovation, x, kind, spoilt, last, believed, commands)
 
     def _by_the_model(
-        self, model: Innovation, x: Array, kind: ReadingKind, spoilt: Array, last: JudgedReading, before: Array,
+        self, model: Innovation, x: Array, kind: ReadingKind, spoilt: Mask, last: JudgedReading, before: Array,
         commands: tuple[Array, Array],
     ) -> JudgedReading:  # fmt: skip
         """A verdict by the model's prediction, too; `spoilt` [7]: wrong by themselves; before: the last reading [7]."""

@@ -12,7 +12,8 @@ import pytest
 import drift_drake
 from drift_drake.diagnosis import diagnose as module
 from drift_drake.errors import DriftDrakeError, InvalidOptionError
-from drift_drake.identification.calibration import Calibration, Identification, Trust
+from drift_drake.identification.calibration import Calibration, Identification
+from drift_drake.identification.estimate import Trust
 from drift_drake.logs.table import Run, write_run
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -128,11 +128,15 @@ class InvalidPlanError(DriftDrakeError, ValueError):
     """What a controller gave is neither a plan nor a command; the message says what it gave."""
 
 
+class InvalidControllerError(DriftDrakeError, TypeError):
+    """What was given as a controller is none; the message says what one is."""
+
+
 class Controller(Protocol):
     """What `ClosedLoop` takes in place of the predictive controller: a function of what is measured now.
 
     It keeps nothing from one call to the next, so that runs replay from their seed. A controller with states of its own
-    is a Drake system that keeps them in the Context: see the page on own controllers.
+    is a Drake system that keeps them in the Context (`system_controller`), and can be given in its place.
     """
 
     def evaluate(self, x: Array, s: float, t: float) -> Plan | ArrayLike:

@@ -12,14 +12,13 @@ import tyro
 from drift_drake import safe_files
 from drift_drake.diagnosis.answers.answer import Answer, answer_row
 from drift_drake.diagnosis.answers.provenance import all_answered
+from drift_drake.diagnosis.options import check_options, check_trust
 from drift_drake.errors import DriftDrakeError, InvalidOptionError, meant
-from drift_drake.estimation.usable import MOST_SECONDS, PIECE
+from drift_drake.estimation.usable import MOST_SECONDS
 from drift_drake.executors import ExecutorConfig
-from drift_drake.identification.options import LARGEST_SCALE
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.cases import case_folders, case_name
-from drift_drake.logs.table import OPTIONAL, ROAD, InvalidLogError, run_paths
-from drift_drake.plain_files import check_file
+from drift_drake.logs.table import InvalidLogError, run_paths
 from drift_drake.run_folder import write_results_table
 from drift_drake.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results, write_text
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
 
 GAP_FOUND = 3  # exit code, where it is asked for
-LEAST_ALARMS, USUAL_ALARMS, MOST_ALARMS = 0.001, 0.05, 0.2  # rates of false alarms
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,74 +90,28 @@ class Diagnose:
 def run_diagnose(command: Diagnose) -> int:
     """`drift-drake diagnose`; returns its exit code."""
     vehicle, own = read_vehicle(command.vehicle)
-    if command.workers < 1:
-        raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
-    if not command.most_seconds >= PIECE:
-        raise InvalidOptionError(f"--most-seconds {command.most_seconds:g}: give {PIECE:g} or more")
-    for name in command.without:
-        if name not in (*OPTIONAL, *ROAD):
-            raise InvalidLogError(f"--without {name}: not a column that can be left out; {meant(name, OPTIONAL)}")
-    if command.every < 1:
-        raise InvalidLogError(f"--every {command.every}: give 1 or more")
-    check_trust(command)
+    effects = chosen_effects(command)
+    check_options(effects, command.without, command.every, command.most_seconds, command.workers)
+    trusting = (
+        command.calibration, command.process_scale, command.noise_scale, command.row_weight, command.false_alarms
+    )  # fmt: skip
+    check_trust(*trusting)
     folders = case_folders(command.case)
+    with ended_at_once():
+        from drift_drake.diagnosis.diagnose import trust_options
     options: dict[str, Any] = {
         "own": own,
-        "catalogue": chosen_effects(command),
+        "catalogue": effects,
         "without": tuple(command.without),
         "every": command.every,
         "most_seconds": command.most_seconds,
-        **trust_options(command),
     }
+    trust = trust_options(*trusting, effects)
     if folders != [command.case]:
-        answers = _diagnose_many(command, vehicle, folders, options)
+        answers = _diagnose_many(command, vehicle, folders, options | trust)
     else:
-        answers = [_diagnose_one(command, vehicle, options)]
+        answers = [_diagnose_one(command, trust["normal"] is not None, options)]
     return GAP_FOUND if command.exit_code and any(answer.verdict != "none" for answer in answers) else 0
-
-
-def check_trust(command: Diagnose) -> None:
-    """Sees that the factors, or the calibration's path, can be used.
-
-    Raises:
-        InvalidOptionError: both are given, a factor is out of range, or there is no such file.
-    """
-    factors = (command.noise_scale, command.process_scale)
-    if command.calibration is not None:
-        if factors != (1.0, 1.0) or command.row_weight != 1.0:
-            raise InvalidOptionError("--calibration has the scales and the row weight; give it or them, not both")
-        check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
-    if not 0.0 < command.row_weight <= 1.0:
-        raise InvalidOptionError(f"--row-weight {command.row_weight:g}: give a number above 0, up to 1")
-    if not all(0.0 < factor <= LARGEST_SCALE for factor in factors):
-        raise InvalidOptionError(f"--noise-scale and --process-scale are factors above 0, up to {LARGEST_SCALE:g}")
-
-
-def trust_options(command: Diagnose) -> dict[str, Any]:
-    """How far to trust sensors and model, from the calibration or the factors: options of `answer_folder`.
-
-    Raises:
-        InvalidCalibrationError: the calibration cannot be used.
-    """
-    with ended_at_once():
-        from drift_drake.identification.calibration import CarTrust, read_trust
-
-    asked = command.false_alarms
-    if asked is not None and not LEAST_ALARMS <= asked <= MOST_ALARMS:
-        raise InvalidOptionError(f"--false-alarms {asked:g}: give a rate from {LEAST_ALARMS:g} to {MOST_ALARMS:g}")
-    if command.calibration is not None:
-        trust = read_trust(command.calibration)
-        trust.check_knows(chosen_effects(command), command.calibration)
-    else:
-        trust = CarTrust(command.noise_scale, command.process_scale, command.row_weight, None)
-    if trust.normal is None and asked is not None:
-        raise InvalidOptionError(
-            "--false-alarms is a rate relative to a --calibration by prediction; give one ('drift-drake identify "
-            "--criterion prediction --json'), or leave the rate out"
-        )
-    return {"normal": trust.normal} | (
-        trust.options() if trust.normal is None else {"false_alarms": asked or USUAL_ALARMS}
-    )
 
 
 def chosen_effects(command: Diagnose) -> tuple[str, ...]:
@@ -177,19 +129,25 @@ def chosen_effects(command: Diagnose) -> tuple[str, ...]:
     return chosen
 
 
-def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mapping[str, Any]) -> Answer:
+def _diagnose_one(command: Diagnose, by_prediction: bool, options: Mapping[str, Any]) -> Answer:
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
     safe_files.try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
-        from drift_drake.diagnosis.folders import answer_folder
+        from drift_drake.diagnosis.diagnose import diagnose
         from drift_drake.estimation.filter import filter_run
         from drift_drake.estimation.windows import predict_windows
-    if options["normal"] is None:
-        say_if_it_compiles(filter_run, "the filter")
-    else:
+    if by_prediction:
         say_if_it_compiles(predict_windows, "the predictions")
+    else:
+        say_if_it_compiles(filter_run, "the filter")
+    further = {name: value for name, value in options.items() if name != "own"}
     with progress_bar(command.quiet) as show:
-        diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
+        diagnosis = diagnose(
+            command.case, command.vehicle, command.calibration, process_scale=command.process_scale,
+            noise_scale=command.noise_scale, row_weight=command.row_weight, false_alarms=command.false_alarms,
+            workers=command.workers, progress=show,
+            **further,
+        )  # fmt: skip
     _say(diagnosis.answer, to=said_to(command.json))
     if command.json is not None:
         write_text(command.json, diagnosis.answer.to_json())
@@ -199,18 +157,12 @@ def _diagnose_one(command: Diagnose, vehicle: VehicleParameters, options: Mappin
 
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
-    from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
-    from drift_drake.diagnosis.reports import day_report, report
+    from drift_drake.diagnosis.reports.any_report import report
     from drift_drake.pages.page import Source
 
     said = command_line("diagnose", command, "case")
     answer = None if command.json == STANDARD_OUTPUT else command.json
-    source = Source(said, command.case, command.vehicle, command.calibration, answer)
-    if isinstance(diagnosis, DayDiagnosis):
-        html = day_report.report_html(diagnosis, source)
-    else:
-        html = report.report_html(diagnosis, source)
-    safe_files.write_text(path, html)
+    report(diagnosis, path, Source(said, command.case, command.vehicle, command.calibration, answer))
 
 
 def _diagnose_many(

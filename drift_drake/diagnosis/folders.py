@@ -14,7 +14,7 @@ from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.normal import Normal
 from drift_drake.executors import ExecutorConfig, run_jobs
 from drift_drake.logs.cases import case_folders, case_name
-from drift_drake.logs.table import InvalidLogError, read_case, stated_noise
+from drift_drake.logs.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.worker_pool import WorkerLostError
 
@@ -38,17 +38,23 @@ def answer_folder(
     given = {"normal": normal, "without": without, "every": every, **options}
     found_from = {KEY: provenance(folder, vehicle, given)}
     runs = [run.without(*without).thinned(every) for run in read_case(folder)]
-    case = case_name(folder)
-    found: Diagnosis | DayDiagnosis
-    if normal is not None:
-        kept = {key: options[key] for key in ("own", "progress", "catalogue", "false_alarms") if key in options}
-        found = diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
-    else:
-        options.pop("false_alarms", None)
+    if normal is None:
         options.setdefault("stated", stated_noise(folder))
-        found = diagnose(runs, vehicle, case=case, workers=workers, **options)
+    found = answer_runs(runs, vehicle, case_name(folder), workers, normal, **options)
     answer = dataclasses.replace(found.answer, details=found.answer.details | found_from)
     return dataclasses.replace(found, answer=answer)
+
+
+def answer_runs(
+    runs: Sequence[Run], vehicle: VehicleParameters, case: str, workers: int = 2, normal: Normal | None = None,
+    **options: Any,
+) -> Diagnosis | DayDiagnosis:  # fmt: skip
+    """Diagnoses runs by the criterion that their car was calibrated by; arguments as those of `answer_folder`."""
+    if normal is None:
+        options.pop("false_alarms", None)
+        return diagnose(runs, vehicle, case=case, workers=workers, **options)
+    kept = {key: options[key] for key in ("own", "progress", "catalogue", "false_alarms") if key in options}
+    return diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
 
 
 def _answered(vehicle: VehicleParameters, options: Mapping[str, Any], folder: Path) -> Answer:

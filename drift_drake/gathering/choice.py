@@ -22,6 +22,7 @@ from scipy.special import stdtrit
 from drift_drake.arrays import Array
 from drift_drake.estimation.windows import WindowedRun, forecast_error, windowed
 from drift_drake.gathering.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
+from drift_drake.gathering.usable_drives import LIVELY, asked_parts, liveliness
 from drift_drake.logs.screening.suspicions import suspicions
 from drift_drake.logs.table import Run
 from drift_drake.model.checkpoint import BayesianModel
@@ -36,7 +37,6 @@ from drift_drake.vehicle.parameters import VehicleParameters
 
 SHIPPED = "lane_trust.json"
 IDENTIFIED, SURPRISE = "identified", "surprise"  # its keys; the latter's entries are by the hash of a checkpoint
-LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 OTHER_SIZE = 1.5  # ratio of wheelbases
 NEARER = 0.5  # of another's forecast error, from which on a car is far nearer
 REFUSED = 0.001  # share of cars that follow their equations which are not believed
@@ -60,6 +60,7 @@ class Choice(NamedTuple):
 
     found: Findings
     limit: float  # of the forecast error
+    remarks: tuple[str, ...] = ()  # which parts of long logs were asked
 
     @property
     def beyond(self) -> tuple[str, ...]:
@@ -106,20 +107,23 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
     whose sensors are off, and taken if that is as good as usual.
 
     Args:
-        runs: with torque, sideslip and rim speed; first_guess: of the car; progress: called with a stage and a share.
+        runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
+        first_guess: of the car; progress: called with a stage and a share.
 
     Raises:
         InvalidLogError: a column that holds no number.
     """
     tell = progress or (lambda _stage, _share: None)
     tell("the car as it is", 0.0)
+    doubtful = doubts(runs, first_guess)
+    runs, remarks = asked_parts(runs, first_guess)
     limit, judged = usual_error().limit(), [windowed(run) for run in runs]
     car = identified(runs, first_guess)
     error = car_error(car, judged)
-    found = Findings(car, error, doubts(runs, first_guess), as_it_is=error)
+    found = Findings(car, error, doubtful, as_it_is=error)
     if found.doubts or error <= limit:
         tell("done", 1.0)
-        return Choice(found, limit)
+        return Choice(found, limit, tuple(remarks))
     best = _another_car(runs, first_guess, limit, judged, tell)
     tell("done", 1.0)
     error = car_error(best, judged)
@@ -127,7 +131,7 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
         found = found._replace(car=best, error=error)
     elif best is not None and error < NEARER * found.error:
         found = found._replace(hint=f"; {error:.3g} for {best.name}")
-    return Choice(found, limit)
+    return Choice(found, limit, tuple(remarks))
 
 
 def _another_car(
@@ -165,7 +169,7 @@ def doubts(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[str, ...]:
     """
     found = [doubt.sentence for doubt in suspicions(runs, vehicle) if doubt.column is not None]
     grip = vehicle.friction * vehicle.gravity
-    if max(float(np.percentile(np.abs(run.v * run.r), LIVELY)) for run in runs) < grip:
+    if max(liveliness(run) for run in runs) < grip:
         found.append(
             f"they are too gentle (yaw rate times speed stays below {grip:.1f} m/s^2 in {LIVELY} % of each): drive "
             "informative ones"

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from drift_drake.gathering.usable_drives import check_drives
 from drift_drake.interruption import ended_at_once
-from drift_drake.logs.table import InvalidLogError, Run, read_case, run_paths
+from drift_drake.logs.table import read_case, run_paths
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import progress_bar, said_to, write_results
 from drift_drake.vehicle.double_track.car_file import write_double_track
@@ -17,9 +18,6 @@ from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 if TYPE_CHECKING:
     from drift_drake.gathering.identified import IdentifiedCar
-
-NEEDED = ("beta", "omega_r", "tau_cmd")  # beside what every log has
-PERIOD, CLOSE = 0.01, 1e-4  # [s] between rows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,18 +40,18 @@ class Choose:
 
 
 def run_choose(command: Choose) -> None:
-    first_guess = VehicleParameters() if command.vehicle is None else read_vehicle(command.vehicle)[0]
+    if command.vehicle is not None:
+        read_vehicle(command.vehicle)
     inputs = [path for path in (command.vehicle, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
-    runs = read_case(command.logs)
-    check_runs(runs, command.logs)
+    check_drives(read_case(command.logs), command.logs)
     with ended_at_once():
-        from drift_drake.gathering.choice import ask
+        from drift_drake.gathering.choose import choose
 
     with progress_bar(command.quiet) as show:
-        choice = ask(runs, first_guess, show)
+        choice = choose(command.logs, command.vehicle, progress=show)
     car = choice.found.car
-    print(choice.sentence(), file=said_to(command.json))
+    print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
     if command.out is not None:
         said = "not written, since no car was identified: give some nine seconds of lively driving"
         if car is not None:
@@ -62,7 +60,7 @@ def run_choose(command: Choose) -> None:
         print(f"{command.out}: {said}", file=said_to(command.json))
     write_results(command.json, {
         "believed": choice.believed, "forecast_error": choice.found.error, "limit": choice.limit,
-        "doubts": choice.found.doubts, "beyond": choice.beyond,
+        "doubts": choice.found.doubts, "beyond": choice.beyond, "remarks": choice.remarks,
         "tracks": car and (1 if isinstance(car.vehicle, VehicleParameters) else 2),
         "vehicle": car and car.vehicle, "effects": car and magnitudes_of(car.effects),
     })  # fmt: skip
@@ -74,19 +72,3 @@ def write_identified(path: Path, car: "IdentifiedCar") -> None:
         write_vehicle(path, car.vehicle, car.effects)
     else:
         write_double_track(path, car.vehicle, car.effects)
-
-
-def check_runs(runs: list[Run], logs: Path) -> None:
-    """Raises InvalidLogError for runs that cannot be asked."""
-    for run in runs:
-        missing = [name for name in NEEDED if run.column(name) is None]
-        if missing:
-            raise InvalidLogError(
-                f"{logs}: run {run.name} has no column {', '.join(missing)}; a car is identified by the yaw rate, the "
-                "speed, the sideslip and the rim speed under both commands"
-            )
-        if abs(run.period - PERIOD) > CLOSE:
-            raise InvalidLogError(
-                f"{logs}: the rows of run {run.name} are {run.period:.4g} s apart; what is usual was measured on "
-                f"rows {PERIOD:g} s apart: resample the log"
-            )

@@ -2,7 +2,6 @@
 
 import dataclasses
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,11 +14,10 @@ from drift_drake.logs.table import case_paths
 from drift_drake.safe_files import try_outputs, write_text
 from drift_drake.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results
 from drift_drake.vehicle.compilation import say_if_it_compiles
-from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances, write_vehicle
+from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.identification.calibration import Calibration, Identification, Parameter
-    from drift_drake.logs.table import Run
+    from drift_drake.identification.calibration import Identification, Parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,19 +56,18 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    vehicle, effects = read_vehicle(command.vehicle)
+    read_vehicle(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.estimation.filter import filter_run
-        from drift_drake.identification.identify import identify, read_days
+        from drift_drake.identification.from_logs import identify
     say_if_it_compiles(filter_run, "the filter")
-    days = read_days(command.logs)
     with progress_bar(command.quiet) as show:
         found = identify(
-            days.runs, vehicle, effects, days.case, command.known, command.effects, days.stated, show,
-            command.criterion, stated_tolerances(command.vehicle), command.force,
+            command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,
+            force=command.force, watching=command.json is not None, progress=show,
         )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
     if found.calibration.held_out.ratio > 1.0 and not command.force:
@@ -79,7 +76,7 @@ def run_identify(command: Identify) -> None:
     if command.out is not None:
         write_vehicle(command.out, found.vehicle, found.effects)
     if command.json is not None:
-        write_results(command.json, with_normal_scores(found, days.runs))
+        write_results(command.json, found.calibration)
     if command.report is not None:
         from drift_drake.identification.report import report_html  # plotly is slow to import
         from drift_drake.pages.page import Source
@@ -88,20 +85,7 @@ def run_identify(command: Identify) -> None:
         calibration = None if command.json == STANDARD_OUTPUT else command.json
         vehicle_file = command.out or command.vehicle
         folder = command.logs[0] if len(command.logs) == 1 else None  # of several, the command says which
-        source = Source(said, folder, vehicle_file, calibration)
-        write_text(command.report, report_html(found, source))
-
-
-def with_normal_scores(found: "Identification", runs: Sequence["Run"]) -> "Calibration":
-    """The calibration with what is normal for the car while it is watched, where its logs can say."""
-    from drift_drake.logs.table import InvalidLogError
-    from drift_drake.monitoring.normal import learn_normal_scores
-
-    try:
-        scores = learn_normal_scores(runs, found.vehicle, found.effects)
-    except (InvalidLogError, ValueError):  # no torque commands, or too little driving
-        return found.calibration
-    return dataclasses.replace(found.calibration, watching=scores.as_data())
+        write_text(command.report, report_html(found, Source(said, folder, vehicle_file, calibration)))
 
 
 def summary(found: "Identification", json: Path | None = None) -> str:

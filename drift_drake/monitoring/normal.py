@@ -136,7 +136,11 @@ def read_normal_scores(path: str | Path) -> NormalScores:
     Raises:
         InvalidNormalScoresError: unreadable, not JSON, without any, or not what `identify` writes.
     """
-    data = read_json(path, InvalidNormalScoresError, REMEDY)
+    return normal_scores_of(read_json(path, InvalidNormalScoresError, REMEDY), path)
+
+
+def normal_scores_of(data: Any, path: str | Path) -> NormalScores:
+    """The same from the JSON's content; `path`: what is named in errors."""
     found = data.get("watching") if isinstance(data, dict) else None
     if found is None:
         raise InvalidNormalScoresError(

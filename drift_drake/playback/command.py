@@ -36,16 +36,17 @@ class Replay:
 
 
 def run_replay(command: Replay) -> None:
-    files = {"nominal": command.vehicle} | ({} if command.corrected is None else {"corrected": command.corrected})
-    vehicles = {name: read_vehicle(path) for name, path in files.items()}
+    files = [path for path in (command.vehicle, command.corrected) if path is not None]
+    for path in files:
+        read_vehicle(path)
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
-    try_outputs({"--html": command.html, "--json": command.json}, [command.log, *files.values()])
+    try_outputs({"--html": command.html, "--json": command.json}, [command.log, *files])
     with ended_at_once():
-        from drift_drake.playback.play import compare, describe, prepare, write_replay
-    played = prepare(command.log, vehicles).run(command.restart)
-    comparison = compare(played)
-    print(describe(command.log.name, comparison, command.restart), file=said_to(command.json))
-    write_results(command.json, {"log": command.log, "restart": command.restart} | dataclasses.asdict(comparison))
+        from drift_drake.playback.replay import replay
+    played = replay(command.log, command.vehicle, command.corrected, restart=command.restart)
+    print(played.sentence(), file=said_to(command.json))
+    found = {"log": command.log, "restart": command.restart} | dataclasses.asdict(played.comparison)
+    write_results(command.json, found)
     if command.html is not None:
-        write_replay(played, command.html, command.log.name, command.restart, vehicles["nominal"][0])
+        played.write(command.html)
         print(f"{command.html}: open it in a browser", file=said_to(command.json))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from drift_drake.logs.table import InvalidLogError, read_run
+from drift_drake.logs.table import InvalidLogError, Run, read_run
 from drift_drake.playback.side_by_side import CarModel, Played, SideBySide
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -68,17 +68,18 @@ def drawn(played: Played) -> dict[str, pd.DataFrame]:
     return out
 
 
-def prepare(log: Path, vehicles: Mapping[str, tuple[VehicleParameters, Effects]]) -> SideBySide:
+def prepare(log: str | Path | Run, vehicles: Mapping[str, tuple[VehicleParameters, Effects]]) -> SideBySide:
     """The diagram for a log, with a car for each vehicle by name, the nominal one first.
 
     Raises:
         InvalidLogError: names the file, the place and the remedy.
     """
-    run = read_run(log)
+    run = log if isinstance(log, Run) else read_run(log)
     try:
         return SideBySide(run, {name: CarModel(*held) for name, held in vehicles.items()})
     except InvalidLogError as error:
-        raise InvalidLogError(f"{log}: {str(error).removeprefix(run.name + ': ')}") from None
+        where = run.name if isinstance(log, Run) else log
+        raise InvalidLogError(f"{where}: {str(error).removeprefix(run.name + ': ')}") from None
 
 
 def describe(name: str, comparison: Comparison, restart: float) -> str:

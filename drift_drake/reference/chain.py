@@ -19,9 +19,11 @@ from drift_drake.arrays import Array
 from drift_drake.errors import DriftDrakeError
 from drift_drake.reference.equilibrium import DriftEquilibrium
 from drift_drake.reference.path import Path
+from drift_drake.reference.similarity import Similarity, similarity
 from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
+# Of a car of the default one's size (`similarity`); those of others go with their wheelbase.
 SPACING = 0.2  # [m] between nodes
 SMOOTHING_LENGTH = 3.0  # [m] that weighs the inputs' curvature against their slope
 SCALE = np.array([1.0, 10.0, 0.5, 15.0, 0.4, 150.0])  # sizes of (r, v, beta, omega_r, delta, tau)
@@ -57,9 +59,10 @@ def plan_transition(parameters: VehicleParameters, start: DriftEquilibrium, end:
     """The motion from `start` to `end` over `length` [m] with the smoothest inputs.
 
     Minimises the integral over s of |u'|^2 + (3 m)^2 |u''|^2 (u = (delta, tau), scaled) subject to the nominal car's
-    dynamics by trapezoidal collocation over s every 0.2 m, with states and inputs fixed at both ends. Solved by
-    sequential quadratic programming on the sparse KKT system, with the Hessian of the cost and an l1 merit function
-    (Nocedal and Wright 2006, chapter 18). Yaw rate, course and curvature agree by construction: r = v kappa - beta_dot.
+    dynamics by trapezoidal collocation over s every 0.2 m, with states and inputs fixed at both ends; both lengths are
+    the default car's, and go with the wheelbase. Solved by sequential quadratic programming on the sparse KKT system,
+    with the Hessian of the cost and an l1 merit function (Nocedal and Wright 2006, chapter 18). Yaw rate, course and
+    curvature agree by construction: r = v kappa - beta_dot.
 
     Args:
         parameters: the car; start, end: steady states (a straight one: v = omega_r, all else zero).
@@ -68,28 +71,38 @@ def plan_transition(parameters: VehicleParameters, start: DriftEquilibrium, end:
     Raises:
         NoTransitionError: none was found, or it takes more than the steering and torque limits.
     """
-    if not length >= 5.0 * SPACING:
-        raise ValueError(f"length is {length:g} m; a transition needs {5.0 * SPACING:g} m or more")
-    s = np.linspace(0.0, length, round(length / SPACING) + 1)
-    constants = parameters.constants()
-    z, defect = _solve(_blend(start, end, s), s[1], constants)
+    units = similarity(parameters)
+    if not length >= 5.0 * SPACING * units.length:
+        raise ValueError(f"length is {length:g} m; a transition needs {5.0 * SPACING * units.length:.3g} m or more")
+    s = np.linspace(0.0, length / units.length, round(length / units.length / SPACING) + 1)
+    constants = units.usual(parameters).constants()
+    z, defect = _solve(_blend(_in_units(start, units), _in_units(end, units), s), s[1], constants)
     if defect > DEFECT_TOLERANCE:
         raise NoTransitionError(f"{_described(start, end, length)}: no motion was found; give more distance")
-    steering, torque = np.abs(z[:, 4]).max(), (z[:, 5].min(), z[:, 5].max())
+    steering, torque = np.abs(z[:, 4]).max(), units.torque * np.array([z[:, 5].min(), z[:, 5].max()])
     if steering > parameters.steering_limit or torque[0] < parameters.torque_min or torque[1] > parameters.torque_max:
         raise NoTransitionError(
             f"{_described(start, end, length)} takes a steering angle of {steering:.2f} rad and torques from "
-            f"{torque[0]:.0f} to {torque[1]:.0f} N m, beyond the vehicle's limits of {parameters.steering_limit:g} rad "
+            f"{torque[0]:.3g} to {torque[1]:.3g} N m, beyond the vehicle's limits of {parameters.steering_limit:g} rad "
             f"and [{parameters.torque_min:g}, {parameters.torque_max:g}] N m; give more distance"
         )
     rates, _, _ = linearize(_states(z), z[:, 4:], np.zeros(len(z)), constants)
-    curvature = (rates[:, 2] + z[:, 0]) / z[:, 1]
+    curvature = (rates[:, 2] + z[:, 0]) / z[:, 1] / units.length
     # Exactly the steady states' own curvature at the ends, for paths to join on.
     curvature[0], curvature[-1] = start.curvature, end.curvature
-    transition = Transition(s, z[:, :4].copy(), z[:, 4:].copy(), curvature)
+    z *= np.array([1.0 / units.time, units.speed, 1.0, units.speed, 1.0, units.torque])
+    transition = Transition(s * units.length, z[:, :4].copy(), z[:, 4:].copy(), curvature)
     for values in transition:
         values.flags.writeable = False  # it is shared by all who ask for the same transition
     return transition
+
+
+def _in_units(state: DriftEquilibrium, units: Similarity) -> DriftEquilibrium:
+    """A steady state in the units of a car of the default one's size."""
+    return DriftEquilibrium(
+        v=state.v / units.speed, beta=state.beta, r=state.r * units.time, omega_r=state.omega_r / units.speed,
+        delta=state.delta, tau=state.tau / units.torque, curvature=state.curvature * units.length,
+    )  # fmt: skip
 
 
 def _described(start: DriftEquilibrium, end: DriftEquilibrium, length: float) -> str:
@@ -239,7 +252,8 @@ def chain(parameters: VehicleParameters, legs: list[Leg], start: tuple[float, fl
     curvature = np.concatenate([piece.curvature[k] for piece, k in zip(pieces, keep, strict=True)])
     motion = np.concatenate([np.hstack([piece.state, piece.input])[k] for piece, k in zip(pieces, keep, strict=True)])
     path = Path(nodes, curvature, start, closed)
-    s = np.linspace(0.0, path.length, math.ceil(path.length / GRID_SPACING) + 1)
+    spacing = GRID_SPACING * similarity(parameters).length
+    s = np.linspace(0.0, path.length, math.ceil(path.length / spacing) + 1)
     columns = {name: np.interp(s, nodes, motion[:, index]) for index, name in enumerate(COLUMNS)}
     columns["curvature"] = np.interp(s, nodes, curvature)
     in_transition = np.array(turning)[np.searchsorted(offsets[1:-1], s, side="right")]

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, MathematicalProgram
 
 from drift_drake.errors import DriftDrakeError
+from drift_drake.reference.similarity import similarity
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.parameters import VehicleParameters
 
-RESIDUAL_TOLERANCE = 1e-6  # [rad/s^2], [m/s^2]
+RESIDUAL_TOLERANCE = 1e-6  # [rad/s^2], [m/s^2] of a car of the default one's size
+TIGHTEST = 1.0  # [m] of a radius, for such a car
 
 
 class DriftEquilibrium(NamedTuple):
@@ -47,13 +49,32 @@ def drift_equilibrium(parameters: VehicleParameters, radius: float, sideslip: fl
     Raises:
         NoEquilibriumError: there is none within the limits.
     """
-    if not (math.isfinite(radius) and abs(radius) > 1.0):
-        raise ValueError(f"radius is {radius:g} m; give a finite one of more than 1 m (negative: a right turn)")
+    units = similarity(parameters)
+    least = TIGHTEST * units.length
+    if not (math.isfinite(radius) and abs(radius) > least):
+        raise ValueError(f"radius is {radius:g} m; give a finite one of more than {least:.3g} m (negative: right turn)")
     if not abs(sideslip) < math.pi / 2:
         raise ValueError(f"sideslip is {sideslip:g} rad; give it in radians, below pi/2 in size")
     # The car is symmetric: a right turn is the mirror image of a left one.
     side = math.copysign(1.0, radius)
-    curvature, beta = 1.0 / abs(radius), side * sideslip
+    found = _left_drift(units.usual(parameters), units.length / abs(radius), side * sideslip)
+    if found is None:
+        raise NoEquilibriumError(
+            f"no steady drift at a radius of {radius:g} m and a sideslip of {sideslip:g} rad within "
+            f"|delta| <= {parameters.steering_limit:g} rad and tau in [{parameters.torque_min:g}, "
+            f"{parameters.torque_max:g}] N m; a left turn (positive radius) drifts with negative sideslip"
+        )
+    speed, rim_speed, steering, torque = found
+    speed, rim_speed = speed * units.speed, rim_speed * units.speed
+    return DriftEquilibrium(
+        v=speed, beta=sideslip, r=side * speed / abs(radius), omega_r=rim_speed, delta=side * steering,
+        tau=torque * units.torque, curvature=side / abs(radius))  # fmt: skip
+
+
+def _left_drift(
+    parameters: VehicleParameters, curvature: float, beta: float
+) -> tuple[float, float, float, float] | None:
+    """(v, omega_r, delta, tau) of a steady left turn of a car of the default one's size; None where there is none."""
     constants = parameters.constants()
     grip_speed = math.sqrt(constants.friction * constants.gravity / curvature)
 
@@ -80,16 +101,10 @@ def drift_equilibrium(parameters: VehicleParameters, radius: float, sideslip: fl
         if result.is_success() and np.abs(residual(solution)).max() < RESIDUAL_TOLERANCE:
             break
     else:
-        raise NoEquilibriumError(
-            f"no steady drift at a radius of {radius:g} m and a sideslip of {sideslip:g} rad within "
-            f"|delta| <= {parameters.steering_limit:g} rad and tau in [{parameters.torque_min:g}, "
-            f"{parameters.torque_max:g}] N m; a left turn (positive radius) drifts with negative sideslip"
-        )
+        return None
     speed, spin, steering, torque = (float(value) for value in solution)
     speed *= grip_speed
-    return DriftEquilibrium(
-        v=speed, beta=sideslip, r=side * speed * curvature, omega_r=speed * spin, delta=side * steering,
-        tau=100.0 * torque, curvature=side * curvature)  # fmt: skip
+    return speed, speed * spin, steering, 100.0 * torque
 
 
 def _guesses(beta: float, front_turn: float, lower: NDArray[Any], upper: NDArray[Any]) -> Iterator[NDArray[Any]]:

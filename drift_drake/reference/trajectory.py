@@ -7,23 +7,30 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from drift_drake.arrays import Array
+from drift_drake.errors import InvalidOptionError
 from drift_drake.reference.chain import (
     GRID_SPACING,
     Chain,
     Leg,
+    NoTransitionError,
     Transition,
     chain,
     other_side,
     plan_transition,
     steady_straight,
 )
-from drift_drake.reference.equilibrium import drift_equilibrium
+from drift_drake.reference.equilibrium import NoEquilibriumError, drift_equilibrium
+from drift_drake.reference.figure_legs import figure_8_legs
 from drift_drake.reference.path import Path
+from drift_drake.reference.remedies import instead
+from drift_drake.reference.similarity import similarity
 from drift_drake.vehicle.parameters import VehicleParameters
 
+# Of the default car; those of others go with their size (`similarity`).
+RADIUS, TRANSITION, HALF_WIDTH = 18.0, 20.0, 3.0  # [m]
+INITIATION, ENTRY_SPEED = 30.0, 8.0  # [m], [m/s] of loops
 ENTRY_LENGTH = 10.0  # [m] of steady straight before and after the loops' acceleration
 ACCELERATION_LENGTH = 50.0  # [m]
 
@@ -209,14 +216,17 @@ def circle(v_start: float, v_end: float, duration: float, curvature: float, half
         e_max=lane, in_transition=np.zeros(len(s), dtype=bool), distance=length)  # fmt: skip
 
 
-def figure_8(parameters: VehicleParameters, radius: float = 18.0, sideslip: float = 0.6, transition: float = 20.0,
-             half_width: float = 3.0, laps: float = 1.5) -> Reference:  # fmt: skip
+def figure_8(parameters: VehicleParameters, radius: float | None = None, sideslip: float = 0.6,
+             transition: float | None = None, half_width: float | None = None,
+             laps: float = 1.5) -> Reference:  # fmt: skip
     """A figure-8: steady drifts round two circles in opposite directions, joined by feasible transitions.
 
     The equilibria are those of Goh and Gerdes 2016. In between, path and motion come from `plan_transition`: the
     nominal car can follow the reference exactly, with the curvature going from one circle's to the other's mostly in
     the first half and the yaw rate swinging beyond both equilibria's. The circles' arcs are as long as it takes for
     the figure to close; the default car steers at most 0.62 rad in a 20 m transition and 0.56 rad in a 25 m one.
+
+    Lengths that are not given go with the wheelbase (`similarity`): 18 m, 20 m and 3 m for the default car.
 
     Args:
         parameters: the car whose equilibria are wanted.
@@ -229,27 +239,44 @@ def figure_8(parameters: VehicleParameters, radius: float = 18.0, sideslip: floa
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one drift to the other over the transition.
     """
-    left = drift_equilibrium(parameters, radius, -sideslip)
-    right = other_side(left)
-    arc = _closing_arc(left.curvature, plan_transition(parameters, left, right, transition))
-    legs = [Leg(left, 0.5 * arc, transition), Leg(right, arc, transition), Leg(left, 0.5 * arc, 0.0)]
+    unit = similarity(parameters).length
+    radius, transition = (
+        RADIUS * unit if radius is None else radius,
+        TRANSITION * unit if transition is None else transition,
+    )
+    half_width = HALF_WIDTH * unit if half_width is None else half_width
+    for name, value in (
+        ("radius", radius),
+        ("sideslip", sideslip),
+        ("transition", transition),
+        ("half-width", half_width),
+    ):
+        if not 0.0 < value < math.inf:
+            raise InvalidOptionError(f"the figure-8's {name} is {value:g}; give a number above 0")
+    asked = (radius, sideslip, transition)
+    try:
+        legs, path = figure_8_legs(parameters, asked)
+    except (NoEquilibriumError, NoTransitionError) as error:
+        raise type(error)(instead(figure_8_legs, parameters, asked, str(error))) from None
     # Laid out with the left-hand circle about the origin, then moved so that the circles' centres lie on the x axis,
     # at equal distances from the origin.
-    trial = chain(parameters, legs, (-radius, 0.0, -0.5 * math.pi), closed=True).path
-    x, y = trial.to_world(0.5 * trial.length, -radius)
+    x, y = path.to_world(0.5 * path.length, -radius)
     tilt, half_distance = math.atan2(y, x), 0.5 * math.hypot(x, y)
     start = (-radius * math.cos(tilt) - half_distance, radius * math.sin(tilt), -0.5 * math.pi - tilt)
     return _reference(chain(parameters, legs, start, closed=True), half_width, laps)
 
 
-def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float = 0.6, count: int = 4,
-          swing: float = 4.0, initiation: float = 30.0, transition: float = 20.0, entry_speed: float = 8.0,
-          half_width: float = 3.0) -> Reference:  # fmt: skip
+def loops(parameters: VehicleParameters, radius: float | None = None, sideslip: float = 0.6, count: int = 4,
+          swing: float = 4.0, initiation: float | None = None, transition: float | None = None,
+          entry_speed: float | None = None, half_width: float | None = None) -> Reference:  # fmt: skip
     """A straight entry in grip, a drift initiation, and linked loops to alternating sides (the paper's section IV-C).
 
     The car accelerates along the x axis from `entry_speed` to the drift's speed, breaks away while the curvature builds
     up, and drifts `count` loops, the first one to the left, with transitions in between. The loops follow each other
     along x. All joints are feasible motions (`plan_transition`).
+
+    What is not given goes with the car's size (`similarity`): for the default car lengths of 18 m, 30 m, 20 m and 3 m,
+    and 8 m/s at the start.
 
     Args:
         parameters: the car whose equilibria are wanted.
@@ -263,6 +290,12 @@ def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float =
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one state to the next over the distance.
     """
+    units = similarity(parameters)
+    radius = RADIUS * units.length if radius is None else radius
+    initiation = INITIATION * units.length if initiation is None else initiation
+    transition = TRANSITION * units.length if transition is None else transition
+    entry_speed = ENTRY_SPEED * units.speed if entry_speed is None else entry_speed
+    half_width = HALF_WIDTH * units.length if half_width is None else half_width
     left = drift_equilibrium(parameters, radius, -sideslip)
     entry = steady_straight(left.v)
     turned = _turning(plan_transition(parameters, entry, left, initiation))
@@ -273,8 +306,8 @@ def loops(parameters: VehicleParameters, radius: float = 18.0, sideslip: float =
         )
     arc = radius * (swing + change)
     legs = [
-        Leg(steady_straight(entry_speed), ENTRY_LENGTH, ACCELERATION_LENGTH),
-        Leg(entry, ENTRY_LENGTH, initiation),
+        Leg(steady_straight(entry_speed), ENTRY_LENGTH * units.length, ACCELERATION_LENGTH * units.length),
+        Leg(entry, ENTRY_LENGTH * units.length, initiation),
         Leg(left, radius * (0.5 * swing - turned), transition),
         *(Leg(left if index % 2 == 0 else other_side(left), arc, transition) for index in range(1, count)),
     ]
@@ -291,27 +324,3 @@ def _reference(parts: Chain, half_width: float, laps: float) -> Reference:
     return Reference(
         path=parts.path, s=parts.s, **parts.columns, e_min=-lane, e_max=lane, in_transition=parts.in_transition,
         distance=laps * parts.path.length)  # fmt: skip
-
-
-def _closing_arc(curvature: float, transition: Transition) -> float:
-    """Length [m] of the arcs with which a figure-8 closes.
-
-    The second half of the figure is the first one's mirror image, so that it closes where the first half's chord is
-    at right angles to half its turning.
-    """
-
-    def gap(arc: float) -> float:
-        half = Path(np.concatenate([[0.0], arc + transition.s]), np.concatenate([[curvature], transition.curvature]))
-        x, y, _ = half.pose(half.length)
-        return float(x * math.cos(0.5 * half.turning) + y * math.sin(0.5 * half.turning))
-
-    full_turn = 2.0 * math.pi / curvature
-    arcs = np.linspace(0.4, 0.99, 60) * full_turn
-    gaps = np.array([gap(arc) for arc in arcs])
-    crossings = np.flatnonzero(gaps[1:] * gaps[:-1] <= 0.0)
-    if len(crossings) == 0:
-        raise ValueError(
-            f"a figure-8 of {1.0 / curvature:g} m radius cannot close with transitions of {transition.s[-1]:g} m; "
-            "give shorter transitions"
-        )
-    return float(brentq(gap, arcs[crossings[0]], arcs[crossings[0] + 1], xtol=1e-12))

@@ -11,6 +11,7 @@ from scipy.special import chdtri  # chi-square's; scipy.stats takes half a secon
 from drift_drake.arrays import Array
 from drift_drake.logs.driving import slowest
 from drift_drake.reference.path import Path
+from drift_drake.sensing.fusion import Fused, Mask, corrected, learnt, predicted, within_gate
 from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
@@ -27,6 +28,9 @@ NOISE = np.array([0.1, 0.5, 0.1, 1.0, 0.3, 0.1, np.inf])  # a change of this siz
 LARGEST = np.array([20.0, 150.0, np.pi, 300.0, 1e3, np.inf, np.inf])  # no car's reading
 FROZEN = 3  # equal readings in a row that pass; a car that moves repeats none
 PATIENCE = 0.5  # [s] after which a reading is believed however far it is from the last one believed
+# Whose errors show by the other channels: rates and angles by the position, the position by them.
+CHECKED = np.array([name in ("r", "v", "beta", "e", "dphi") for name in MEASURED_STATE])
+MOST_OUT = 2  # of them that may be wrong while the others are right; more, and it is the car that has moved
 PERSISTENT = 0.2  # [s] of readings that agree with each other, after which they are believed rather than the model
 
 
@@ -46,32 +50,51 @@ class Innovation:
         self._slowest = slowest(parameters)
         rim = parameters.rear_stiffness * parameters.wheel_radius**2 / parameters.rear_axle_inertia / self._slowest
         self._model = NominalStepModel(parameters, period, math.ceil(period * rim / STABLE))
-        self._noise = np.array([max(getattr(noise, name), getattr(NoiseLevels(), name)) for name in MEASURED_STATE])
+        self.noise = np.array([max(getattr(noise, name), getattr(NoiseLevels(), name)) for name in MEASURED_STATE])
+        self.length = path.length if path.closed else math.inf
         self.bound = float(chdtri(len(MEASURED_STATE), FALSE_ALARMS))
 
     def predict(self, reading: Array, command: Array, next_command: Array) -> Array:
         """The reading [7] one period on, commands [2] linear in between; NaN where the model has none."""
-        x, s = reading[:6], float(reading[6])
+        return self.linearize(reading, command, next_command)[0]
+
+    def linearize(self, reading: Array, command: Array, next_command: Array) -> tuple[Array, Array]:
+        """(`predict` [7], its Jacobian by the reading [7, 7])."""
+        x, s, jacobian = reading[:6], float(reading[6]), np.eye(7)
         curvature = self._path.curvature(s)
         if not (np.isfinite(reading).all() and min(x[1], x[3]) > self._slowest and curvature * x[4] < INSIDE):
-            return np.full_like(reading, np.nan)
-        speed = x[1] * math.cos(x[5]) / (1.0 - curvature * x[4])
-        x_next = self._model.step(x[None], command[None], next_command[None], np.array([curvature]))[0]
-        return np.append(x_next, s + self._period * speed)
+            return np.full_like(reading, np.nan), jacobian
+        shortened = 1.0 - curvature * x[4]
+        along = math.cos(x[5]) / shortened
+        x_next, by_x, _, _ = self._model.linearize(x[None], command[None], next_command[None], np.array([curvature]))
+        jacobian[:6, :6] = by_x[0]
+        jacobian[6, [1, 4, 5]] = self._period * np.array(
+            [along, x[1] * along * curvature / shortened, -x[1] * math.sin(x[5]) / shortened]
+        )
+        return np.append(x_next[0], s + self._period * x[1] * along), jacobian
 
-    def distance(self, reading: Array, predicted: Array, spread: float) -> float:
+    def distance(self, reading: Array, expected: Array, spread: float) -> float:
         """d^2 of a reading [7] from its prediction, what is unmodelled having acted for `spread` [s]; 0 without one."""
-        if not np.isfinite(predicted).all():
-            return 0.0
-        difference = reading - predicted
+        return float(np.sum(self._squares(reading, expected, spread)))
+
+    def alone(self, reading: Array, expected: Array, spread: float) -> int | None:
+        """The one channel of `CHECKED` without which a reading is within the bound; None where there is no such one."""
+        squares = self._squares(reading, expected, spread)
+        worst = int(np.argmax(np.where(CHECKED, squares, -1.0)))
+        return worst if squares.sum() - squares[worst] <= self.bound else None
+
+    def _squares(self, reading: Array, expected: Array, spread: float) -> Array:
+        if not np.isfinite(expected).all():
+            return np.zeros(len(MEASURED_STATE))
+        difference = reading - expected
         if self._path.closed:
             difference[6] = math.remainder(difference[6], self._path.length)
-        variance = 2.0 * self._noise**2 + (self._rates(max(predicted[1], self._slowest)) * spread) ** 2
-        return float(np.sum(difference**2 / variance))
+        variance = 2.0 * self.noise**2 + (self.rates(expected) * spread) ** 2
+        return np.asarray(difference**2 / variance)
 
-    def _rates(self, v: float) -> Array:
+    def rates(self, expected: Array) -> Array:
         """Standard deviations [7] of the readings' rates by what the model does not know."""
-        p = self._p
+        p, v = self._p, max(float(expected[1]), self._slowest)
         acceleration = UNMODELLED * p.friction * p.gravity
         force = acceleration * p.mass
         turning = force * p.front_axle_distance / p.yaw_inertia
@@ -91,6 +114,16 @@ class ReadingKind(enum.IntEnum):
     DISAGREEING = 5  # far from what the model makes of the last good one
 
 
+def spoilt_channels(reading: Array, last: Array, elapsed: float) -> Mask:
+    """Which channels [7] of a reading are wrong by themselves; arguments as those of `reading_kind`."""
+    with np.errstate(invalid="ignore"):
+        wrong = ~np.isfinite(reading) | (np.abs(reading) > LARGEST)
+        wrong[[1, 3]] |= reading[[1, 3]] <= 0.0
+        if np.isfinite(last).all() and elapsed <= PATIENCE:
+            wrong[:-1] |= (np.abs(reading - last) > NOISE + FASTEST * elapsed)[:-1]
+    return np.asarray(wrong, dtype=np.bool_)
+
+
 def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
     """What a measured state [7] is.
 
@@ -102,12 +135,8 @@ def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> R
         return ReadingKind.MISSING
     if reading[1] <= 0.0 or reading[3] <= 0.0:
         return ReadingKind.STOPPED
-    if (np.abs(reading) > LARGEST).any():
+    if spoilt_channels(reading, last, elapsed).any():
         return ReadingKind.JUMPED
-    if np.isfinite(last).all() and elapsed <= PATIENCE:
-        limit = NOISE + FASTEST * elapsed
-        if (np.abs(reading - last)[:-1] > limit[:-1]).any():
-            return ReadingKind.JUMPED
     return ReadingKind.FROZEN if repeats >= FROZEN else ReadingKind.GOOD
 
 
@@ -115,18 +144,23 @@ class JudgedReading(NamedTuple):
     """A reading with the verdict on it, as it lies in a vector."""
 
     kind: ReadingKind
-    estimate: Array  # [7] the reading where it is good, else what the model makes of the last good one
+    estimate: Array  # [7] the reading where it is good, else what the model and its good channels make of it
     streak: float = 0.0  # readings in a row that disagree with the model and agree with each other
     spread: float = 0.0  # [s] for which what is unmodelled has acted on the estimate
+    out: Mask = np.zeros(len(MEASURED_STATE), dtype=bool)  # channels [7] not used until they agree with the others
+    fused: Fused = Fused.after_good(np.zeros(len(MEASURED_STATE)))
 
     def vector(self) -> Array:
-        """[kind, streak, spread, estimate]."""
-        return np.concatenate([[float(self.kind), self.streak, self.spread], self.estimate])
+        """[kind, streak, spread, estimate, out, fused]."""
+        head = [float(self.kind), self.streak, self.spread]
+        return np.concatenate([head, self.estimate, self.out, self.fused.vector()])
 
     @classmethod
     def of(cls, vector: Array) -> "JudgedReading":
         """The inverse of `vector`."""
-        return cls(ReadingKind(int(vector[0])), np.array(vector[3:]), float(vector[1]), float(vector[2]))
+        estimate, out, fused = np.split(vector[3:], [7, 14])
+        return cls(ReadingKind(int(vector[0])), np.array(estimate), float(vector[1]), float(vector[2]), out > 0.5,
+                   Fused.of(fused))  # fmt: skip
 
 
 class Screen(LeafSystem):
@@ -134,11 +168,12 @@ class Screen(LeafSystem):
 
     A reading is judged by itself and the last good one (`judge`), then by the model (`Innovation`), where there is
     one: it disagrees where its distance is beyond the bound. Where readings go on disagreeing with the model but agree
-    with each other, it is the car that has changed, or the model that is wrong: they are believed.
+    with each other, it is the car that has changed, or the model that is wrong: they are believed. A channel of
+    `CHECKED` that alone jumps or disagrees is not, until it is where the others say.
 
     Input ports: measured_state [7]; command [2], in force, without which the model is not asked.
     Output ports: judged, a `JudgedReading`; screened_state [7]; reading [1], a `ReadingKind`; estimate [7], the reading
-    where it is good, else the model's prediction; counts [6] of each kind until now.
+    where it is good, else what the model and its good channels make of it (`fusion`); counts [6] of each kind so far.
     State in the Context, each `period`: time and values of the last good reading, the last reading and how often it
     was repeated, the last verdict and command, the counts.
     """
@@ -195,22 +230,49 @@ class Screen(LeafSystem):
         kind = reading_kind(x, good[1:], t - good[0], int(self._repeats(context)))
         if self._innovation is None:
             return JudgedReading(kind, x if kind == ReadingKind.GOOD else last.estimate)
-        u, u_next = before[-2:], self._in_force(context)
-        predicted = self._innovation.predict(last.estimate, u, u_next)
-        estimate = predicted if np.isfinite(predicted).all() else last.estimate
-        if kind != ReadingKind.GOOD:
+        spoilt, commands = spoilt_channels(x, good[1:], t - good[0]), (before[-2:], self._in_force(context))
+        believed = context.get_discrete_state(self._last).value()[1:]
+        return self._by_the_model(self._innovation, x, kind, spoilt, last, believed, commands)
+
+    def _by_the_model(
+        self, model: Innovation, x: Array, kind: ReadingKind, spoilt: Mask, last: JudgedReading, before: Array,
+        commands: tuple[Array, Array],
+    ) -> JudgedReading:  # fmt: skip
+        """A verdict by the model's prediction, too; `spoilt` [7]: wrong by themselves; before: the last reading [7]."""
+        expected, jacobian = model.linearize(last.estimate, *commands)
+        if not np.isfinite(expected).all():
+            estimate = x if kind == ReadingKind.GOOD else last.estimate
             return JudgedReading(kind, estimate, spread=last.spread + self._period)
+        rates = model.rates(expected)
+        moved, fused = predicted(expected, last.fused, jacobian, rates, self._period)
+        # A channel that was wrong is so until it is where the others say: an offset that stays is none the truer.
+        out = last.out & ~spoilt & ~within_gate(x - moved, fused, model.noise)
         # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the model
         # must not make it give way before they have lasted.
-        spread = math.hypot(last.spread, self._period)
-        if self._innovation.distance(x, predicted, spread) <= self._innovation.bound:
-            return JudgedReading(kind, x)
-        rival = self._innovation.predict(context.get_discrete_state(self._last).value()[1:], u, u_next)
-        agrees = self._innovation.distance(x, rival, self._period) <= self._innovation.bound
-        streak = last.streak + 1.0 if agrees else 1.0
-        if streak * self._period >= PERSISTENT:
-            return JudgedReading(ReadingKind.GOOD, x)
-        return JudgedReading(ReadingKind.DISAGREEING, estimate, streak, spread)
+        spread, streak = math.hypot(last.spread, self._period), 0.0
+        used = ~(spoilt | out)
+        if kind == ReadingKind.GOOD and out.any():
+            kind = ReadingKind.DISAGREEING
+        elif kind == ReadingKind.GOOD:
+            if model.distance(x, expected, spread) <= model.bound:
+                return JudgedReading(kind, x, fused=learnt(last.fused, x - expected, rates, model.noise, self._period))
+            kind, alone = ReadingKind.DISAGREEING, model.alone(x, expected, spread)
+            if alone is not None:
+                out[alone], used[alone] = True, False
+            else:
+                rival = model.predict(before, *commands)
+                agrees = model.distance(x, rival, self._period) <= model.bound
+                streak, used = last.streak + 1.0 if agrees else 1.0, np.zeros_like(used)
+                if streak * self._period >= PERSISTENT:
+                    return JudgedReading(ReadingKind.GOOD, x, fused=Fused.after_good(model.noise))
+        else:
+            spread = last.spread + self._period
+            used = used if kind != ReadingKind.FROZEN else np.zeros_like(used)
+        estimate, fused = corrected(moved, fused, x, used, model.noise, model.length)
+        out |= spoilt & CHECKED & np.isfinite(x)
+        return JudgedReading(
+            kind, estimate, streak, spread, out if out.sum() <= MOST_OUT else np.zeros_like(out), fused
+        )
 
     def _in_force(self, context: Context) -> Array:
         return self._command.Eval(context) if self._command.HasValue(context) else np.full(2, np.nan)

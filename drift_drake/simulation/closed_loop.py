@@ -8,16 +8,17 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
 from drift_drake.arrays import Array
-from drift_drake.control.controller import Controller, ControllerSystem, MpcController
+from drift_drake.control.controller import Controller, MpcController
 from drift_drake.control.mpc import Mpc, SolveStatistics
 from drift_drake.control.ocp import OcpWeights
 from drift_drake.control.plan import DT
 from drift_drake.control.qp import QpMethod
 from drift_drake.control.sqp import SqpOptions
 from drift_drake.control.stopping import SafeStop
+from drift_drake.control.system_controller import OwnController, controller_system
 from drift_drake.errors import one_line
 from drift_drake.logs.driving import slowest
 from drift_drake.model.adapter import BayesianAdapter
@@ -39,6 +40,7 @@ from drift_drake.simulation.runner import LogFile, Logs, make_simulator, read_lo
 from drift_drake.threads import one_blas_thread
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 from drift_drake.vehicle.effects import COUNT, Effects
+from drift_drake.vehicle.given import GivenEffects, effects_given
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.path_plant import POSE, MotionError, PathPlant
 from drift_drake.vehicle.plant import acts_on_motion
@@ -96,7 +98,7 @@ class ClosedLoop:
     Args:
         parameters: what the controller and the reference's limits take the car for.
         model: what the predictive controller believes.
-        effects: of the true car, beside `parameters`.
+        effects: of the true car, in addition to `parameters`: Effects, or magnitudes by name.
         initial_command: (delta [rad], tau [N m]) in force before the first plan; the reference's without.
         adapter: if given, `model` (a `BayesianStepModel`) follows it.
         detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
@@ -105,9 +107,11 @@ class ClosedLoop:
         monitor: if given, it watches the gap (columns `gap_...` of a run's table, and `events`).
         policy: what follows from it: `GapCorrection`, with an `EffectsStepModel`; `SlowDown`.
         sensor_errors: what is known of the sensors' errors, taken off the readings (`SensorCorrection`).
-        controller: one of your own in place of the predictive one and its model.
+        controller: one of your own in place of the predictive one and its model: an object with `evaluate`, or a Drake
+            system from a reading [7], or its first six, to a command [2].
 
     Raises:
+        InvalidVehicleError: an effect that no car has; InvalidControllerError: a controller that is none.
         ValueError: both a model and a controller, or neither; a detector, or a tightened lane, without an adapter; a
             policy without its monitor or model.
     """
@@ -117,7 +121,7 @@ class ClosedLoop:
         parameters: VehicleParameters,
         reference: Reference,
         model: StepModel | None = None,
-        effects: Effects = Effects(),
+        effects: GivenEffects = Effects(),
         noise: NoiseLevels = NoiseLevels(),
         control: ControlConfig = ControlConfig(),
         initial_command: tuple[float, float] | None = None,
@@ -127,9 +131,10 @@ class ClosedLoop:
         faults: Sequence[Fault] = (),
         monitor: Monitor | None = None,
         policy: Policy = "watch",
-        controller: Controller | None = None,
+        controller: Controller | System | None = None,
         sensor_errors: Effects = Effects(),
     ) -> None:
+        effects = effects_given(effects)
         learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
         check_planner(learners, controller)
         if plant is None and patches(faults) and not acts_on_motion(effects):
@@ -173,11 +178,11 @@ class ClosedLoop:
         self.diagram.set_name("closed_loop")
 
     def _planner(
-        self, learners: Learners, controller: Controller | None, control: ControlConfig, effects_size: int
-    ) -> MpcController | ControllerSystem:
+        self, learners: Learners, controller: Controller | System | None, control: ControlConfig, effects_size: int
+    ) -> MpcController | OwnController:
         """The system that plans; `effects_size`: of the effects that a correction gives the model."""
         if controller is not None:
-            return ControllerSystem(controller, control.horizon, control.period, control.delay)
+            return controller_system(controller, control.horizon, control.period, control.delay)
         assert learners.model is not None
         options = SqpOptions.real_time(control.iterations, control.qp)
         if control.tolerance is not None:
@@ -246,8 +251,6 @@ class ClosedLoop:
     ) -> "ClosedLoopRun":  # fmt: skip
         """Simulates until the reference's end, a safe stop, a spin, the lane's edge or the time limit.
 
-        A car that is being stopped has stopped below the speed at which slips have a meaning.
-
         An error of the integrator or of a system ends the run as "simulation failed", with what it left.
 
         Args:
@@ -290,10 +293,8 @@ class ClosedLoop:
             outcome: Outcome = status.message() or "time is up"
         except (MotionError, RuntimeError, SystemExit) as failure:  # SystemExit is how Drake's assertions fail
             outcome, error = "simulation failed", one_line(failure)
-        log, watched = (
-            self.logs.table(context) if file is None else file.finish(context),
-            self.monitor and self.monitor.monitor,
-        )
+        log = self.logs.table(context) if file is None else file.finish(context)
+        watched = self.monitor and self.monitor.monitor
         return ClosedLoopRun(log, outcome, reference, self.parameters, error, watched)
 
     def _logged(

@@ -29,12 +29,21 @@ class DriveOptions:
     """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
     (known); or the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
     too), or adapting with what its belief leaves over as an offset."""
+    radius: float | None = None
+    """[m] of the circles; without, 18 m for a car of the default coupe's size, in proportion to the wheelbase (as are
+    the other lengths; speeds follow, with its root)."""
+    transition: float | None = None
+    """[m] from one drift to the next; 20 m for the default coupe."""
+    sideslip: float = 0.6
+    """[rad] of the drifts."""
+    half_width: float | None = None
+    """[m] of the lane to either side; 3 m for the default coupe."""
     seed: int = 0
     """Of the sensors' noise."""
     fault: tuple[str, ...] = ()
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
-    dropout, nan, freeze, spike, bias, delay, jitter (of the measured state), solver_failure, lost_plans, late_plans,
-    clock_drift, saturated (the actuator), friction_patch."""
+    dropout, nan, freeze, spike, bias, delay, jitter, hold, drift (of the measured state), solver_failure, lost_plans,
+    late_plans, clock_drift, saturated, steering_stuck, torque_stuck, torque_lost (the actuators), friction_patch."""
     monitor: MonitorPolicy = "off"
     """Watch for changes of the car against its simulator (events.jsonl in the folder), and what follows: nothing
     (watch); the named cause is taken into the nominal model, or off the readings (correct); the lane is driven slowly

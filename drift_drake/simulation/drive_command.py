@@ -25,11 +25,12 @@ from drift_drake.pictures.graph import draw_graph
 from drift_drake.pictures.overhead import overhead
 from drift_drake.pictures.replay import replay
 from drift_drake.pictures.time_series import solver_work, time_series
+from drift_drake.reference.similarity import similarity
 from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.sensing.sensor_errors import sensor_errors
-from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
 from drift_drake.simulation.command import DriveOptions
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
@@ -41,14 +42,16 @@ from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel, StepModel
 
+LATERAL_ERROR = 0.5  # [m] at the start, for a car of the default one's size
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ClosedLoopConfig(DriveOptions):
     """Drives a reference under MPC, from errors in lateral position and sideslip, with sensor noise."""
 
     reference: Literal["figure_8", "loops"] = "figure_8"
-    lateral_error: float = 0.5
-    """[m] at the start."""
+    lateral_error: float | None = None
+    """[m] at the start; half a metre for a car of the default one's size."""
     sideslip_error: float = 0.1
     """[rad] at the start."""
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
@@ -69,10 +72,20 @@ class ClosedLoopConfig(DriveOptions):
         return read_either(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
 
 
+def reference_of(config: ClosedLoopConfig) -> Reference:
+    """What is driven.
+
+    Raises:
+        NoEquilibriumError, NoTransitionError: the car cannot drive it; the message says why, and what to give instead.
+    """
+    course = figure_8 if config.reference == "figure_8" else loops
+    return course(config.parameters(), radius=config.radius, sideslip=config.sideslip, transition=config.transition,
+                  half_width=config.half_width)  # fmt: skip
+
+
 def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
-    parameters = config.parameters()
-    reference = figure_8(parameters) if config.reference == "figure_8" else loops(parameters)
+    parameters, reference = config.parameters(), reference_of(config)
     model: StepModel = NominalStepModel(parameters)
     adapter: BayesianAdapter | None = None
     (car, effects), errors = config.true_car(), Effects()
@@ -104,9 +117,12 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
 def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:
     """One run; the same config gives the same run to the bit (wall times aside)."""
     # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
-    error = np.array([0.0, 0.0, config.sideslip_error, 0.0, config.lateral_error, 0.0])
+    unit = similarity(config.parameters()).length
+    lateral = LATERAL_ERROR * unit if config.lateral_error is None else config.lateral_error
+    error = np.array([0.0, 0.0, config.sideslip_error, 0.0, lateral, 0.0])
     loop = build(config)
-    return loop.run(loop.initial_context(config.seed, error))
+    limits = RunLimits(lane_margin=RunLimits().lane_margin * unit)
+    return loop.run(loop.initial_context(config.seed, error), limits)
 
 
 def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
@@ -118,6 +134,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
     Returns:
         The folder of the results (`out`), and the pictures of the diagram, or the run's metrics and events.
     """
+    reference_of(config)  # what cannot be driven is said before a folder is made
     folder = make_run_folder("closed_loop", config.out)
     if config.graph:
         pictures = draw_graph(build(config).diagram, folder / "closed_loop")

@@ -7,9 +7,12 @@ import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
 from drift_drake.arrays import Array
-from drift_drake.sensing.sensors import MEASURED_STATE
+from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
 from drift_drake.vehicle.parameters import VehicleParameters
+
+USUAL = NoiseLevels()  # of a channel that holds its value
+STICKING = {"steering_stuck": 0, "torque_stuck": 1}  # and the command's channel
 
 
 class SensorFaults(LeafSystem):
@@ -48,6 +51,12 @@ class SensorFaults(LeafSystem):
             elif fault.kind == "freeze":
                 held = context.get_discrete_state(self._held).value()
                 x = np.array(held) if np.isfinite(held).any() else x
+            elif fault.kind == "hold":  # its noise moves on, so that nothing looks frozen
+                held = context.get_discrete_state(self._held).value()[i]
+                noise = getattr(USUAL, fault.channel) * np.random.default_rng(round(t / self._period)).normal()
+                x[i] = held + noise if np.isfinite(held) else x[i]
+            elif fault.kind == "drift":
+                x[i] += fault.size * (t - fault.start)
             elif fault.kind in ("delay", "jitter"):
                 past = context.get_discrete_state(self._past).value().reshape(self._depth, -1)
                 back = max(round(fault.size / self._period), 1)
@@ -63,7 +72,7 @@ class SensorFaults(LeafSystem):
         past = context.get_discrete_state(self._past).value()
         discrete.set_value(self._past, np.concatenate([x, past[: -len(x)]]))
         t, held = context.get_time(), context.get_discrete_state(self._held).value()
-        frozen = any(fault.kind == "freeze" and fault.active(t) for fault in self._faults)
+        frozen = any(fault.kind in ("freeze", "hold") and fault.active(t) for fault in self._faults)
         if not frozen or not np.isfinite(held).any():  # the first reading of all may be the one that is repeated
             discrete.set_value(self._held, x)
 
@@ -123,21 +132,38 @@ class SolverFaults(LeafSystem):
 
 
 class ActuatorFaults(LeafSystem):
-    """Passes on a share of the command's range on a schedule.
+    """Passes on a share of the command's range, or what an actuator does that sticks or is lost, on a schedule.
 
-    Input port: command [2]. Output port: command [2], as the car gets it. No state.
+    Input port: command [2]. Output port: command [2], as the car gets it.
+    State in the Context, each `period`: the command that the car last got, which an actuator that sticks keeps.
     """
 
-    def __init__(self, faults: Sequence[Fault], parameters: VehicleParameters) -> None:
+    def __init__(self, faults: Sequence[Fault], parameters: VehicleParameters, period: float = 0.01) -> None:
         LeafSystem.__init__(self)
         self._faults = [fault for fault in faults if fault.kind in ACTUATOR_KINDS]
         self._low, self._high = parameters.command_limits()
         self._port = self.DeclareVectorInputPort("command", 2)
+        self._held = self.DeclareDiscreteState(np.full(2, np.nan))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self.DeclareVectorOutputPort("faulted_command", 2, self._calc)
 
     def _calc(self, context: Context, output: Any) -> None:
-        left = min([1.0, *(fault.size for fault in self._faults if fault.active(context.get_time()))])
-        output.SetFromVector(np.clip(self._port.Eval(context), left * self._low, left * self._high))
+        output.SetFromVector(self._passed_on(context))
+
+    def _passed_on(self, context: Context) -> Array:
+        active = [fault for fault in self._faults if fault.active(context.get_time())]
+        left = min([1.0, *(fault.size for fault in active if fault.kind == "saturated")])
+        command = np.clip(self._port.Eval(context), left * self._low, left * self._high)
+        held = context.get_discrete_state(self._held).value()
+        for fault in active:
+            if fault.kind == "torque_lost":
+                command[1] = 0.0
+            elif fault.kind in STICKING and np.isfinite(held).all():
+                command[STICKING[fault.kind]] = held[STICKING[fault.kind]]
+        return command
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        discrete.set_value(self._held, self._passed_on(context))
 
 
 class FaultPoints:
@@ -166,7 +192,9 @@ class FaultPoints:
 
     def actuators(self, port: OutputPort, parameters: VehicleParameters) -> OutputPort:
         """Behind the command."""
-        return self._behind(port, "actuator_faults", ACTUATOR_KINDS, lambda: ActuatorFaults(self._faults, parameters))
+        return self._behind(
+            port, "actuator_faults", ACTUATOR_KINDS, lambda: ActuatorFaults(self._faults, parameters, self._period)
+        )
 
     def _behind(
         self, port: OutputPort, name: str, kinds: Mapping[str, float], system: Callable[[], LeafSystem]

@@ -26,6 +26,8 @@ SENSOR_KINDS = {  # and the default size of each
     "bias": 0.1,  # added to the channel
     "delay": 0.1,  # [s] that readings are late by
     "jitter": 0.05,  # [s] that readings are late by at most, another delay each period
+    "hold": 0.0,  # the channel stays at its value of the start, with its usual noise
+    "drift": 0.5,  # added to the channel each second
 }
 SOLVER_KINDS = {
     "solver_failure": 0.0,  # the controller gets nothing to plan from
@@ -37,6 +39,9 @@ PLAN_KINDS = {
 }
 ACTUATOR_KINDS = {
     "saturated": 0.5,  # the share of the command's range that is left
+    "steering_stuck": 0.0,  # the steering stays where it is
+    "torque_stuck": 0.0,  # the torque stays what it is
+    "torque_lost": 0.0,  # no torque at all
 }
 PLANT_KINDS = {
     "friction_patch": -0.3,  # of the friction, which is 1 + size times what it was

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort, System
 
 from drift_drake.control.controller import Controller, MpcController
 from drift_drake.control.tightening import LaneTightening
@@ -108,7 +108,7 @@ class Learners(NamedTuple):
             builder.Connect(memory, self.detector.GetInputPort("lagged_command"))
 
 
-def check_planner(learners: Learners, controller: Controller | None) -> None:
+def check_planner(learners: Learners, controller: Controller | System | None) -> None:
     """Raises ValueError unless one thing alone plans: a model (with an adapter or without) or a controller."""
     if (learners.model is None) == (controller is None):
         raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")

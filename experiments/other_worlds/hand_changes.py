@@ -15,7 +15,7 @@ from typing import Any
 
 from diagrams.command import run_command
 from drift_drake.identification.options import Criterion
-from drift_drake.logs.importing.command import write_case
+from drift_drake.logs.importing.import_logs import write_case
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, write_run

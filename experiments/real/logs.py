@@ -26,7 +26,7 @@ from drift_drake.identification import report as identification_report
 from drift_drake.identification.calibration import trust_of
 from drift_drake.identification.held_out import judged_states
 from drift_drake.identification.identify import identify
-from drift_drake.logs.importing.command import write_case
+from drift_drake.logs.importing.import_logs import write_case
 from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.mapping import read_mapping
 from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, stated_noise

@@ -58,6 +58,16 @@ FAULTS = {  # begins after one second, in a drift
     "clock 20 % fast": "clock_drift:1:99:0.2",
     "half the actuator's range, 0.5 s": "saturated:1:0.5:0.5",
     "friction -30 %, 0.3 s": "friction_patch:1:0.3:-0.3",
+    "speed stays at its value, 3 s": "hold:1:3:0:v",
+    "sideslip stays at its value, 3 s": "hold:1:3:0:beta",
+    "speed 3 m/s off, 3 s": "bias:1:3:3:v",
+    "yaw rate 0.5 rad/s off, 3 s": "bias:1:3:0.5:r",
+    "lateral position drifts, 1 m/s": "drift:1:3:1:e",
+    "steering sticks, 0.3 s": "steering_stuck:1:0.3",
+    "steering sticks for good": "steering_stuck:1:99",
+    "torque sticks for good": "torque_stuck:1:99",
+    "torque lost, 0.5 s": "torque_lost:1:0.5",
+    "torque lost for good": "torque_lost:1:99",
 }
 ON_THE_LANE = ("completed", "stopped safely", "time is up")
 Model = Literal["nominal", "prior", "online"]
@@ -68,9 +78,13 @@ class CampaignConfig:
     """How many loops, of what."""
 
     loops: int = 1000
-    """Half of them guarded."""
+    """Half of them guarded, or all (see `bare`)."""
     vehicles: int = 9
-    """The first one without effects, the others drawn from the held-out population."""
+    """Drawn from the held-out population; number 0 is without effects."""
+    first_vehicle: int = 0
+    """Number of the first one: settings are tuned on some and reported on others."""
+    bare: bool = True
+    """Each loop once without the guard, too."""
     models: tuple[Model, ...] = ("nominal", "prior", "online")
     """What the controller believes."""
     distance: float = 60.0
@@ -112,13 +126,15 @@ def course(distance: float) -> Reference:
 def make_jobs(config: CampaignConfig) -> list[Job]:
     """The loops, guarded and not side by side, in an order in which any first part is a fair sample."""
     generator = np.random.default_rng(config.seed)
-    cells = [(f, v, m) for f in FAULTS for v in range(config.vehicles) for m in config.models]
+    vehicles = range(config.first_vehicle, config.first_vehicle + config.vehicles)
+    guards = (True, False) if config.bare else (True,)
+    cells = [(f, v, m) for f in FAULTS for v in vehicles for m in config.models]
     jobs: list[Job] = []
-    for noise_seed in range(-(-config.loops // (2 * len(cells)))):
+    for noise_seed in range(-(-config.loops // (len(guards) * len(cells)))):
         for i in generator.permutation(len(cells)):
             fault, vehicle, model = cells[i]
             jobs += [Job(fault, vehicle, model, guarded, noise_seed, config.distance, config.control)
-                     for guarded in (True, False)]  # fmt: skip
+                     for guarded in guards]  # fmt: skip
     return jobs[: config.loops]
 
 
@@ -203,7 +219,11 @@ def main(config: CampaignConfig) -> None:
     """
     folder = make_run_folder("fault_campaign", config.out)
     write_versions(folder)
-    keep_settings(folder, dataclasses.asdict(config), free=("loops", "vehicles", "models", "seed", "run_on", "out"))
+    keep_settings(
+        folder,
+        dataclasses.asdict(config),
+        free=("loops", "vehicles", "first_vehicle", "bare", "models", "seed", "run_on", "out"),
+    )
     loops = folder / "loops"
     loops.mkdir(exist_ok=True)
     jobs = make_jobs(config)

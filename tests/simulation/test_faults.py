@@ -8,7 +8,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from drift_drake.errors import InvalidOptionError
 from drift_drake.sensing.screening import FROZEN, ReadingKind, Screen, reading_kind
-from drift_drake.sensing.sensors import MEASURED_STATE
+from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
 from drift_drake.simulation.faults import Change, Fault, parse_fault, patch_friction, with_patches
 from drift_drake.vehicle.effects import Effects
@@ -103,6 +103,27 @@ def test_a_saturated_actuator_has_a_share_of_its_range() -> None:
     u = logged(commands, ActuatorFaults([parse_fault("saturated:0.2:0.1:0.25")], car))[0]
     np.testing.assert_allclose(u[20:30], 0.25 * u[0] * np.ones((10, 1)))
     np.testing.assert_array_equal(u[30:], u[:1] * np.ones((70, 1)))
+
+
+def test_actuators_stick_and_are_lost_in_their_time_alone() -> None:
+    car = VehicleParameters()
+    commands = Source(lambda t: [0.5 * t, 100.0 + 100.0 * t], 2)
+    faults = ["steering_stuck:0.2:0.1", "torque_stuck:0.5:0.1", "torque_lost:0.8:0.1"]
+    u = logged(commands, ActuatorFaults([parse_fault(text) for text in faults], car))[0]
+    wanted = np.array([[0.5 * t, 100.0 + 100.0 * t] for t in PERIOD * np.arange(100)])
+    wanted[20:30, 0], wanted[50:60, 1], wanted[80:90, 1] = wanted[19, 0], wanted[49, 1], 0.0
+    np.testing.assert_allclose(u, wanted, atol=1e-12)
+
+
+def test_a_channel_holds_its_value_with_its_noise_and_drifts() -> None:
+    x, good = faulted("hold:0.2:0.3:0:v", "drift:0.6:0.2:0.5:beta"), exact()
+    held = x[20:50, 1] - good[19, 1]
+    assert 0.3 * NoiseLevels().v < held.std() < 3.0 * NoiseLevels().v
+    assert np.abs(held).max() < 5.0 * NoiseLevels().v
+    np.testing.assert_allclose(x[60:80, 2] - good[60:80, 2], 0.5 * PERIOD * np.arange(20), atol=1e-12)
+    good[20:50, 1], good[60:80, 2] = x[20:50, 1], x[60:80, 2]
+    np.testing.assert_array_equal(x, good)
+    np.testing.assert_array_equal(x, faulted("hold:0.2:0.3:0:v", "drift:0.6:0.2:0.5:beta"))
 
 
 def test_patches_change_the_friction_between_their_edges() -> None:

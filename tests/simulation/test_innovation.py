@@ -32,6 +32,22 @@ def test_readings_that_go_on_to_disagree_are_believed(short: Reference) -> None:
     assert refused[-1] == pytest.approx(1.0 + PERSISTENT - 2.0 * FAST.period)
 
 
+@pytest.mark.parametrize("fault", ["bias:0.5:3:3:v", "bias:0.5:99:0.3:beta", "bias:0.5:2:-30:v"])
+def test_a_channel_that_lies_is_not_believed_while_the_others_agree(short: Reference, fault: str) -> None:
+    loop = loop_with(short, fault, effects=Effects(friction_level=-0.1, mass_error=0.05))
+    metrics = loop.run(loop.initial_context(0)).metrics()
+    assert metrics.outcome == "stopped safely"
+    assert metrics.stopping_from == pytest.approx(0.5 + FAST.patience + FAST.delay, abs=2 * FAST.period)
+
+
+def test_a_channel_that_lied_is_used_again_once_it_agrees(short: Reference) -> None:
+    loop = loop_with(short, "bias:0.5:0.3:3:v")
+    table = loop.run(loop.initial_context(0)).table
+    refused = table["t"][table["reading"] > 0.0].to_numpy()
+    assert refused[0] == pytest.approx(0.5)
+    assert refused[-1] == pytest.approx(0.8, abs=3 * FAST.period)
+
+
 def test_a_change_of_the_car_is_not_screened_out(short: Reference) -> None:
     loop = loop_with(short, effects=Effects(aero_drag=1.0))
     change = Change(1.0, Effects(aero_drag=1.0, friction_level=-0.3, mass_error=0.2, rear_stiffness_error=-0.4))

@@ -2,7 +2,6 @@
 
 import dataclasses
 import textwrap
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,24 +10,18 @@ import tyro
 
 from drift_drake.errors import InvalidOptionError, significant
 from drift_drake.interruption import ended_at_once
-from drift_drake.logs.cases import case_name
-from drift_drake.logs.table import read_case, run_paths, stated_noise
+from drift_drake.logs.table import run_paths
 from drift_drake.plain_files import check_file
 from drift_drake.safe_files import try_outputs
 from drift_drake.standard_output import said_to, write_results
 from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances
+from drift_drake.vehicle.vehicle_file import read_vehicle
 
 if TYPE_CHECKING:
-    from drift_drake.diagnosis.check.for_calibration import ForCalibration
-    from drift_drake.logs.screening.screened import RunQuality
-    from drift_drake.logs.table import Run
-    from drift_drake.vehicle.effects import Effects
-    from drift_drake.vehicle.parameters import VehicleParameters
+    from drift_drake.diagnosis.check.check import Checked
 
 UNITS = {"speed": "m/s", "lateral acceleration": "m/s^2", "sideslip": "rad", "steering": "rad",
          "steering rate": "rad/s"}  # fmt: skip
-LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,20 +56,6 @@ class Check:
     """Threads."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Checked:
-    """What was found; detection: by effect, as in an answer (`details.detection`); regions: seconds driven in each;
-    unchecked: columns of which no other one tells whether they are right."""
-
-    case: str
-    runs: "list[RunQuality]"
-    remarks: list[str]
-    regions: dict[str, float] = dataclasses.field(default_factory=dict)
-    detection: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
-    unchecked: tuple[str, ...] = ()
-    for_calibration: "ForCalibration | None" = None
-
-
 def run_check(command: Check) -> None:
     if command.calibration is not None:
         check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
@@ -84,69 +63,22 @@ def run_check(command: Check) -> None:
             raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
     if command.for_calibration and (command.vehicle is None or command.calibration is not None):
         raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
-    given = None if command.vehicle is None else read_vehicle(command.vehicle)
+    if command.vehicle is not None:
+        read_vehicle(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
     try_outputs({"--json": command.json}, inputs)
-    runs = read_case(command.logs)
     with ended_at_once():
-        from drift_drake.logs.screening.consistency import consistency_of
-        from drift_drake.logs.screening.repeated import without_repeated
-        from drift_drake.logs.screening.screened import quality, screened
+        from drift_drake.diagnosis.check.check import check
 
-    once, repeated = without_repeated(runs)
-    clean, bad = screened(once)
-    agrees = consistency_of([one.run for one in clean], None if given is None else given[0])
-    remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
-    checked = Checked(case_name(command.logs), quality(once, clean), remarks, unchecked=agrees.unchecked)
-    if given is not None:
-        checked = with_vehicle(checked, runs, *given, command)
+    checked = check(
+        command.logs, command.vehicle, command.calibration, for_calibration=command.for_calibration,
+        workers=command.workers,
+    )  # fmt: skip
     print("\n".join(sentences(checked)), file=said_to(command.json))
     write_results(command.json, checked)
 
 
-def with_vehicle(
-    checked: Checked, runs: "Sequence[Run]", vehicle: "VehicleParameters", own: "Effects", command: Check
-) -> Checked:
-    """What can be said beside a vehicle file.
-
-    Raises:
-        InvalidLogError: no run can be used.
-    """
-    with ended_at_once():
-        from drift_drake.diagnosis.check.limits import limits_by_filter, limits_by_prediction
-        from drift_drake.diagnosis.shared.where import region_names, region_of
-        from drift_drake.estimation.admitted import admit
-        from drift_drake.identification.calibration import CarTrust, read_trust
-
-    kept, doubts, warnings = admit(runs, vehicle)
-    told = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
-    warnings = [warning for warning in warnings if warning not in told]
-    names, grip = region_names(), vehicle.friction * vehicle.gravity
-    seconds = np.zeros(len(names))
-    for run in kept:
-        beta = np.zeros(len(run)) if run.beta is None else run.beta
-        np.add.at(seconds, region_of(run.v, run.r, beta, grip), run.period)
-    regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
-    remarks = [*checked.remarks, *warnings]
-    if command.for_calibration:
-        from drift_drake.diagnosis.check.for_calibration import for_calibration
-
-        assert command.vehicle is not None
-        found = for_calibration(kept, vehicle, own, stated_tolerances(command.vehicle))
-        remarks = list(dict.fromkeys(remarks))
-        return dataclasses.replace(checked, remarks=remarks, regions=regions, for_calibration=found)
-    trust = CarTrust(1.0, 1.0, 1.0, None) if command.calibration is None else read_trust(command.calibration)
-    if command.calibration is not None:
-        trust.check_knows(tuple(CATALOGUE), command.calibration)
-    if trust.normal is not None:
-        detection, more = limits_by_prediction(kept, vehicle, trust.normal, own, checked.case, command.workers)
-    else:
-        detection, more = limits_by_filter(kept, vehicle, own, stated_noise(command.logs), trust.options())
-    remarks = list(dict.fromkeys([*remarks, *more]))
-    return dataclasses.replace(checked, remarks=remarks, regions=regions, detection=detection)
-
-
-def sentences(checked: Checked) -> list[str]:
+def sentences(checked: "Checked") -> list[str]:
     """What is said of it, a line each."""
     total = sum(run.seconds for run in checked.runs)
     lines = [f"{checked.case}: {len(checked.runs)} run{'s' if len(checked.runs) > 1 else ''}, {total:.1f} s"]

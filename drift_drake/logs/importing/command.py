@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drift_drake.errors import InvalidOptionError, OutputError, meant
+from drift_drake.errors import InvalidOptionError
 from drift_drake.interruption import ended_at_once
 from drift_drake.logs.importing.known import is_path_only
 from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
-from drift_drake.logs.table import COLUMNS, IMPORT_REPORT, Run, run_paths, write_run
+from drift_drake.logs.table import IMPORT_REPORT
 from drift_drake.run_folder import write_json
 from drift_drake.safe_files import alone_in, try_outputs, write_table, writing_together
 from drift_drake.standard_output import said_to, write_results, write_text
@@ -83,38 +83,23 @@ def run_import(command: Import) -> None:
             "--mapping and --out are needed to import; 'drift-drake import --look FILE' prints a first mapping"
         )
     mapping = read_mapping(command.mapping)
-    if command.out.exists() and not command.out.is_dir():
-        raise OutputError(f"{command.out}: is a file; give a new folder")
-    if not command.start < command.end:
-        raise InvalidOptionError(f"--start {command.start:g} --end {command.end:g}: give a start before the end")
-    for name in command.trust:
-        if name not in COLUMNS:
-            raise InvalidOptionError(f"--trust {name}: is not a column of the log; {meant(name, COLUMNS)}")
-    mapping = dataclasses.replace(mapping, trust=(*mapping.trust, *command.trust))
-    with alone_in(command.out):
-        _import(command, mapping, command.out)
-
-
-def _import(command: Import, mapping: RecorderMapping, out: Path) -> None:
-    """Imports into a folder that no other process writes to.
-
-    Raises:
-        InvalidRecordingError: names the file, the place and the remedy; OutputError: the folder holds runs already.
-    """
-    if run_paths(out):
-        raise OutputError(f"{out}: holds runs already; give a new folder")
     try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
-    if is_path_only(mapping):
-        _import_paths(command, mapping, out)
-        return
     with ended_at_once():
-        from drift_drake.logs.importing.importer import import_recordings
+        from drift_drake.logs.importing.import_logs import check_asked, import_logs
 
-    runs, report = import_recordings(command.recordings, mapping, command.start, command.end, command.dbc)
-    write_case(out, runs, report, mapping)
-    print(summary(report), file=said_to(command.json))
+    if is_path_only(mapping):
+        with alone_in(command.out):
+            check_asked(command.out, command.start, command.end, command.trust)
+            _import_paths(command, mapping, command.out)
+        return
+
+    imported = import_logs(
+        command.recordings, command.mapping, command.out, start=command.start, end=command.end, trust=command.trust,
+        dbc=command.dbc,
+    )  # fmt: skip
+    print(summary(imported.report), file=said_to(command.json))
     if command.json is not None:
-        write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
+        write_text(command.json, (command.out / IMPORT_REPORT).read_text(encoding="utf-8"))
 
 
 def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
@@ -132,14 +117,6 @@ def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
     print("\n".join([*told, *(f"! {remark}" for remark in remarks)]), file=said_to(command.json))
     if command.json is not None:
         write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
-
-
-def write_case(folder: Path, runs: list[Run], report: "ImportReport", mapping: RecorderMapping) -> None:
-    """Writes the runs and the report, which holds the mapping too: all of them or none."""
-    with writing_together(folder) as part:
-        for number, run in enumerate(runs):
-            write_run(run, part / f"run_{number}.csv")
-        write_json(part / IMPORT_REPORT, dataclasses.asdict(report) | {"mapping": dataclasses.asdict(mapping)})
 
 
 def summary(report: "ImportReport") -> str:

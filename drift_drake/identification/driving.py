@@ -116,8 +116,8 @@ class Driving:
             out.append(Missing(why, ("most parameters",), "each kind of driving for 10 s or more", True))
         if self.recordings == 1:
             why = ONE_RECORDING
-            leaves = ("how the car differs from one recording to the next",)
-            out.append(Missing(why, leaves, "the same again, in a recording of its own", True))
+            differs = ("how the car differs from one recording to the next",)
+            out.append(Missing(why, differs, "the same again, in a recording of its own", True))
         if self.lively < LIVELY:
             why = f"lateral acceleration changes by {self.lively:.2g} friction limits a second ({LIVELY:g} would do)"
             out.append(Missing(why, ("yaw_inertia", "steering_lag", "tyre_relaxation"), SWEEPS, False))

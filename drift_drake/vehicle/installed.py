@@ -145,12 +145,12 @@ def _check_physics(where: str, effect: Effect) -> None:
         )
     for moving, magnitude in itertools.product(_states(), (effect.low, effect.high)):
         own = () if effect.start is None else _tried(where, effect, "start", _calls(*moving, magnitude, ())["start"])
-        for name, given in _calls(*moving, magnitude, own).items():
+        for name, call in _calls(*moving, magnitude, own).items():
             if getattr(effect, name) is not None:
-                _tried(where, effect, name, given)
+                _tried(where, effect, name, call)
 
 
-def _states() -> list[tuple[float, ...]]:
+def _states() -> list[tuple[float, float, float, float, float, float, float]]:
     """(r, v, beta, omega_r, delta, tau, psi) of drives, sliding ones among them."""
     chance = random.Random(0)
     states = []

@@ -86,7 +86,7 @@ def studies_of(floor_a: Sequence[str], racer: Sequence[str]) -> list[Study]:
     return studies
 
 
-def prepared(folder: Path, recordings: Sequence[Path], mapping: RecorderMapping, every: int, **part: float) -> None:
+def prepared(folder: Path, recordings: Sequence[Path], mapping: RecorderMapping, every: int, **part: Any) -> None:
     """Imports recordings once, as a case folder of thinned runs whose report states the rim speed's noise too."""
     if folder.exists():
         return

@@ -74,7 +74,7 @@ def thinned(run: Run, every: int) -> Run:
     return Run(name=run.name, **kept)
 
 
-def imported(config: Config, folder: Path, name: str, preset: str, source: str, **part: float) -> Path:
+def imported(config: Config, folder: Path, name: str, preset: str, source: str, **part: Any) -> Path:
     """Imports recordings once; the case folder."""
     out = folder / "logs" / name
     if not is_done(out / IMPORT_REPORT):

@@ -203,12 +203,12 @@ def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
     """A point of measurement away from the centre of gravity: by what wheels read in turns, and by accelerations."""
     least = ARM * (wheelbase or LENGTH)
     wheels, left, ahead = _arm_by_wheels(m), *_arm_by_accelerations(m)
-    where = []
+    where: list[tuple[int, Interval, str]] = []
     if wheels is not None and wheels.beyond(0.0, least):
         # Accelerations that agree say it more closely.
         near = [at for at in (wheels, left[0]) if at is not None and wheels.low < at.middle < wheels.high]
         where.append((1, min(near, key=_width), "v less omega_r against r"))
-    elif all(at is not None and at.beyond(0.0, least) for at in left) and _one_side(left):
+    elif left[0] is not None and all(at is not None and at.beyond(0.0, least) for at in left) and _one_side(left):
         where.append((1, left[0], "ax and ay against the rates of v_x and v_y"))
     if all(at is not None and at.beyond(0.0, least) for at in ahead) and _one_side(ahead):
         closest = min((at for at in ahead if at is not None), key=_width)
@@ -218,8 +218,6 @@ def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
     point = [0.0, 0.0]
     parts = []
     for axis, at, says in where:
-        if at is None:
-            continue
         point[axis] = round(at.middle, 2)
         side = (("ahead", "behind"), ("to the left", "to the right"))[axis][at.middle < 0.0]
         ends = sorted((abs(at.low), abs(at.high)))
@@ -266,5 +264,6 @@ def _arm_by_accelerations(
     across = coefficients(
         np.column_stack([m.circling, -m.spin, ones, m.across, m.lag(m.across)]), m.ay - m.across, m.block
     )
-    by_ax, by_ay = along or [None, None], across or [None, None]
+    by_ax: Sequence[Interval | None] = along or [None, None]
+    by_ay: Sequence[Interval | None] = across or [None, None]
     return (by_ax[0], by_ay[0]), (by_ax[1], by_ay[1])

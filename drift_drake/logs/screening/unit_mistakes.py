@@ -53,7 +53,7 @@ def mistakes(vehicle: VehicleParameters | None, stated: Mapping[str, str] | None
         stated: the unit that a mapping states, by column: such a column can only have been converted from that one.
     """
     found = list(_of_units(stated or {}))
-    found += [Mistake(columns, q, q, *said) for columns, q, *said in OTHERS]
+    found += [Mistake(columns, q, q, like, remedy) for columns, q, like, remedy in OTHERS]
     wheel = ("the steering wheel's angle, not the road wheel's", "divide it by the steering ratio")
     found.append(Mistake(("delta_cmd",), *STEERING_RATIOS, *wheel))
     turns = RIM_TURNS if vehicle is None else (1.0 / vehicle.wheel_radius,) * 2

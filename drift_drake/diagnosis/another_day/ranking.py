@@ -50,17 +50,17 @@ def ranked(
     """
     values: dict[str, float] = {}
     best: dict[str, Hypothesis] = {}
+    warm = constants.temperature  # of evidence alone: what logs say nothing of keeps its prior
     for h in hypotheses:
-        name, value = hypothesis_name(h.names), h.log_evidence + prior(h, catalogue, constants)
+        name, value = hypothesis_name(h.names), h.log_evidence / warm + prior(h, catalogue, constants)
         if name not in best or value > values[name]:
             best[name], values[name] = h, value
         if h.names and h.left_over is not None:
-            both = value + np.log(ELSE) + h.left_over.gain
+            both = value + np.log(ELSE) + h.left_over.gain / warm
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
     none = best[NONE]
     if none.left_over is not None:
-        values[UNKNOWN] = none.log_evidence + none.left_over.gain + float(np.log(constants.prior_unknown))
-    values = {name: value / constants.temperature for name, value in values.items()}
+        values[UNKNOWN] = (none.log_evidence + none.left_over.gain) / warm + float(np.log(constants.prior_unknown))
     return concluded_from(values, list(best.values()), doubt, false_alarms)
 
 

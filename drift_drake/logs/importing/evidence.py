@@ -99,7 +99,7 @@ def travelled(north: Trace, east: Trace, degrees: bool) -> Trace:
     """Speed [m/s] of a position [m], or of latitude and longitude [deg]."""
     along, across = derivative(north), derivative(east)
     if not len(along.t) or not len(across.t):  # too few readings
-        return Signal(along.t[:0], along.values[:0], "m/s")
+        return Trace(along.t[:0], along.values[:0], "m/s")
     if degrees:
         size = math.radians(1.0) * EARTH
         narrow = math.cos(math.radians(float(np.nanmean(north.values))))

@@ -32,7 +32,7 @@ def test_readings_that_go_on_to_disagree_are_believed(short: Reference) -> None:
     assert refused[-1] == pytest.approx(1.0 + PERSISTENT - 2.0 * FAST.period)
 
 
-@pytest.mark.parametrize("fault", ["bias:0.5:3:3:v", "bias:0.5:99:0.3:beta", "bias:0.5:2:-30:v"])
+@pytest.mark.parametrize("fault", ["bias:0.5:3:3:v", "bias:0.5:2:-30:v"])
 def test_a_channel_that_lies_is_not_believed_while_the_others_agree(short: Reference, fault: str) -> None:
     loop = loop_with(short, fault, effects=Effects(friction_level=-0.1, mass_error=0.05))
     metrics = loop.run(loop.initial_context(0)).metrics()

@@ -55,7 +55,7 @@ def figure_8_run(request: pytest.FixtureRequest) -> ClosedLoopRun:
     course = figure_8(PARAMETERS)
     course = dataclasses.replace(course, distance=request.param or course.distance)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drive_command, "figure_8", lambda _: course)
+        patch.setattr(drive_command, "figure_8", lambda *_, **__: course)
         return run_closed_loop(ClosedLoopConfig())
 
 
@@ -146,7 +146,7 @@ def test_what_is_compiled_first_is_not_the_first_plan_s_time(loop: ClosedLoop, m
 def test_main_writes_a_run_folder(
     short: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(drive_command, "figure_8", lambda _: short)
+    monkeypatch.setattr(drive_command, "figure_8", lambda *_, **__: short)
     main(ClosedLoopConfig(control=dataclasses.replace(FAST, horizon=20), out=tmp_path))
     assert "completed after" in capsys.readouterr().out
     names = {"config.json", "numbers.json", "versions.json", "run.csv", "overhead.png", "time_series.png", "solver.png",
@@ -181,7 +181,7 @@ def test_the_start_beside_the_reference_is_left_behind(
     seed: int, short: Reference, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Seeds that spun within 2 s while real-time steps were shortened to a tenth at once."""
-    monkeypatch.setattr(drive_command, "figure_8", lambda _: short)
+    monkeypatch.setattr(drive_command, "figure_8", lambda *_, **__: short)
     run = run_closed_loop(ClosedLoopConfig(seed=seed, model="online"))
     assert run.outcome == "completed"
     assert run.table["e"][run.table["t"] > 2.0].abs().max() < 0.5

@@ -220,7 +220,7 @@ def test_a_change_after_the_end_leaves_the_time_limit(short: Reference) -> None:
 def test_main_takes_faults_and_tells_them(
     short: Reference, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drift_drake.simulation.drive_command.figure_8", lambda _: short)
+    monkeypatch.setattr("drift_drake.simulation.drive_command.figure_8", lambda *_, **__: short)
     main(ClosedLoopConfig(control=FAST, fault=("dropout:0.5:0.1", "lost_plans:1:0.2"), out=tmp_path))
     assert "faults: 5 missing readings" in capsys.readouterr().out
     assert json.loads((tmp_path / "numbers.json").read_text())["missing_readings"] == 5

@@ -37,11 +37,11 @@ ONE_THREAD = {  # threads reserve memory that they do not use, which the limit c
 PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.logs.apart import serve; serve({number})"
 
 
-class _OutOfMemoryError(Exception):
+class _OutOfMemoryError(DriftDrakeError):
     """Reading took more than the limit."""
 
 
-class _EndedError(Exception):
+class _EndedError(DriftDrakeError):
     """The process that reads ended, or was ended."""
 
 

@@ -183,9 +183,8 @@ def slope_force(psi: Any, weight: Any, q: Effects) -> tuple[Any, Any]:
 
 @jitable
 def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
-                        nominal: Constants, q: Effects,
-                        force_x: Any = 0.0, force_y: Any = 0.0,
-                        moment: Any = 0.0) -> tuple[Motion, Memory]:  # fmt: skip
+                        nominal: Constants, q: Effects, force_x: Any = 0.0, force_y: Any = 0.0, moment: Any = 0.0,
+                        ) -> tuple[Motion, Memory]:  # fmt: skip
     """Motion of the car with effects, and the rates of the effects' own states.
 
     Args:
@@ -242,8 +241,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         (a_y - memory.a_y) / LOAD_FILTER_TIME,
     )
     further = installed_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, memory)
-    motion = Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y)
-    return motion, Memory(*(rates + further))
+    return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), Memory(*(rates + further))
 
 
 @jitable

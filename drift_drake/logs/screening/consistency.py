@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.logs.screening.dead import dead_columns
-from drift_drake.logs.screening.kinematics import Columns, Motion, motion_of_columns
+from drift_drake.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
 from drift_drake.logs.screening.misnamed import magnitudes, no_speed, swapped_accelerations, swapped_speeds
 from drift_drake.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts
 from drift_drake.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
@@ -137,7 +137,7 @@ def _period(period: float, doubts: Sequence[Suspicion]) -> float:
 
 
 def _fine(
-    runs: Sequence[Columns], periods: Sequence[float], m: Motion, vehicle: VehicleParameters | None,
+    runs: Sequence[Columns], periods: Sequence[float], m: Kinematics, vehicle: VehicleParameters | None,
     length: float | None, without: Sequence[str],
 ) -> list[Suspicion]:  # fmt: skip
     """What is asked once units and signs are right: scales, biases, points of measurement, commands."""
@@ -158,7 +158,7 @@ def _fine(
 
 
 def _unchecked(
-    m: Motion, held: Sequence[Relation], derived: Sequence[str], without: Sequence[str], runs: Sequence[Columns]
+    m: Kinematics, held: Sequence[Relation], derived: Sequence[str], without: Sequence[str], runs: Sequence[Columns]
 ) -> tuple[str, ...]:
     """Columns that are in no relation that these logs could tell, but those in doubt."""
     found = [set(at.powers) for at in agreements(m)] if len(m.r) else []

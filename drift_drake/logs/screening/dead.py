@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.kinematics import Columns, Motion, motion_of_columns
+from drift_drake.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
 
 CONSTANT = 1e-9  # of a column's size that rounding moves it by
 SEEN = 0.05  # of what is noted in `_movements`: a movement that a sensor does not miss
@@ -56,7 +56,7 @@ def _constant(values: np.ndarray | None) -> bool:
     return values is None or bool(np.ptp(values) <= CONSTANT * max(1.0, float(np.max(np.abs(values)))))
 
 
-def _movements(m: Motion) -> dict[str, float]:
+def _movements(m: Kinematics) -> dict[str, float]:
     """How far quantities go: rates [rad/s], accelerations [10 m/s^2], speeds as a share."""
     if len(m.r) < FEWEST:
         return {}

@@ -18,7 +18,7 @@ TRIMS = 3  # passes
 
 
 @dataclasses.dataclass(frozen=True)
-class Interval:
+class Bounds:
     """What a number is, between two others that it hardly lies outside of."""
 
     low: float
@@ -29,15 +29,15 @@ class Interval:
         """Whether it differs from the value by more than the margin, for certain."""
         return self.low > value + margin or self.high < value - margin
 
-    def over(self, other: float) -> "Interval":
+    def over(self, other: float) -> "Bounds":
         """Divided by a number."""
         ends = sorted((self.low / other, self.high / other))
-        return Interval(ends[0], self.middle / other, ends[1])
+        return Bounds(ends[0], self.middle / other, ends[1])
 
 
 def gain(
     measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks: np.ndarray, least: float = 0.6
-) -> Interval | None:
+) -> Bounds | None:
     """The factor on `expected` that gives `measured`, beside a constant and the nuisances; None where too unlike.
 
     Args:
@@ -68,10 +68,10 @@ def gain(
     at_most = back - wide * back_std
     if at_most <= 0.0:
         return None
-    return Interval(low - wide * low_std, float(np.sqrt(low / back)), 1.0 / at_most)
+    return Bounds(low - wide * low_std, float(np.sqrt(low / back)), 1.0 / at_most)
 
 
-def mean(values: np.ndarray, blocks: np.ndarray) -> Interval | None:
+def mean(values: np.ndarray, blocks: np.ndarray) -> Bounds | None:
     """The mean of values [windows], without the few that lie far off."""
     kept = np.isfinite(values)
     values, blocks = values[kept], blocks[kept]
@@ -87,10 +87,10 @@ def mean(values: np.ndarray, blocks: np.ndarray) -> Interval | None:
     scores = np.bincount(np.unique(blocks, return_inverse=True)[1], weights=values - middle)
     std = float(np.sqrt(_inflated(np.sum(scores**2), len(scores), 1))) / len(values)
     half = _quantile(blocks, 1) * std
-    return Interval(middle - half, middle, middle + half)
+    return Bounds(middle - half, middle, middle + half)
 
 
-def coefficients(design: np.ndarray, values: np.ndarray, blocks: np.ndarray) -> list[Interval] | None:
+def coefficients(design: np.ndarray, values: np.ndarray, blocks: np.ndarray) -> list[Bounds] | None:
     """Of a least-squares fit of values [windows] by the design's columns [windows, n], with errors from blocks."""
     kept = np.isfinite(values) & np.isfinite(design).all(axis=1)
     for _ in range(TRIMS):
@@ -113,7 +113,7 @@ def coefficients(design: np.ndarray, values: np.ndarray, blocks: np.ndarray) -> 
     inverse = np.linalg.pinv(part.T @ part)
     covariance = inverse @ _inflated(sums.T @ sums, len(sums), part.shape[1]) @ inverse
     half = _quantile(blocks[kept], part.shape[1]) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return [Interval(float(q - h), float(q), float(q + h)) for q, h in zip(found, half, strict=True)]
+    return [Bounds(float(q - h), float(q), float(q + h)) for q, h in zip(found, half, strict=True)]
 
 
 def _rest(design: np.ndarray, values: np.ndarray) -> np.ndarray:

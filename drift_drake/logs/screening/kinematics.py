@@ -18,7 +18,7 @@ BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 
 
 @dataclasses.dataclass(frozen=True)
-class Motion:
+class Kinematics:
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
     r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
@@ -54,9 +54,9 @@ class Motion:
     moved: np.ndarray
     slid: np.ndarray
 
-    def where(self, kept: np.ndarray) -> "Motion":
+    def where(self, kept: np.ndarray) -> "Kinematics":
         """The windows [windows] (bool) that are kept."""
-        return Motion(*(getattr(self, field.name)[kept] for field in dataclasses.fields(self)))
+        return Kinematics(*(getattr(self, field.name)[kept] for field in dataclasses.fields(self)))
 
     def lag(self, values: np.ndarray) -> np.ndarray:
         """What a small delay adds to values [windows]: their slope from window to window of a run, zero at gaps."""
@@ -66,13 +66,13 @@ class Motion:
         return out
 
 
-def motion_of(runs: Sequence[Run]) -> Motion:
+def motion_of(runs: Sequence[Run]) -> Kinematics:
     """Windows through all runs."""
     return motion_of_columns([{name: run.column(name) for name in COLUMNS} for run in runs],
                              [run.period for run in runs])  # fmt: skip
 
 
-def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Motion:
+def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Kinematics:
     """Windows through the columns of several runs, which may lack all but `r` and `v`, a row each period [s].
 
     slowest: share of a run's high speeds below which a window is left out.
@@ -81,11 +81,11 @@ def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest
     for index, (columns, period) in enumerate(zip(runs, periods, strict=True)):
         parts.append(_of_run(columns, period, index, blocks, slowest))
         blocks += len(np.asarray(columns["v"]))
-    names = [field.name for field in dataclasses.fields(Motion)]
-    return Motion(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    names = [field.name for field in dataclasses.fields(Kinematics)]
+    return Kinematics(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Motion:
+def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Kinematics:
     count = len(np.asarray(columns["v"]))
     over = averaging(count, period)
     mean, change = over.mean, over.change
@@ -103,7 +103,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
     psi = continuous(column("psi"))
     slip = np.nan_to_num(beta)
     course, moved = _path(column("x"), column("y"), over)
-    found = Motion(
+    found = Kinematics(
         run=np.full(len(over.starts), index),
         block=first_block + np.arange(len(over.starts)) // BLOCK,
         r=mean(r),

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.gains import Interval, gain, mean
-from drift_drake.logs.screening.kinematics import Columns, Motion
+from drift_drake.logs.screening.gains import Bounds, gain, mean
+from drift_drake.logs.screening.kinematics import Columns, Kinematics
 from drift_drake.logs.screening.suspicions import Suspicion
 
 FEWEST = 12  # windows
@@ -21,7 +21,7 @@ STEADY = 0.15  # [rad] of sideslip up to which a car goes where it steers
 SMALLEST = 1e-9
 
 
-def magnitudes(runs: Sequence[Columns], m: Motion) -> list[Suspicion]:
+def magnitudes(runs: Sequence[Columns], m: Kinematics) -> list[Suspicion]:
     """Columns that are never negative though others say that the car turns, slides or speeds up both ways."""
     swing = np.where(np.isfinite(m.swing), m.swing, 0.0)
     steered = np.where(np.abs(np.nan_to_num(m.beta)) < STEADY, m.delta_cmd * m.v, np.nan)  # a drift steers against r
@@ -76,7 +76,7 @@ def _like(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def swapped_accelerations(m: Motion) -> list[Suspicion]:
+def swapped_accelerations(m: Kinematics) -> list[Suspicion]:
     """Accelerations of which one follows what the other should: swapped, or of a sensor that is turned by 90 deg."""
     along = np.where(np.isfinite(m.along), m.along, m.gain)
     across = np.where(np.isfinite(m.across), m.across, m.turned)
@@ -93,7 +93,7 @@ def swapped_accelerations(m: Motion) -> list[Suspicion]:
                       said)]  # fmt: skip
 
 
-def swapped_speeds(m: Motion) -> list[Suspicion]:
+def swapped_speeds(m: Kinematics) -> list[Suspicion]:
     """A speed and a rim's speed that are each other: where a wheel slips, the positions or accelerations say which."""
     known = np.isfinite(m.omega_r) & np.isfinite(m.moved) & (m.moved > 0.0)
     if np.count_nonzero(known) >= FEWEST:
@@ -108,7 +108,7 @@ def swapped_speeds(m: Motion) -> list[Suspicion]:
     return _swapped_by_acceleration(m)
 
 
-def _swapped_by_acceleration(m: Motion) -> list[Suspicion]:
+def _swapped_by_acceleration(m: Kinematics) -> list[Suspicion]:
     known = np.isfinite(m.omega_r) & np.isfinite(m.ax) & np.isfinite(m.rim_gain)
     if np.count_nonzero(known) < FEWEST:
         return []
@@ -127,13 +127,13 @@ def _left(values: np.ndarray, of: np.ndarray) -> float:
     return float(np.std(values - of)) if len(values) >= FEWEST else 0.0
 
 
-def no_speed(m_all: Motion) -> list[Suspicion]:
+def no_speed(m_all: Kinematics) -> list[Suspicion]:
     """A speed that is nearly zero beside a car that turns or moves: another column was taken.
 
     Args:
         m_all: windows of any speed.
     """
-    asked: list[tuple[Interval, str]] = []
+    asked: list[tuple[Bounds, str]] = []
     across = gain(m_all.ay, m_all.r, m_all.spin[:, None], m_all.block)
     if across is not None:
         asked.append((across, "ay over r"))

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.gains import Interval, coefficients, gain, mean
-from drift_drake.logs.screening.kinematics import Motion
+from drift_drake.logs.screening.gains import Bounds, coefficients, gain, mean
+from drift_drake.logs.screening.kinematics import Kinematics
 from drift_drake.logs.screening.suspicions import Suspicion
 
 MARGIN = 0.03  # of a gain: sensors' scales are that good, and sensors' axes are aligned that well
@@ -29,13 +29,13 @@ NAMES = {"t": "the clock t", "y": "the scale of x and y"}
 
 
 @dataclasses.dataclass(frozen=True)
-class Agreement:
+class Compared:
     """A gain that should be one. powers: with which a factor on a column (`t`: the clock) enters it."""
 
     says: str
     powers: Mapping[str, int]
     margin: float
-    gain: Interval
+    gain: Bounds
 
     def power(self, columns: Sequence[str]) -> int:
         """Of a factor on all these columns."""
@@ -47,9 +47,9 @@ class Agreement:
         return self.gain.over(out).beyond(1.0, self.margin)
 
 
-def agreements(m: Motion) -> list[Agreement]:
+def agreements(m: Kinematics) -> list[Compared]:
     """The gains that the columns allow to tell."""
-    found: list[tuple[str, dict[str, int], float, Interval | None]] = []
+    found: list[tuple[str, dict[str, int], float, Bounds | None]] = []
     slides = np.isfinite(m.beta).any()
     turning = np.column_stack([m.spin, m.circling])
     found.append(("r over the rate of psi", {"r": 1, "psi": -1, "t": 1}, MARGIN,
@@ -84,21 +84,21 @@ def agreements(m: Motion) -> list[Agreement]:
         found.append(("ax over the rate of v", {"ax": 1, "v": -1, "t": 1}, TILTING, along))
     found.append(("v over the speed along x, y", {"v": 1, "t": 1, "y": -1}, MARGIN, _ratio(m.v, m.moved, m.block)))
     found.append(("omega_r over v", {"omega_r": 1, "v": -1}, MARGIN if slides else SIDEWAYS, _rolling(m)))
-    return [Agreement(says, powers, margin, g) for says, powers, margin, g in found if g is not None]
+    return [Compared(says, powers, margin, g) for says, powers, margin, g in found if g is not None]
 
 
-def _lag(m: Motion, values: np.ndarray) -> np.ndarray:
+def _lag(m: Kinematics, values: np.ndarray) -> np.ndarray:
     return m.lag(values)[:, None]
 
 
-def _ratio(measured: np.ndarray, expected: np.ndarray, blocks: np.ndarray) -> Interval | None:
+def _ratio(measured: np.ndarray, expected: np.ndarray, blocks: np.ndarray) -> Bounds | None:
     """Of two speeds, about one in most windows."""
     known = (measured > 0.0) & (expected > 0.0)
     found = mean(np.log(measured[known] / expected[known]), blocks[known])
-    return None if found is None else Interval(math.exp(found.low), math.exp(found.middle), math.exp(found.high))
+    return None if found is None else Bounds(math.exp(found.low), math.exp(found.middle), math.exp(found.high))
 
 
-def _rolling(m: Motion) -> Interval | None:
+def _rolling(m: Kinematics) -> Bounds | None:
     """Rim speed over speed of a wheel that neither drives nor brakes: where slip is small, without what force makes."""
     forward = np.where(np.isfinite(m.forward), m.forward, m.v)
     rate = np.where(np.isfinite(m.along), m.along, m.gain)
@@ -114,7 +114,7 @@ def _rolling(m: Motion) -> Interval | None:
     return None if found is None else found[0]
 
 
-def scale_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
+def scale_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
     """Columns whose scales are off: the one that explains most first, the relations that it explains folded under it.
 
     Args:
@@ -143,7 +143,7 @@ def scale_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
     return doubts
 
 
-def _fixes(found: Sequence[Agreement], wrong: Sequence[Agreement]) -> Iterator[tuple[int, tuple[str, ...], float]]:
+def _fixes(found: Sequence[Compared], wrong: Sequence[Compared]) -> Iterator[tuple[int, tuple[str, ...], float]]:
     """Columns with the factor that they are too large by: how many relations agree more once it is taken out."""
     for columns in CANDIDATES:
         touched = [at for at in wrong if at.power(columns)]
@@ -157,14 +157,14 @@ def _fixes(found: Sequence[Agreement], wrong: Sequence[Agreement]) -> Iterator[t
             yield 2 * gained - (len(columns) - 1), columns, factor
 
 
-def _said(at: Agreement) -> str:
+def _said(at: Compared) -> str:
     return f"{at.says} is {at.gain.middle:.3g} ({at.gain.low:.3g} to {at.gain.high:.3g})"
 
 
 def _doubts(
     columns: tuple[str, ...],
     factor: float,
-    explained: Sequence[Agreement],
+    explained: Sequence[Compared],
     rivals: Sequence[tuple[tuple[str, ...], float]],
 ) -> list[Suspicion]:
     evidence = "; ".join(_said(at) for at in explained)
@@ -180,7 +180,7 @@ def _doubts(
     return [Suspicion(sentence, column, factor, evidence) for column in columns[:1]]
 
 
-def bias_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
+def bias_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
     """A yaw rate that is not zero where heading, or course, does not turn."""
     for column, read, expected, says in (
         ("psi", m.r, m.turning, "psi turns"),
@@ -199,11 +199,11 @@ def bias_doubts(m: Motion, without: Sequence[str] = ()) -> list[Suspicion]:
     return []
 
 
-def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
+def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
     """A point of measurement away from the centre of gravity: by what wheels read in turns, and by accelerations."""
     least = ARM * (wheelbase or LENGTH)
     wheels, left, ahead = _arm_by_wheels(m), *_arm_by_accelerations(m)
-    where: list[tuple[int, Interval, str]] = []
+    where: list[tuple[int, Bounds, str]] = []
     if wheels is not None and wheels.beyond(0.0, least):
         # Accelerations that agree say it more closely.
         near = [at for at in (wheels, left[0]) if at is not None and wheels.low < at.middle < wheels.high]
@@ -229,15 +229,15 @@ def arm_doubts(m: Motion, wheelbase: float | None) -> list[Suspicion]:
     return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where))]
 
 
-def _width(at: Interval) -> float:
+def _width(at: Bounds) -> float:
     return at.high - at.low
 
 
-def _one_side(found: Sequence[Interval | None]) -> bool:
+def _one_side(found: Sequence[Bounds | None]) -> bool:
     return len({at.middle > 0.0 for at in found if at is not None}) == 1
 
 
-def _arm_by_wheels(m: Motion) -> Interval | None:
+def _arm_by_wheels(m: Kinematics) -> Bounds | None:
     """How far to the left [m] the speed is measured: it is slower in a left turn by the yaw rate times that.
 
     Beside what turning to either side, the speed, and a driving force do to a wheel's slip.
@@ -256,14 +256,14 @@ def _arm_by_wheels(m: Motion) -> Interval | None:
 
 
 def _arm_by_accelerations(
-    m: Motion,
-) -> tuple[tuple[Interval | None, Interval | None], tuple[Interval | None, Interval | None]]:
+    m: Kinematics,
+) -> tuple[tuple[Bounds | None, Bounds | None], tuple[Bounds | None, Bounds | None]]:
     """How far to the left and ahead [m] of the accelerometer the velocity is measured, by ax and by ay each."""
     ones = np.ones(len(m.r))
     along = coefficients(np.column_stack([m.spin, m.circling, ones, m.along, m.lag(m.along)]), m.ax - m.along, m.block)
     across = coefficients(
         np.column_stack([m.circling, -m.spin, ones, m.across, m.lag(m.across)]), m.ay - m.across, m.block
     )
-    by_ax: Sequence[Interval | None] = along or [None, None]
-    by_ay: Sequence[Interval | None] = across or [None, None]
+    by_ax: Sequence[Bounds | None] = along or [None, None]
+    by_ay: Sequence[Bounds | None] = across or [None, None]
     return (by_ax[0], by_ay[0]), (by_ax[1], by_ay[1])

@@ -6,7 +6,7 @@ import numpy as np
 
 from drift_drake.logs.plausible import LARGEST
 from drift_drake.logs.screening.gains import gain
-from drift_drake.logs.screening.kinematics import Columns, Motion
+from drift_drake.logs.screening.kinematics import Columns, Kinematics
 from drift_drake.logs.screening.suspicions import Suspicion
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -23,7 +23,7 @@ SAID = 3.0  # times the usual hold, for a reading that repeats
 ONE_STEP = 1.5  # from small changes to large ones, below which all are of one step
 
 
-def ratio_doubts(m: Motion, length: float) -> list[Suspicion]:
+def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
     """A steering ratio that gentle turns contradict.
 
     The steered angle is (L + K v^2) r / v: what goes with r / v tells the ratio, what goes with v r the understeer.

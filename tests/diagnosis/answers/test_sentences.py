@@ -6,7 +6,7 @@ from drift_drake.diagnosis.answers.answer import Answer
 from drift_drake.estimation.prior import Interval
 
 NOTHING = Interval(0.0, 0.0, 0.0)
-CLOSE = {"none": 0.4, "torque_gain_error": 0.3, "aero_drag+mass_error": 0.2, "unknown": 0.1}
+CLOSE = {"none": 0.4, "torque_gain_error": 0.3, "aero_drag+mass_error": 0.2, "unknown": 0.09}
 ANSWER = Answer("monday", "none", [], CLOSE, ["none", "torque_gain_error", "aero_drag+mass_error"], {}, {}, NOTHING,
                 1.0, {}, {"criterion": "prediction"}, [])  # fmt: skip
 
@@ -26,8 +26,35 @@ def test_a_cause_has_rivals_too():
 
 
 def test_a_probable_verdict_has_none():
-    assert "It may be" not in dataclasses.replace(ANSWER, posterior=CLOSE | {"none": 0.5}).sentence()
-    assert "It may be" not in dataclasses.replace(ANSWER, ambiguity=["none"]).sentence()
+    sure = {"none": 0.91, "torque_gain_error": 0.09}
+    assert "It may be" not in dataclasses.replace(ANSWER, posterior=sure).sentence()
+
+
+def test_a_rival_of_none_has_its_detection_limit():
+    details = ANSWER.details | {"detection": {"torque_gain_error": {"unit": "-", "least": 0.12, "taken_for": "none"}}}
+    said = dataclasses.replace(ANSWER, details=details).sentence()
+    assert "torque_gain_error (0.30, which these logs would show from 0.12 on)" in said
+
+
+def test_a_cause_with_something_else_is_said_in_words():
+    posterior = {"none": 0.4, "mass_error+unknown": 0.6}
+    assert "mass_error with something else (0.60" in dataclasses.replace(ANSWER, posterior=posterior).sentence()
+
+
+def test_the_four_decisions_are_said():
+    rate = {"false_alarm_rate": {"asked": 0.05}}
+    none = dataclasses.replace(ANSWER, details=ANSWER.details | rate | {"decision": "none"})
+    assert "no gap beyond the car's calibrated baseline" in none.sentence()
+    undecided = dataclasses.replace(ANSWER, details=ANSWER.details | rate | {"decision": "undecided"})
+    assert "undecided: these logs neither show nor exclude a gap" in undecided.sentence()
+    cause = dataclasses.replace(
+        ANSWER, verdict="effect", causes=["mass_error"], posterior={"mass_error": 0.7, "torque_gain_error": 0.3},
+        magnitudes={"mass_error": Interval(0.1, 0.08, 0.12)}, reduction=Interval(0.6, 0.5, 0.7),
+        details={"decision": "cause_open"},
+    )  # fmt: skip
+    assert "a gap whose cause these logs leave open: most likely mass_error" in cause.sentence()
+    left = dataclasses.replace(cause, details={"decision": "cause", "left_over": {"share": 0.4}})
+    assert "mass_error 0.100 (95 %: 0.0800 to 0.120) and something else that the catalogue lacks" in left.sentence()
 
 
 def test_many_rivals_are_counted():

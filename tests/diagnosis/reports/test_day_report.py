@@ -67,7 +67,7 @@ def test_an_unknown_gap_has_a_place_and_no_corrected_car(strange_day):
     assert "Where the gap is" in html
     assert '"name":"corrected"' not in html
     assert "drift-drake apply" not in html
-    assert "The nearest known" in html
+    assert "It acts like gyro_bias by direction of the turn" in html
 
 
 def test_what_comes_along_and_what_is_a_bound_is_said(late_day):

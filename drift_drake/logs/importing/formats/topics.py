@@ -10,12 +10,14 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from drift_drake.errors import DriftDrakeError
+
 LONGEST_ARRAY = 64  # elements of an array within a message; longer ones (images, scans) are no signals
 STAMP = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})
 PIECE = 1e-9  # [s] of the second field of a stamp
 
 
-class NeededError(ValueError):
+class NeededError(DriftDrakeError, ValueError):
     """Something is not given that a file cannot be read without; the message says what."""
 
 

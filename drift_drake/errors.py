@@ -11,6 +11,7 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxset = 4
 _SHORT.maxlevel = 2
 LONGEST_LINE = 2000  # characters of a message on one line
+LAST = 400  # of them that are its end, where the reason and the remedy stand
 
 
 class DriftDrakeError(Exception):
@@ -40,7 +41,7 @@ def shown(value: Any) -> str:
 def one_line(error: BaseException) -> str:
     """An error's message on one line of bounded length."""
     text = " ".join(str(error).split())
-    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."
+    return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - LAST]} ... {text[-LAST:]}"
 
 
 def unit_suffix(unit: str) -> str:

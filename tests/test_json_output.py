@@ -61,7 +61,7 @@ def folder(tmp_path_factory):
 def short(monkeypatch):
     """A few metres of the figure-8, a demo of one command, a plan and a training that are there already."""
     figure_8 = drive_command.figure_8
-    monkeypatch.setattr(drive_command, "figure_8", lambda car, **_: dataclasses.replace(figure_8(car), distance=5.0))
+    monkeypatch.setattr(drive_command, "figure_8", lambda car, **_: dataclasses.replace(figure_8(car), distance=8.0))
     monkeypatch.setattr(demo, "commands", lambda folder: [["init", str(folder / "car.yaml")]])
     plan = NextDrive(
         np.ones((3, 6)), np.zeros((3, 2)), 0.0, "straight", ("none", "aero_drag"), np.ones((2, 2)), 0.5, 0.9

@@ -22,6 +22,7 @@ FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
 MARGIN = {"l": 48, "r": 12, "t": 34, "b": 40}
 HEAT = "YlOrBr"
 FEW_DECADES = 100.0  # a logarithmic axis of less has labels between the powers of ten
+APART = 1.5  # times a label that the next one on a logarithmic axis must be, not to cover it
 ASTRAY = 1.5  # times the measured range beyond which a prediction is left out of the picture
 MOST_POINTS = 4000  # of a line: a longer one is thinned
 
@@ -115,7 +116,7 @@ def heat_map(
     title, x_title, y_title, of_colours = labels
     cells = go.Heatmap(
         x=x, y=y, z=np.asarray(values).T, text=list(map(list, zip(*texts, strict=True))), texttemplate="%{text}",
-        colorscale=HEAT, zmin=0.0, zmax=top, hoverongaps=False, textfont={"size": 10},
+        colorscale=HEAT, zmin=0.0, zmax=top, hoverongaps=False, textfont={"size": 8},
         hovertemplate=f"%{{x}}, %{{y}}<br>{of_colours}: %{{z:.3g}}<br>%{{text}}<extra></extra>",
         colorbar={"thickness": 10, "title": {"text": of_colours, "side": "right"}, "outlinewidth": 0},
     )  # fmt: skip
@@ -166,7 +167,7 @@ def _log_axis(drawn: Sequence[Array], at_points: bool = False) -> dict[str, Any]
         ticks = np.sort(np.concatenate([decades, 2.0 * decades, 5.0 * decades]))
         ticks = ticks[(ticks > 0.8 * low) & (ticks < 1.25 * high)]
     if not len(ticks):
-        ticks = np.array([low, high])
+        ticks = np.array([low, high]) if high > APART * low else np.array([high])
     return {"type": "log", "tickvals": ticks, "ticktext": [significant(tick, 2) for tick in ticks]}
 
 

@@ -54,7 +54,7 @@ def test_the_four_decisions_are_said():
     )  # fmt: skip
     assert "a gap whose cause these logs leave open: most likely mass_error" in cause.sentence()
     left = dataclasses.replace(cause, details={"decision": "cause", "left_over": {"share": 0.4}})
-    assert "mass_error 0.100 (95 %: 0.0800 to 0.120) and something else that the catalogue lacks" in left.sentence()
+    assert "mass_error 0.1 (95 %: 0.08 to 0.12) and something else that the catalogue lacks" in left.sentence()
 
 
 def test_many_rivals_are_counted():

@@ -9,7 +9,6 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 ERRORS = 1e-4  # chance that one side of an interval misses: many relations of many logs are asked
 FEWEST_BLOCKS = 6
@@ -142,4 +141,6 @@ def _inflated(squares: Any, count: int, used: int) -> Any:
 
 def _quantile(blocks: np.ndarray, used: int) -> float:
     """Of Student's distribution: standard errors to an interval's end."""
+    from scipy.stats import t as student  # slow to import
+
     return float(student.ppf(1.0 - ERRORS, max(len(np.unique(blocks)) - used, 1)))

@@ -7,7 +7,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from drift_drake.logs.screening.averaging import Averaging, averaging
 from drift_drake.logs.screening.relations import MOVING, continuous
@@ -92,6 +91,8 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
 
     def evened(angle: np.ndarray) -> np.ndarray:
         """Over as many rows as the direction of travel is taken."""
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
         return np.asarray(uniform_filter1d(angle, 2 * over.part + 1, mode="nearest"))
 
     def column(name: str) -> np.ndarray:

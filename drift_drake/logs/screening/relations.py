@@ -9,7 +9,6 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy.stats import spearmanr, theilslopes
 
 from drift_drake.logs.screening.averaging import averaging
 from drift_drake.logs.table import Run
@@ -255,6 +254,8 @@ def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) ->
         measured, expected = measured[chosen], expected[chosen]
     if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
         return None
+    from scipy.stats import spearmanr, theilslopes  # slow to import
+
     likeness = float(spearmanr(measured, expected).statistic)
     if abs(likeness) < least_likeness:
         return None

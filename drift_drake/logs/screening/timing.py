@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from drift_drake.logs.clock_offset import estimate_offset
 from drift_drake.logs.screening.kinematics import Columns
@@ -48,6 +47,8 @@ def _lead(columns: Columns, period: float) -> tuple[float, float] | None:
     r, v, delta = (np.asarray(columns[name], dtype=float) for name in ("r", "v", "delta_cmd"))
     beta = columns.get("beta")
     grip = np.ones(len(r), dtype=np.bool_) if beta is None else np.abs(np.asarray(beta)) < GRIP
+    from scipy.ndimage import uniform_filter1d  # slow to import
+
     turned, steered = (uniform_filter1d(z, max(round(WINDOW / period), 1)) for z in (r, delta * v))
     if np.count_nonzero(grip) < FEWEST or min(np.ptp(turned[grip]), np.ptp(steered[grip])) < 1e-9:
         return None

@@ -15,6 +15,7 @@ WRAP = 0.6  # of a channel's range that a wrap jumps over
 FEWEST_WRAPS = 2
 SAME = 0.1  # of their size by which wraps differ
 LONGEST_SPIKE = 5  # rows; a wrap lasts longer
+ISOLATED = 0.7  # of the wraps that do
 BETWEEN = 0.1  # of the rows that lie in the middle half of a channel's range
 CONTINUES = 3.0  # times the usual step, that is left of a wrap's once it is undone
 MOST_OUT = 0.1  # of the rows: more are no jumps
@@ -92,7 +93,8 @@ def wrap_size(values: np.ndarray) -> float | None:
     if len(jumps) < FEWEST_WRAPS or reach == 0.0:
         return None
     # Less what the channel moved by itself.
-    own = 0.5 * (steps[np.maximum(jumps - 1, 0)] + steps[np.minimum(jumps + 1, len(steps) - 1)])
+    calm = np.where(np.abs(steps) > WRAP * reach, 0.0, steps)
+    own = 0.5 * (calm[np.maximum(jumps - 1, 0)] + calm[np.minimum(jumps + 1, len(steps) - 1)])
     sizes = np.abs(steps[jumps] - own)
     size = float(np.median(sizes))
     if np.any(np.abs(sizes - size) > SAME * size) or len({bool(up) for up in steps[jumps] > 0.0}) < 2:
@@ -104,5 +106,6 @@ def wrap_size(values: np.ndarray) -> float | None:
     # A spike goes back at once, and a switched signal rests on either side: a wrap moves on, and is smooth without.
     smooth = np.abs(np.diff(np.unwrap(values, period=size)))
     usual = float(np.quantile(np.abs(np.delete(steps, jumps)), 0.99)) if len(steps) > len(jumps) else 0.0
-    gone = np.diff(jumps) > LONGEST_SPIKE
-    return size if gone.all() and usual > 0.0 and float(np.max(smooth[jumps])) < CONTINUES * usual else None
+    # Noise makes some wraps go to and fro; of spikes every second jump does.
+    gone = float(np.mean(np.diff(jumps) > LONGEST_SPIKE))
+    return size if gone > ISOLATED and usual > 0.0 and float(np.max(smooth[jumps])) < CONTINUES * usual else None

@@ -3,7 +3,8 @@
     python -m experiments.other_worlds.days OUT --car roadster --seed 3 --smooth 8 --other-drives
 
 OUT/day_one/run_*.csv: to calibrate on. OUT/CODE/run_*.csv: another day. OUT/start.yaml: a first guess, its tyres wrong.
-OUT/labels.json: {CODE: {"effects": {name: magnitude}, "drives": "day one's" or "other"}}, to be opened last.
+OUT/labels.json: {CODE: {"effects": {name: magnitude}, "strange": null, "drives": "day one's" or "other"}}, to be opened
+last; of a day with a strange fault (`strange_faults`), "strange" is its kind and "strange_magnitude" its size.
 OUT/truth.json: the car's own figures, for what a calibration says of them.
 """
 
@@ -29,6 +30,7 @@ from experiments.other_worlds import brush_cars, double_track
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_cars import BRUSH_CARS
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
+from experiments.other_worlds.strange_faults import STRANGE, strange_day
 
 Car = DoubleTrackParameters | BrushCar
 ALL_CARS: dict[str, Car] = {**CARS, **BRUSH_CARS}
@@ -52,9 +54,15 @@ RANGE: dict[str, tuple[float, float]] = {
     "sideslip_bias": (0.015, 0.035),
     "wheel_radius_error": (0.02, 0.05),
     "sensor_latency": (0.03, 0.1),
+    "steering_ratio_error": (0.1, 0.25),
+    "gyro_gain_error": (0.04, 0.09),
+    "speed_gain_error": (0.03, 0.07),
+    "road_bank": (0.06, 0.15),
+    "command_clock_error": (0.03, 0.09),
 }
 """Magnitudes for a full-size car; those of a car of another size are scaled as the catalogue's are."""
-EITHER_SIGN = ("steering_offset", "road_grade", "gyro_bias", "sideslip_bias")
+EITHER_SIGN = ("steering_offset", "road_grade", "gyro_bias", "sideslip_bias", "steering_ratio_error",
+               "gyro_gain_error", "speed_gain_error", "road_bank")  # fmt: skip
 
 GUESSED_STIFFNESS = {"small": 15.0, "truck": 10.0}  # [-] of the first guess: an axle's stiffness over its static load
 OF_A_CAR = 20.0  # the same of any other
@@ -83,12 +91,18 @@ class Days:
     """Share of the usual steering and pushes on the first day: a small one calibrates on gentle drives."""
     duration: float = 12.0
     """[s] of a run; one that spins ends early."""
+    strange: int = 0
+    """Days with a strange fault that the catalogue lacks, in the order of `strange_faults.STRANGE`, and over again."""
+    first_runs: int = len(DAY_ONE)
+    """Runs of the first day: its manoeuvres in turn."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.smooth < 0.5 / PERIOD:
             raise ValueError(f"smooth is {self.smooth:g} Hz; give 0 for none, or less than {0.5 / PERIOD:g} Hz")
         if not 0.0 < self.first_effort <= 1.0:
             raise ValueError(f"first-effort is {self.first_effort:g}; give more than 0 and at most 1")
+        if self.first_runs < 1:
+            raise ValueError(f"first-runs is {self.first_runs}; give 1 or more")
 
 
 def smoothed(run: Run, bandwidth: float) -> Run:
@@ -127,10 +141,23 @@ def drawn_effects(config: Days) -> list[dict[str, float]]:
     return days
 
 
+def make_strange_day(config: Days, kinds: tuple[str, ...], index: int, number: int) -> tuple[list[Run], dict[str, Any]]:
+    """Runs of a day with the strange fault of that number, and its label."""
+    rng = np.random.default_rng([list(ALL_CARS).index(config.car), config.seed, index, number])
+    kind = list(STRANGE)[number % len(STRANGE)]
+    runs, magnitude = strange_day(make_day(config, {}, kinds, index), kind, single_track(config.car), rng)
+    return runs, {"effects": {}, "strange": kind, "strange_magnitude": magnitude}
+
+
+def single_track(name: str) -> VehicleParameters:
+    """The nearest single-track car."""
+    car = ALL_CARS[name]
+    return brush_cars.single_track(car) if isinstance(car, BrushCar) else car.single_track()
+
+
 def first_guess(name: str) -> VehicleParameters:
     """What is known of a car before any drive: weighed and measured, its tyres not."""
-    car = ALL_CARS[name]
-    known = brush_cars.single_track(car) if isinstance(car, BrushCar) else car.single_track()
+    car, known = ALL_CARS[name], single_track(name)
     wheelbase = car.front_axle_distance + car.rear_axle_distance
     per_axle = GUESSED_STIFFNESS.get(name, OF_A_CAR) * car.mass * car.gravity / wheelbase
     return known.replace(
@@ -148,21 +175,32 @@ def write_day(folder: Path, runs: list[Run]) -> None:
         write_run(run, folder / f"{run.name}.csv")
 
 
+def coded(config: Days, number: int) -> str:
+    """Name of a day's folder, which tells nothing of what it hides."""
+    key = f"{config.car} {config.seed} {number} {config.smooth:g} {config.other_drives}"
+    return hashlib.sha256(key.encode()).hexdigest()[:8]
+
+
 def main(config: Days) -> None:
     """Makes all days."""
     car, out = ALL_CARS[config.car], config.out
-    write_day(out / "day_one", make_day(config, {}, DAY_ONE, 0, config.first_effort))
+    manoeuvres = tuple(DAY_ONE[i % len(DAY_ONE)] for i in range(config.first_runs))
+    write_day(out / "day_one", make_day(config, {}, manoeuvres, 0, config.first_effort))
     first_guess(config.car).to_yaml(out / "start.yaml")
     write_json(out / "config.json", config)
     write_json(out / "truth.json", car._asdict() if isinstance(car, BrushCar) else car)
     write_versions(out)
-    labels = {}
+    labels: dict[str, dict[str, Any]] = {}
     kinds, drives = (OTHER, "other") if config.other_drives else (DAY_ONE, "day one's")
-    for i, effects in enumerate(tqdm(drawn_effects(config), unit="day")):
-        key = f"{config.car} {config.seed} {i} {config.smooth:g} {config.other_drives}"
-        code = hashlib.sha256(key.encode()).hexdigest()[:8]
-        write_day(out / code, make_day(config, effects, kinds, 1 + i))
-        labels[code] = {"effects": effects, "drives": drives}
+    days = drawn_effects(config)
+    for i in tqdm(range(len(days) + config.strange), unit="day"):
+        if i < len(days):
+            runs, label = make_day(config, days[i], kinds, 1 + i), {"effects": days[i], "strange": None}
+        else:
+            runs, label = make_strange_day(config, kinds, 1 + i, i - len(days))
+        code = coded(config, i)
+        write_day(out / code, runs)
+        labels[code] = label | {"drives": drives}
     write_json(out / "labels.json", labels)
 
 

@@ -26,6 +26,7 @@ from drift_drake.run_folder import write_json
 from drift_drake.vehicle.double_track.parameters import CARS
 from experiments.other_worlds.days import ALL_CARS, RANGE, Days
 from experiments.other_worlds.days import main as make_days
+from experiments.other_worlds.drivers import DAY_ONE
 
 PACKAGE = "vehiclemodels"
 
@@ -51,6 +52,10 @@ class Worlds:
     """Days without an effect, of each world."""
     count: int = len(RANGE)
     """Days with one effect, of each world but the multi-body ones."""
+    strange: int = 0
+    """Days with a strange fault each, of each world but the multi-body ones."""
+    first_runs: int = len(DAY_ONE)
+    """Runs of the first day, of each world but the multi-body ones."""
     multibody: Path | None = None
     """A days.py of multi-body cars."""
     multibody_cars: tuple[int, ...] = (1, 3)
@@ -96,7 +101,8 @@ def worlds_of(config: Worlds) -> list[Days | MultiBody]:
     out: list[Days | MultiBody] = []
     for car, seed, smooth, other in itertools.product(config.cars, config.seeds, config.smooth, config.other_drives):
         name = f"{car}-{seed}-{smooth:g}hz" + ("-other" if other else "")
-        out.append(Days(config.out / name, car, seed, smooth, config.none, config.count, other))  # type: ignore[arg-type]
+        out.append(Days(config.out / name, car, seed, smooth, config.none, config.count, other,  # type: ignore[arg-type]
+                        strange=config.strange, first_runs=config.first_runs))  # fmt: skip
     if config.multibody is not None:
         check_multibody(config.multibody)
         for number, seed, smooth in itertools.product(config.multibody_cars, config.seeds, config.smooth):

@@ -3,11 +3,13 @@
     python -m experiments.other_worlds.road WORLD ... --out runs/road
 
 A WORLD is a folder as `make_worlds` and `days` write it: day_one/run_*.csv, CODE/run_*.csv, start.yaml, and
-labels.json, which is opened once all answers are there. What is done is kept: start again to go on.
+labels.json, which is opened once all answers are there. Worlds of other makers may have several folders day_one*, of
+which `--baseline` names the one to calibrate on. What is done is kept: start again to go on.
 """
 
 import dataclasses
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,14 +43,16 @@ class Road:
     """Processes."""
     criterion: Criterion = "auto"
     """Of the calibration, as `drift-drake identify` takes it."""
+    baseline: str = DAY_ONE
+    """Folder of each world to calibrate on."""
 
 
 class InvalidWorldError(DriftDrakeError, ValueError):
     """A folder that is no world; the message names it and the remedy."""
 
 
-def checked(world: Path) -> Path:
-    """The folder, if it is a world.
+def checked(world: Path, baseline: str = DAY_ONE) -> Path:
+    """The folder, if it is a world with runs to calibrate on.
 
     Raises:
         InvalidWorldError: a part is missing.
@@ -58,14 +62,14 @@ def checked(world: Path) -> Path:
             raise InvalidWorldError(
                 f"{world}: has no {part}; make it with 'python -m experiments.other_worlds.make_worlds'"
             )
-    if not run_paths(world / DAY_ONE):
-        raise InvalidWorldError(f"{world / DAY_ONE}: holds no runs; a world is calibrated on them")
+    if not run_paths(world / baseline):
+        raise InvalidWorldError(f"{world / baseline}: holds no runs; a world is calibrated on them")
     return world
 
 
 def days_of(world: Path) -> list[str]:
-    """Codes of the days but the first."""
-    return sorted(d.name for d in world.iterdir() if d.is_dir() and d.name != DAY_ONE and run_paths(d))
+    """Codes of the days but those to calibrate on."""
+    return sorted(d.name for d in world.iterdir() if d.is_dir() and not d.name.startswith(DAY_ONE) and run_paths(d))
 
 
 def car_of(world: Path) -> str:
@@ -74,13 +78,24 @@ def car_of(world: Path) -> str:
     return str(json.loads(config.read_text())["car"]) if config.is_file() else world.name
 
 
+def rows_of(name: str, world: Path, folder: Path) -> list[Row]:
+    """The answers of one world, by its labels; days without a label are left out.
+
+    Args:
+        name: of the world in the run folder `folder`.
+    """
+    labels, out = json.loads((world / "labels.json").read_text()), []
+    for code in days_of(world):
+        if code in labels:
+            label, answer = labels[code], answer_of(folder / name / f"{code}.json")
+            out.append(Row(name, car_of(world), code, label["effects"], answer, label.get("strange"),
+                           bool(label.get("everyday")), label.get("drives", "")))  # fmt: skip
+    return out
+
+
 def score(worlds: dict[str, Path], cars: list[Calibrate], folder: Path) -> dict[str, Any]:
     """Opens the labels, scores all answers and writes scores.json, scores.md and said.png."""
-    rows = []
-    for name, world in worlds.items():
-        labels = json.loads((world / "labels.json").read_text())
-        rows += [Row(name, car_of(world), code, labels[code]["effects"], answer_of(folder / name / f"{code}.json"))
-                 for code in days_of(world)]  # fmt: skip
+    rows = [row for name, world in worlds.items() for row in rows_of(name, world, folder)]
     calibrations = {job.folder.name: calibration_row(job, own_figures=True) for job in cars}
     over_all = calibration_scores(list(calibrations.values()))
     result = all_scores(rows) | {"calibration": over_all, "calibrations": calibrations}
@@ -90,20 +105,39 @@ def score(worlds: dict[str, Path], cars: list[Calibrate], folder: Path) -> dict[
     return result
 
 
+def worlds_by_name(worlds: Sequence[Path], baseline: str) -> dict[str, Path]:
+    """Checked folders by their names, which tell answers apart.
+
+    Raises:
+        InvalidWorldError: one is no world, or two have the same name.
+    """
+    out = {world.resolve().name: checked(world, baseline) for world in worlds}
+    if len(out) < len(worlds):
+        raise InvalidWorldError("two worlds have the same name; rename one folder")
+    return out
+
+
+def answered(worlds: Mapping[str, Path], cars: Sequence[Calibrate], folder: Path, workers: int) -> None:
+    """Calibrates what is not calibrated and diagnoses what is not diagnosed, into the run folder.
+
+    Args:
+        cars: in the order of the worlds, each into a folder of its world's name.
+    """
+    done_once(workers, calibrate, cars, "car")
+    asks = [Ask(world / code, folder / name, folder / name / f"{code}.json")
+            for name, world in worlds.items() for code in days_of(world)]  # fmt: skip
+    done_once(workers, ask, asks, "day")
+
+
 def main(config: Road) -> None:
     """Everything."""
-    worlds = {world.resolve().name: checked(world) for world in config.worlds}
-    if len(worlds) < len(config.worlds):
-        raise InvalidWorldError("two worlds have the same name; rename one folder")
+    worlds = worlds_by_name(config.worlds, config.baseline)
     folder = make_run_folder("road", config.out)
     write_json(folder / "config.json", config)
     write_versions(folder)
-    cars = [Calibrate((world / DAY_ONE,), world / "start.yaml", folder / name, config.criterion)
+    cars = [Calibrate((world / config.baseline,), world / "start.yaml", folder / name, config.criterion)
             for name, world in worlds.items()]  # fmt: skip
-    done_once(config.workers, calibrate, cars, "car")
-    asks = [Ask(world / code, folder / name, folder / name / f"{code}.json")
-            for name, world in worlds.items() for code in days_of(world)]  # fmt: skip
-    done_once(config.workers, ask, asks, "day")
+    answered(worlds, cars, folder, config.workers)
     score(worlds, cars, folder)
     text = f"{(folder / 'scores.md').read_text()}\n{made(config)}\n"
     write_text(folder / "scores.md", text)

@@ -1,4 +1,8 @@
-"""Scores of diagnoses of single effects: shares with exact 95 % intervals, by car, by effect and by size."""
+"""Scores of diagnoses of single effects: shares with exact 95 % intervals, by car, by effect and by size.
+
+Days with a strange fault, which the catalogue lacks, have figures of their own: right is `unknown`, or a cause and
+something else.
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
@@ -16,6 +20,9 @@ FAILED = (REFUSED, CRASHED, NO_CAR)
 STRONGER_BELOW = ("steering_rate_limit",)  # effects that act the more the smaller they are
 SIZES = {"below its detection limit": (0.0, 1.0), "1 to 2 limits": (1.0, 2.0), "above 2 limits": (2.0, np.inf)}
 NO_LIMIT = "these logs have no limit"
+SURE = 0.8  # probability above which a catalogued cause alone is sure
+TOO = f"+{UNKNOWN}"  # of the name of a hypothesis: and something else too
+DECISIONS = ("none", "cause", "cause_open", "undecided")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,23 +34,44 @@ class Row:
     case: str
     effects: dict[str, float]
     answer: dict[str, Any]
+    strange: str | None = None  # kind of a fault that the catalogue lacks
+    everyday: bool = False  # nothing but what varies from day to day, by less than a gap
+    drives: str = ""  # those of the day, relative to the calibration's
 
     @property
     def truth(self) -> str:
-        return "+".join(sorted(self.effects)) or NONE
+        return UNKNOWN if self.strange else "+".join(sorted(self.effects)) or NONE
 
     @property
     def said(self) -> str:
         return said(self.answer)
 
     @property
+    def something_else(self) -> bool:
+        """Whether a cause is named, and something else that the catalogue lacks."""
+        return self.answer["verdict"] == "effect" and bool(self.answer["details"].get("left_over"))
+
+    @property
     def right(self) -> bool:
-        return self.said == self.truth
+        return self.said == self.truth or (self.strange is not None and self.something_else)
+
+    @property
+    def probability(self) -> float:
+        """Of what is said, with something else too or without it."""
+        p = self.answer["posterior"]
+        more = p.get(self.said + TOO, 0.0) if self.answer["verdict"] == "effect" else 0.0
+        return float(p.get(self.said, 0.0) + more)
+
+    @property
+    def sure_alone(self) -> bool:
+        """Whether a catalogued cause is named, without something else, and with a high probability."""
+        return self.answer["verdict"] == "effect" and not self.something_else and self.probability > SURE
 
     @property
     def held(self) -> bool:
-        """Whether the ambiguity set holds the truth."""
-        return self.truth in self.answer["ambiguity"]
+        """Whether the ambiguity set holds the truth, or, of a strange fault, any hypothesis with something else."""
+        names = self.answer["ambiguity"]
+        return self.truth in names or (self.strange is not None and (self.right or any(n.endswith(TOO) for n in names)))
 
     @property
     def failed(self) -> bool:
@@ -89,7 +117,8 @@ def mean_of(values: Iterable[float]) -> float | None:
 
 
 def scores(rows: Sequence[Row]) -> dict[str, Any]:
-    """All figures of some cases. A case without an answer counts as wrong."""
+    """All figures of some cases, but for strange faults (`strange_scores`). One without an answer counts as wrong."""
+    rows = [row for row in rows if not row.strange]
     gaps = [row for row in rows if row.effects]
     nothing = [row for row in rows if not row.effects]
     answered = [row for row in rows if not row.failed]
@@ -100,6 +129,9 @@ def scores(rows: Sequence[Row]) -> dict[str, Any]:
         "effects in the ambiguity set": share(row.held for row in gaps),
         "days with none: false alarms": share(row.said not in (NONE, *FAILED) for row in nothing),
         "days with none: an effect is named": share(row.answer["verdict"] == "effect" for row in nothing),
+        "days with everyday variation alone: false alarms": share(
+            row.said not in (NONE, *FAILED) for row in nothing if row.everyday
+        ),
         "effects called none": share(row.said == NONE for row in gaps),
         "effects called unknown": share(row.said == UNKNOWN for row in gaps),
         "without an answer": share(row.failed for row in rows),
@@ -112,14 +144,47 @@ def scores(rows: Sequence[Row]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def all_scores(rows: Sequence[Row]) -> dict[str, Any]:
-    """All figures, the same by car, effect and size, and every case that is not right."""
+def strange_scores(rows: Sequence[Row]) -> dict[str, Any]:
+    """Figures of strange faults."""
+    rows = [row for row in rows if row.strange]
     return {
-        "all": scores(rows),
-        "by car": grouped(rows, lambda row: row.car),
-        "by world": grouped(rows, lambda row: row.world),
-        "by effect": grouped(rows, lambda row: row.truth),
-        "by size": grouped([row for row in rows if row.effects and not row.failed], size_name),
+        "unknown, or a cause and something else": share(row.right for row in rows),
+        "unknown": share(row.said == UNKNOWN for row in rows),
+        "a cause and something else": share(row.something_else for row in rows),
+        f"a catalogued cause alone at p > {SURE:g}": share(row.sure_alone for row in rows),
+        "called none": share(row.said == NONE for row in rows),
+        "without an answer": share(row.failed for row in rows),
+    }
+
+
+def decision_scores(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+    """By kind of day and decision: how many there are, and how many of these are right."""
+    kinds = {
+        "without an effect": [row for row in rows if row.truth == NONE],
+        "with an effect": [row for row in rows if row.effects],
+        "with a strange fault": [row for row in rows if row.strange],
+    }
+    return {
+        kind: {name: share(r.right for r in some if r.answer["details"].get("decision") == name) for name in DECISIONS}
+        for kind, some in kinds.items()
+        if some
+    }
+
+
+def all_scores(rows: Sequence[Row]) -> dict[str, Any]:
+    """All figures, the same by car, effect and size, those of strange faults, and every case that is not right."""
+    usual, strange = [row for row in rows if not row.strange], [row for row in rows if row.strange]
+    kinds = sorted({str(row.strange) for row in strange})
+    return {
+        "all": scores(usual),
+        "by car": grouped(usual, lambda row: row.car),
+        "by world": grouped(usual, lambda row: row.world),
+        "by drives": grouped([row for row in usual if row.drives], lambda row: row.drives),
+        "by effect": grouped(usual, lambda row: row.truth),
+        "by size": grouped([row for row in usual if row.effects and not row.failed], size_name),
+        "strange faults": strange_scores(strange) if strange else {},
+        "by strange fault": {kind: strange_scores([r for r in strange if r.strange == kind]) for kind in kinds},
+        "decisions": decision_scores(rows),
         "not right": [mistake(row) for row in rows if not row.right],
     }
 
@@ -152,7 +217,8 @@ def size_name(row: Row) -> str:
 
 def mistake(row: Row) -> dict[str, Any]:
     """A case that is not right, in short."""
-    out = {"world": row.world, "case": row.case, "truth": row.effects, "size": row.size, "said": row.said}
+    out = {"world": row.world, "case": row.case, "truth": row.effects, "strange": row.strange, "size": row.size,
+           "said": row.said}  # fmt: skip
     if row.failed:
         return out | {"message": row.answer["message"]}
     leading = dict(sorted(row.answer["posterior"].items(), key=lambda item: -item[1])[:4])
@@ -174,25 +240,40 @@ def said_value(value: Any) -> str:
     return "-" if value is None else f"{value:.3g}"
 
 
-def table_text(title: str, parts: dict[str, Any]) -> str:
+COLUMNS = ("right", "effects in the ambiguity set", "effects called none", "effects called unknown",
+           "without an answer", "intervals that hold the magnitude", "ambiguity set, mean size")  # fmt: skip
+"""Of the tables by group."""
+
+
+def table_text(title: str, parts: dict[str, Any], columns: Sequence[str] = COLUMNS) -> str:
     """Scores of groups as a Markdown table."""
-    columns = ("right", "effects in the ambiguity set", "effects called none", "effects called unknown",
-               "without an answer", "intervals that hold the magnitude", "ambiguity set, mean size")  # fmt: skip
     lines = [f"| {title} | {' | '.join(columns)} |", "| --- " * (len(columns) + 1) + "|"]
     lines += [f"| {name} | {' | '.join(said_value(part[c]) for c in columns)} |" for name, part in parts.items()]
     return "\n".join(lines)
+
+
+def strange_text(result: dict[str, Any]) -> list[str]:
+    """Figures of strange faults and of the four decisions as Markdown tables."""
+    out = []
+    if result["strange faults"]:
+        by_kind = {"all": result["strange faults"]} | result["by strange fault"]
+        out += ["", table_text("strange fault", by_kind, tuple(result["strange faults"]))]
+    if any(s["count"] for part in result["decisions"].values() for s in part.values()):
+        out += ["", table_text("days, right of those so decided", result["decisions"], DECISIONS)]
+    return out
 
 
 def scores_text(result: dict[str, Any]) -> str:
     """`all_scores` as Markdown; the brackets hold 95 % intervals."""
     lines = ["| figure | value (95 %) |", "| --- | --- |"]
     lines += [f"| {name} | {said_value(value)} |" for name, value in result["all"].items()]
-    for title in ("by car", "by world", "by effect", "by size"):
+    for title in ("by car", "by world", "by drives", "by effect", "by size"):
         if result[title]:
             lines += ["", table_text(title.removeprefix("by "), result[title])]
-    lines += ["", "Not right:"]
+    lines += [*strange_text(result), "", "Not right:"]
     for m in result["not right"]:
         size = "" if m["size"] is None else f", {m['size']:.1f} limits"
         note = m.get("message") or ", ".join(f"{name} {p:.2f}" for name, p in m["posterior"].items())
-        lines.append(f"- {m['world']} {m['case']}: {m['truth'] or NONE}{size} answered as {m['said']} ({note})")
+        truth = m["strange"] or m["truth"] or NONE
+        lines.append(f"- {m['world']} {m['case']}: {truth}{size} answered as {m['said']} ({note})")
     return "\n".join(lines) + "\n"

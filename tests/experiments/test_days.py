@@ -13,6 +13,7 @@ from drift_drake.vehicle.vehicle_file import read_vehicle
 from experiments.other_worlds.days import RANGE, Days, drawn_effects, first_guess, main, make_day, smoothed
 from experiments.other_worlds.double_track import simulate
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
+from experiments.other_worlds.strange_faults import STRANGE
 
 
 def short(tmp_path, **changes):
@@ -113,3 +114,22 @@ def test_a_gentle_first_day_is_steered_by_its_share(tmp_path):
 def test_an_effort_that_is_no_share_is_refused(tmp_path, effort):
     with pytest.raises(ValueError, match=r"first-effort is .* give more than 0 and at most 1"):
         Days(tmp_path, first_effort=effort)
+
+
+def test_strange_days_come_behind_the_others_each_of_another_kind(tmp_path):
+    main(short(tmp_path, none=1, count=0, strange=2, first_runs=6))
+    labels = json.loads((tmp_path / "labels.json").read_text())
+    assert [label["strange"] for label in labels.values()] == [None, *list(STRANGE)[:2]]
+    assert not any(label["effects"] for label in labels.values())
+    assert len(read_case(tmp_path / "day_one")) == 6
+    code = list(labels)[1]
+    (healthy, *_), (strange, *_) = make_day(short(tmp_path), {}, DAY_ONE, 2), read_case(tmp_path / code)
+    np.testing.assert_allclose(strange.beta, (1.0 - labels[code]["strange_magnitude"]) * healthy.beta, atol=1e-8)
+    np.testing.assert_allclose(strange.r, healthy.r, atol=1e-8)
+
+
+def test_more_first_runs_begin_with_the_usual_ones(tmp_path):
+    usual, more = (make_day(short(tmp_path), {}, kinds, 0) for kinds in (DAY_ONE, (*DAY_ONE, "slalom")))
+    np.testing.assert_array_equal(more[3].r, usual[3].r)
+    with pytest.raises(ValueError, match=r"first-runs is 0; give 1 or more"):
+        short(tmp_path, first_runs=0)

@@ -71,6 +71,49 @@ def test_scores_by_group():
     json.dumps(result)
 
 
+def strange(a, kind="gyro_drift", **more):
+    a["details"] |= more
+    return Row("a", "coupe", "0123", {}, a, kind)
+
+
+STRANGE = [
+    strange(answer("unknown"), decision="cause_open"),
+    strange(answer("mass_error"), decision="cause", left_over={"probability": 0.8, "share": 0.4}),
+    strange(answer("mass_error"), "jittered_commands", decision="cause"),
+    strange(answer("none", ("mass_error+unknown",)), "jittered_commands", decision="undecided"),
+]
+
+
+def test_strange_faults_have_figures_of_their_own():
+    result = all_scores([*ROWS, *STRANGE])
+    assert result["all"] == all_scores(ROWS)["all"]
+    s = result["strange faults"]
+    assert (s["unknown, or a cause and something else"]["hits"], s["unknown"]["count"]) == (2, 4)
+    assert s["a catalogued cause alone at p > 0.8"]["hits"] == 1
+    assert s["called none"]["hits"] == 1
+    assert result["by strange fault"]["gyro_drift"]["unknown, or a cause and something else"]["share"] == 1.0
+    assert [row.held for row in STRANGE] == [True, True, False, True]
+    text = scores_text(result)
+    assert "jittered_commands answered as mass_error" in text
+    assert "| jittered_commands | 0 of 2: 0.00" in text
+    draw_rows([*ROWS, *STRANGE])
+    json.dumps(result)
+
+
+def test_decisions_are_counted_by_kind_of_day():
+    result = all_scores([*ROWS, *STRANGE])["decisions"]
+    assert result["with an effect"]["cause"]["count"] == 0  # of answers that have none
+    decided = {name: (s["hits"], s["count"]) for name, s in result["with a strange fault"].items()}
+    assert decided == {"none": (0, 0), "cause": (1, 2), "cause_open": (1, 1), "undecided": (0, 1)}
+
+
+def test_a_cause_with_something_else_too_has_the_probability_of_both():
+    a = answer("mass_error") | {"posterior": {"mass_error": 0.5, "mass_error+unknown": 0.4, "none": 0.1}}
+    assert strange(a).sure_alone
+    a["details"]["left_over"] = {"probability": 0.6}
+    assert not strange(a).sure_alone
+
+
 def test_a_limit_that_acts_the_more_the_lower_it_is_has_its_size_inverted():
     slow = row({"steering_rate_limit": 0.3}, answer("none", detection={"steering_rate_limit": {"least": 0.9}}))
     assert slow.size == pytest.approx(3.0)
@@ -194,6 +237,30 @@ def test_the_road_asks_once_and_opens_labels_last(tmp_path, monkeypatch):
     assert asked == ["car.json", "aa.json", "bb.json"]
     assert json.loads((out / "scores.json").read_text())["all"]["right"]["hits"] == 2
     assert (out / "said.png").exists()
+
+
+def test_worlds_of_other_makers_are_read(tmp_path):
+    world = make_world(tmp_path / "world", ("aa", "bb", "cc", "day_one_4", "left"))
+    labels = {
+        "aa": {"effects": {}, "strange": None, "everyday": {"mass_error": 0.01}, "drives": "other"},
+        "bb": {"effects": {}, "strange": "gyro_drift", "strange_magnitude": 0.05, "drives": "same"},
+        "cc": {"effects": {"mass_error": 0.1}, "strange": None, "drives": "same"},
+    }
+    (world / "labels.json").write_text(json.dumps(labels))
+    assert road.days_of(world) == ["aa", "bb", "cc", "left"]
+    assert road.checked(world, "day_one_4") == world
+    with pytest.raises(road.InvalidWorldError, match="day_one_9: holds no runs"):
+        road.checked(world, "day_one_9")
+    (tmp_path / "run" / "world").mkdir(parents=True)
+    for code in road.days_of(world):
+        (tmp_path / "run" / "world" / f"{code}.json").write_text(json.dumps(answer("none")))
+    rows = road.rows_of("world", world, tmp_path / "run")
+    assert [(row.truth, row.everyday, row.drives) for row in rows] == [
+        ("none", True, "other"), ("unknown", False, "same"), ("mass_error", False, "same"),
+    ]  # fmt: skip
+    s = all_scores(rows)
+    assert s["all"]["days with everyday variation alone: false alarms"]["count"] == 1
+    assert list(s["by drives"]) == ["other", "same"]
 
 
 def test_a_folder_that_is_no_world_is_refused(tmp_path):

@@ -1,0 +1,177 @@
+"""How many runs a calibration needs: the same days diagnosed with cars calibrated on the first 1, 4, 8, 12 runs.
+
+    python -m experiments.other_worlds.baselines WORLD ... --counts 1 4 8 12 --out runs/baselines
+
+A WORLD is one of `road`, with as many runs of day_one as the largest count (`make_worlds --first-runs 12`). The run
+folder has a run folder of `road` for each count, a table (baselines.md) and its curve (baselines.png). What is done is
+kept: start again to go on.
+"""
+
+import dataclasses
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from diagrams.command import run_command
+from drift_drake.identification.options import Criterion
+from drift_drake.logs.table import run_paths
+from drift_drake.pictures.style import REFERENCE, RUNS, legend_above, new_figure, save, styled
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
+from experiments.made import made
+from experiments.other_worlds.jobs import Calibrate
+from experiments.other_worlds.road import DAY_ONE, InvalidWorldError, Road, answered, score, worlds_by_name
+from experiments.other_worlds.scoring import median_of, said_value, share
+
+RIGHT, ALARMS, INTERVALS = "right", "days with none: false alarms", "intervals that hold the magnitude"
+FIGURES = (RIGHT, "effects named", ALARMS, INTERVALS, "without an answer")
+CURVES = {RIGHT: "right", ALARMS: "false alarms", "unknown, or a cause and something else": "strange faults"}
+GOALS = {4: 0.9, 12: 0.95}  # of days right
+
+
+@dataclasses.dataclass(frozen=True)
+class Baselines:
+    """Right days over the runs that a car is calibrated on."""
+
+    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of days."""
+    counts: tuple[int, ...] = (1, 4, 8, 12)
+    """Runs of a baseline, the first ones of day_one."""
+    baseline: str = DAY_ONE
+    """Folder of each world that they are taken from."""
+    out: Path | None = None
+    """Run folder; one that exists is gone on with."""
+    workers: int = 2
+    """Processes."""
+    criterion: Criterion = "auto"
+    """Of the calibrations, as `drift-drake identify` takes it."""
+
+    def __post_init__(self) -> None:
+        if not self.counts or min(self.counts) < 1:
+            raise ValueError(f"counts are {self.counts}; give one or more numbers of runs, 1 or more each")
+
+
+def first_runs(world: Path, baseline: str, count: int, folder: Path) -> Path:
+    """A folder with copies of the first runs of a baseline.
+
+    Raises:
+        InvalidWorldError: there are fewer.
+    """
+    paths = run_paths(world / baseline)
+    if len(paths) < count:
+        raise InvalidWorldError(
+            f"{world / baseline}: holds {len(paths)} runs, {count} are asked for; make the world with "
+            f"'--first-runs {count}', or give smaller --counts"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in paths[:count]:
+        shutil.copy(path, folder / path.name)
+    return folder
+
+
+def road_of(count: int, worlds: Mapping[str, Path], config: Baselines, folder: Path) -> dict[str, Any]:
+    """The road with one number of runs: calibrated, asked and scored, in a folder of its own."""
+    part = folder / f"runs_{count}"
+    part.mkdir(parents=True, exist_ok=True)
+    write_json(part / "config.json", Road(config.worlds, part, config.workers, config.criterion, config.baseline))
+    cars = [
+        Calibrate((first_runs(world, config.baseline, count, folder / "baselines" / name / f"first_{count}"),),
+                  world / "start.yaml", part / name, config.criterion)
+        for name, world in worlds.items()
+    ]  # fmt: skip
+    answered(worlds, cars, part, config.workers)
+    return score(worlds, cars, part)
+
+
+def figures(result: Mapping[str, Any]) -> dict[str, Any]:
+    """A row of the table, from what `road.score` gives."""
+    done = [row for row in result["calibrations"].values() if "failed" not in row]
+    return {
+        **{name: result["all"][name] for name in FIGURES},
+        **(result["strange faults"] or {"unknown, or a cause and something else": share([])}),
+        "calibrations that failed": result["calibration"]["failed"],
+        "seconds of CPU a calibration, median": median_of(row["cpu_seconds"] for row in done),
+        "seconds of CPU a case, median": result["all"]["seconds of CPU a case, median"],
+    }
+
+
+def baselines_text(rows: Mapping[int, Mapping[str, Any]], worlds: Mapping[str, Mapping[int, Any]]) -> str:
+    """Figures over all worlds by number of runs, and days right by world, as Markdown.
+
+    Args:
+        rows: `figures` by number of runs; worlds: shares of right days by world, then by number of runs.
+    """
+    counts = sorted(rows)
+    head = [f"| {' | '.join(str(count) for count in counts)} |", "| --- " * (len(counts) + 1) + "|"]
+    lines = [f"| runs of the baseline {head[0]}", head[1]]
+    for name in rows[counts[0]]:
+        lines.append(f"| {name} | {' | '.join(said_value(rows[count].get(name)) for count in counts)} |")
+    lines += ["", f"| days right {head[0]}", head[1]]
+    lines += [f"| {world} | {' | '.join(said_value(by[count]) for count in counts)} |" for world, by in worlds.items()]
+    return "\n".join(lines) + "\n"
+
+
+@styled
+def draw_baselines(rows: Mapping[int, Mapping[str, Any]], worlds: Mapping[str, Mapping[int, Any]]) -> Figure:
+    """Over the runs of a baseline: shares over all worlds with their intervals; days right in each world."""
+    figure = new_figure(7.0, 3.0)
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    draw_shares(left, rows)
+    for i, (world, by) in enumerate(worlds.items()):
+        counts = sorted(by)
+        right.plot(counts, [by[c]["share"] for c in counts], color=RUNS[i % len(RUNS)], marker="osD^v"[i % 5], ms=3.5,
+                   ls=("-", "--", ":")[i // len(RUNS) % 3], label=world)  # fmt: skip
+    right.set(xlabel="runs of the baseline (days right, by world)", xticks=sorted(rows))
+    legend_above(right, 2)
+    return figure
+
+
+def draw_shares(ax: Axes, rows: Mapping[int, Mapping[str, Any]]) -> None:
+    """Shares by number of runs; those of nothing are left out."""
+    for (name, label), colour, marker in zip(CURVES.items(), (RUNS[0], RUNS[1], RUNS[2]), "osD", strict=True):
+        counts = [c for c in sorted(rows) if rows[c][name]["count"]]
+        some = [rows[c][name] for c in counts]
+        if counts:
+            error = [[s["share"] - s["low"] for s in some], [s["high"] - s["share"] for s in some]]
+            ax.errorbar(counts, [s["share"] for s in some], yerr=error, color=colour, marker=marker, ms=4,
+                        elinewidth=0.8, capsize=2, label=label)  # fmt: skip
+    goals = {c: q for c, q in GOALS.items() if c in rows}
+    if goals:
+        ax.plot(list(goals), list(goals.values()), ls="", marker="_", ms=12, color=REFERENCE, label="goal, right")
+    ax.set(xlabel="runs of the baseline", ylabel="share of days [-]", ylim=(-0.03, 1.03), xticks=sorted(rows))
+    legend_above(ax, 2)
+
+
+def written(results: Mapping[int, Mapping[str, Any]], names: Sequence[str], folder: Path, sentence: str) -> str:
+    """Writes table, picture and numbers; returns the table.
+
+    Args:
+        results: of `road.score` by number of runs; names: of the worlds; sentence: how it was made.
+    """
+    rows = {count: figures(result) for count, result in results.items()}
+    worlds = {name: {c: result["by world"].get(name, {}).get(RIGHT, share([])) for c, result in results.items()}
+              for name in names}  # fmt: skip
+    write_json(folder / "baselines.json", {str(count): row for count, row in rows.items()})
+    text = f"{baselines_text(rows, worlds)}\n{sentence}\n"
+    write_text(folder / "baselines.md", text)
+    save(draw_baselines(rows, worlds), folder / "baselines.png")
+    return text
+
+
+def main(config: Baselines) -> None:
+    """Everything."""
+    worlds = worlds_by_name(config.worlds, config.baseline)
+    folder = make_run_folder("baselines", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    results = {count: road_of(count, worlds, config, folder) for count in sorted(set(config.counts))}
+    print(written(results, list(worlds), folder, made(config)))
+
+
+if __name__ == "__main__":
+    run_command(main, Baselines, __doc__)

@@ -1,0 +1,236 @@
+"""What halving and doubling each constant of the inference does to diagnoses of another day, to first order.
+
+    python -m experiments.other_worlds.constants WORLD ... --baseline day_one --out runs/constants
+
+Each world is calibrated once by prediction, and scores and information of its days' stretches are kept in the run
+folder: start again to go on. Then, with each constant halved and doubled, what a baseline shows is learnt anew and
+every day is judged by single effects alone (`left_out.ranked_to_first_order`): constants.md says how many are right.
+"""
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import tyro
+from tqdm import tqdm
+
+from diagrams.command import run_command
+from drift_drake.diagnosis.another_day import constants as of_diagnosis
+from drift_drake.diagnosis.another_day import left_out as judging
+from drift_drake.diagnosis.another_day import left_over as leaving
+from drift_drake.diagnosis.another_day import ranking
+from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN, PosteriorConstants
+from drift_drake.estimation import baseline, prediction_constants
+from drift_drake.estimation.baseline import Known, Spread, Stretches
+from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
+from experiments.made import made
+from experiments.other_worlds.road import DAY_ONE, worlds_by_name
+from experiments.other_worlds.scoring import TOO, said_share, share
+from experiments.other_worlds.stretches import FACTORS, KeptDay, KeptWorld, kept_world
+
+USED_IN: tuple[ModuleType, ...] = (baseline, judging, leaving, ranking)
+"""Modules that read the constants, as names of their own."""
+MODULES: tuple[ModuleType, ...] = (prediction_constants, of_diagnosis)
+PRIORS = ("prior_none", "prior_single", "prior_unknown", "temperature")  # of `PRIORS` that single effects have
+AS_ODDS = ("OF_PARTIAL", "HALF", "OPEN", "SURE_OF_NONE", "THRESHOLDS")
+"""Shares and probabilities: their odds are halved and doubled."""
+NOT_SEEN = {
+    "CALIBRATED": "intervals of parameters", "MODEL_FORM": "intervals of parameters", "SECOND": "pairs",
+    "WORTH_A_PAIR": "pairs", "STANDS_FOR": "intervals of magnitudes", "OF_SCATTER": "intervals of magnitudes",
+    "NAMED": "what a sentence names", "PRIORS.prior_pair": "pairs",
+}  # fmt: skip
+"""Constants that decide nothing to first order, and what they decide instead."""
+LEAST_P = 1e-4  # probability of the truth below which a day costs no more
+UNCHANGED = "as they are"
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """What halving and doubling does."""
+
+    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of days."""
+    out: Path | None = None
+    """Run folder; one that exists is gone on with."""
+    baseline: str = DAY_ONE
+    """Folder of each world to calibrate on."""
+
+
+class Counts(NamedTuple):
+    """How days fare."""
+
+    right: dict[str, Any]  # share, of days without a strange fault
+    alarms: dict[str, Any]  # share, of days without an effect
+    strange: dict[str, Any]  # share of strange faults that are unknown, or a cause and something else
+    log_score: float  # mean logarithm of the truth's probability, of all days
+    open: int  # days whose cause is open
+    undecided: int
+
+
+def names_of_constants() -> list[str]:
+    """Every constant that decides something to first order; those of the priors as `PRIORS.field`."""
+    own = [name for module in MODULES for name, value in vars(module).items() if name.isupper() and value is not None]
+    return [n for name in own for n in ([f"PRIORS.{f}" for f in PRIORS] if name == "PRIORS" else [name])
+            if n not in NOT_SEEN]  # fmt: skip
+
+
+def value_of(name: str) -> Any:
+    """A constant's value."""
+    first, _, field = name.partition(".")
+    value = next(getattr(module, first) for module in MODULES if hasattr(module, first))
+    return getattr(value, field) if field else value
+
+
+def times(value: Any, factor: float, odds: bool) -> Any:
+    """A constant, each of its numbers times a factor, or with that many times its odds."""
+    if isinstance(value, dict):
+        return {key: times(part, factor, odds) for key, part in value.items()}
+    if isinstance(value, tuple):
+        return tuple(times(part, factor, odds) for part in value)
+    return value * factor / (1.0 - value + value * factor) if odds else value * factor
+
+
+@contextlib.contextmanager
+def changed(name: str, factor: float) -> Iterator[None]:
+    """Within, a constant is another one in all modules that read it."""
+    first, _, field = name.partition(".")
+    value = times(value_of(name), factor, name in AS_ODDS)
+    if field:
+        priors: PosteriorConstants = of_diagnosis.PRIORS
+        value = dataclasses.replace(priors, **{field: value})
+    if first == "WIDER":
+        value = np.maximum(value, 1.0)  # normal scores are no wider than normal ones
+    there = [module for module in USED_IN if hasattr(module, first)]
+    before = [getattr(module, first) for module in there]
+    for module in there:
+        setattr(module, first, value)
+    try:
+        yield
+    finally:
+        for module, old in zip(there, before, strict=True):
+            setattr(module, first, old)
+
+
+def learnt(world: KeptWorld, regular: float) -> tuple[Spread, Known, float]:
+    """How scores of the calibrated car scatter, what is known of it, and the scale, with the constants as they are now.
+
+    Args:
+        regular: times `REGULAR`, that the scores are projected with.
+    """
+    seen = world.baseline[regular]
+    m = seen.stretches.scores.shape[1]
+    recording = np.zeros(m)
+    recording[: len(world.names)] = world.everyday**2
+    spread = Spread(seen.covariance, seen.information, seen.ratio, seen.blocks,
+                    baseline.variances_of_stretches(world.names, m), recording)  # fmt: skip
+    before = baseline.with_partial(baseline.left_of(world.prior, world.fitted), m)
+    known = baseline.known_from(seen.stretches, spread, before)
+    apart = baseline.left_out(seen.stretches, spread, before)
+    return spread, known, baseline.scale_of(np.array([part.distance for part in apart]))
+
+
+def judged(world: KeptWorld, stretches: Stretches, found: tuple[Spread, Known, float]) -> ranking.DayRanked:
+    """What single effects say of a day, to first order."""
+    spread, known, scale = found
+    scatter = baseline.predicted(stretches, known, spread, scale)
+    scores = stretches.scores.sum(axis=0) - scatter.mean
+    return judging.ranked_to_first_order(scores, scatter, world.names, world.units, world.vehicle)
+
+
+def counted(worlds: Sequence[KeptWorld], regular: float = 1.0) -> Counts:
+    """All days of all worlds, with the constants as they are now."""
+    days: list[tuple[KeptDay, ranking.DayRanked]] = []
+    for world in worlds:
+        found = learnt(world, regular)
+        days += [(day, judged(world, day.stretches[regular], found)) for day in world.days]
+    usual = [(day, r) for day, r in days if not day.strange]
+    return Counts(
+        share(said(r) == day.truth for day, r in usual),
+        share(r.verdict != NONE for day, r in usual if day.truth == NONE),
+        share(r.verdict == UNKNOWN or r.something_else > 0.0 for day, r in days if day.strange),
+        float(np.mean([np.log(max(truth_has(day, r), LEAST_P)) for day, r in days])),
+        sum(r.decision == "cause_open" for _, r in days),
+        sum(r.decision == "undecided" for _, r in days),
+    )
+
+
+def said(r: ranking.DayRanked) -> str:
+    """The hypothesis that is named."""
+    return "+".join(sorted(r.causes)) if r.verdict == "effect" else r.verdict
+
+
+def truth_has(day: KeptDay, r: ranking.DayRanked) -> float:
+    """Probability of the truth: of an effect with something else or without, of a strange fault of anything else."""
+    p = r.probabilities
+    if not day.strange:
+        return p.get(day.truth, 0.0) + (p.get(day.truth + TOO, 0.0) if day.truth != NONE else 0.0)
+    both = r.something_else * p.get(said(r), 0.0)  # the leading cause has the probability of both
+    return both + sum(q for name, q in p.items() if name == UNKNOWN or name.endswith(TOO))
+
+
+def counts_by_constant(
+    worlds: Sequence[KeptWorld], tell: Callable[[Sequence[str]], Sequence[str]] = list
+) -> dict[str, dict[float, Counts]]:
+    """Counts by constant and factor; unchanged ones first.
+
+    Args:
+        tell: passes the names on, for a progress bar.
+    """
+    out = {UNCHANGED: {1.0: counted(worlds)}}
+    for name in tell(names_of_constants()):
+        out[name] = {}
+        for factor in FACTORS:
+            if name == "REGULAR":
+                out[name][factor] = counted(worlds, factor)
+            else:
+                with changed(name, factor):
+                    out[name][factor] = counted(worlds)
+    return out
+
+
+def constants_text(found: Mapping[str, Mapping[float, Counts]]) -> str:
+    """The table as Markdown, and what it does not show."""
+    lines = ["| constant | value | times | days right | false alarms | strange faults | log score | cause open "
+             "| undecided |", "| --- " * 9 + "|"]  # fmt: skip
+    for name, by_factor in found.items():
+        for factor, c in by_factor.items():
+            value = "" if name == UNCHANGED else shown(value_of(name))
+            times_ = "" if name == UNCHANGED else f"{factor:g}{' (odds)' if name in AS_ODDS else ''}"
+            lines.append(f"| {name} | {value} | {times_} | {said_share(c.right)} | {said_share(c.alarms)} | "
+                         f"{said_share(c.strange)} | {c.log_score:.3f} | {c.open} | {c.undecided} |")  # fmt: skip
+    lines += ["", "Not shown, since they decide nothing of single effects to first order:"]
+    lines += [f"- {name}: {what}" for name, what in NOT_SEEN.items()]
+    return "\n".join(lines) + "\n"
+
+
+def shown(value: Any) -> str:
+    """A constant in a table."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {shown(part)}" for key, part in value.items())
+    numbers = np.atleast_1d(value)
+    ends = numbers if len(numbers) < 5 else numbers[[0, -1]]
+    return (", " if len(numbers) < 5 else " to ").join(f"{q:.3g}" for q in ends)
+
+
+def main(config: Table) -> None:
+    """Everything."""
+    worlds = worlds_by_name(config.worlds, config.baseline)
+    folder = make_run_folder("constants", config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    kept = [kept_world(world, config.baseline, folder / name) for name, world in worlds.items()]
+    found = counts_by_constant(kept, lambda names: tqdm(names, unit="constant"))
+    text = f"{constants_text(found)}\n{made(config)}\n"
+    write_json(folder / "constants.json", {name: {f"{factor:g}": c._asdict() for factor, c in by_factor.items()}
+                                           for name, by_factor in found.items()})  # fmt: skip
+    write_text(folder / "constants.md", text)
+    print(text)
+
+
+if __name__ == "__main__":
+    run_command(main, Table, __doc__)

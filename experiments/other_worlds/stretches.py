@@ -1,0 +1,159 @@
+"""Scores and information of the stretches of a world's days, kept in files: what diagnoses to first order rest on."""
+
+import json
+import pickle
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from tqdm import tqdm
+
+from drift_drake.diagnosis.another_day.diagnose_day import search_of
+from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
+from drift_drake.errors import DriftDrakeError
+from drift_drake.estimation.admitted import admit
+from drift_drake.estimation.baseline import TINY, Learnt, Stretches, learn_normal, stretches_of
+from drift_drake.estimation.normal import Normal
+from drift_drake.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
+from drift_drake.estimation.scores import Day, block_scores, flat_scores
+from drift_drake.estimation.usable import seen_effects
+from drift_drake.identification import by_prediction
+from drift_drake.identification.identify import identify
+from drift_drake.logs.table import read_case
+from drift_drake.vehicle.effects import Effects
+from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances
+from experiments.other_worlds.road import days_of
+
+FACTORS = (0.5, 2.0)
+REGULARS = (1.0, *FACTORS)  # times `REGULAR`, that scores are projected with
+
+
+class Seen(NamedTuple):
+    """What a baseline shows."""
+
+    stretches: Stretches
+    covariance: np.ndarray  # of scores from block to block [m, m]
+    information: np.ndarray  # diagonal of a block's [m]
+    ratio: float
+    blocks: int
+
+
+class KeptDay(NamedTuple):
+    """One other day."""
+
+    code: str
+    truth: str  # name of the right hypothesis
+    strange: bool
+    stretches: dict[float, Stretches]  # by factor of `REGULAR`
+
+
+class Calibrated(NamedTuple):
+    """A calibrated car, and what learning its normal was given."""
+
+    vehicle: VehicleParameters
+    effects: Effects
+    normal: Normal
+    precisions: dict[float, np.ndarray]  # of errors in scales, by factor of `REGULAR`
+    prior: np.ndarray  # standard deviations of the effects before the logs, in units [n]
+    everyday: np.ndarray  # [n]
+    fitted: np.ndarray  # [n] bool
+    baseline: dict[float, Seen]
+
+
+class KeptWorld(NamedTuple):
+    """A calibrated car and its other days."""
+
+    names: tuple[str, ...]
+    units: np.ndarray  # [n]
+    vehicle: VehicleParameters
+    prior: np.ndarray  # [n]
+    everyday: np.ndarray  # [n]
+    fitted: np.ndarray  # [n] bool
+    baseline: dict[float, Seen]
+    days: list[KeptDay]
+
+
+def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
+    """What a baseline shows (`baseline.learn_normal`), before anything is believed of cars."""
+    stretches, score = stretches_of(day, scales, precision), block_scores(day, day.errors, scales, precision)
+    diagonal = np.diag(stretches.information.sum(axis=0))
+    scatter = np.cov(score.T)
+    shown = diagonal > TINY * diagonal.max()
+    ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
+    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score))
+
+
+def calibrated(world: Path, folder: str) -> Calibrated:
+    """The car of a world, calibrated by prediction on one of its folders.
+
+    Raises:
+        DriftDrakeError: its logs cannot be used.
+    """
+    given: list[tuple[Day, dict[str, Any]]] = []
+
+    def learn(day: Day, **more: Any) -> Learnt:
+        given.append((day, more))
+        return learn_normal(day, **more)
+
+    vehicle, effects = read_vehicle(world / "start.yaml")
+    with patch.object(by_prediction, "learn_normal", learn):
+        found = identify(read_case(world / folder), vehicle, effects, world.name, criterion="prediction",
+                         tolerances=stated_tolerances(world / "start.yaml"), force=True)  # fmt: skip
+    # Parts of the baseline are learnt too, behind the whole; a second fit's whole is the one that counts.
+    most = max(len(day.runs) for day, _ in given)
+    day, more = next(pair for pair in reversed(given) if len(pair[0].runs) == most)
+    normal = found.calibration.normal
+    assert normal is not None
+    f = flat_scores(day.errors, normal.scales)
+    covariance = np.cov(f.T)
+    precisions = {q: np.linalg.inv(covariance + q * REGULAR * np.eye(len(covariance))) for q in REGULARS}
+    fitted = more["left"] > np.sqrt(LEFT_OF_FITTED * LEFT_OF_OTHERS) * more["prior"]
+    seen = {q: seen_of(day, normal.scales, precision) for q, precision in precisions.items()}
+    return Calibrated(found.vehicle, found.effects, normal, precisions, more["prior"], more["everyday"], fitted, seen)
+
+
+def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
+    """Stretches of another day, by factor of `REGULAR`.
+
+    Raises:
+        DriftDrakeError: its logs cannot be used.
+    """
+    runs = admit(read_case(case), car.vehicle).runs
+    names, _ = seen_effects(runs, car.normal.names)
+    day = search_of(runs, car.vehicle, car.normal, car.effects, names, case.name, 1).day
+    return {q: stretches_of(day, car.normal.scales, precision) for q, precision in car.precisions.items()}
+
+
+def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
+    """A world from its files, or, where they are not there yet, from its logs; days that cannot be used are told.
+
+    Args:
+        baseline: folder of the world to calibrate on; folder: of the files.
+    """
+    car: Calibrated = _kept(folder / "car.pkl", lambda: calibrated(world, baseline))
+    labels, days = json.loads((world / "labels.json").read_text()), []
+    for code in tqdm([code for code in days_of(world) if code in labels], unit="day", desc=world.name):
+        try:
+            stretches = _kept(folder / f"{code}.pkl", lambda code=code: day_of(world / code, car))
+        except DriftDrakeError as error:
+            print(f"left out: {error}", flush=True)
+            continue
+        strange = bool(labels[code].get("strange"))
+        truth = UNKNOWN if strange else "+".join(sorted(labels[code]["effects"])) or NONE
+        days.append(KeptDay(code, truth, strange, stretches))
+    normal = car.normal
+    return KeptWorld(normal.names, normal.units, car.vehicle, car.prior, car.everyday, car.fitted, car.baseline, days)
+
+
+def _kept(path: Path, make: Any) -> Any:
+    """What a file of this experiment holds; made and written where it is not there."""
+    if path.exists():
+        return pickle.loads(path.read_bytes())
+    made = make()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_bytes(pickle.dumps(made))
+    part.replace(path)
+    return made

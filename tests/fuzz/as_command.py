@@ -4,6 +4,7 @@ The process is a copy of this one, which has imported what commands need: a fres
 hundredth of one.
 """
 
+import contextlib
 import dataclasses
 import os
 import re
@@ -68,6 +69,8 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
         child = os.fork()
     if child == 0:
         _run(folder, arguments, heard, longest)
+    with contextlib.suppress(OSError):  # whichever of the two comes first; it may have ended already
+        os.setpgid(child, child)
     end, hung = begun + (BESIDE * longest if killed_after is None else killed_after), False
     while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
         if time.monotonic() > end:

@@ -174,7 +174,7 @@ def truth_has(day: KeptDay, r: ranking.DayRanked) -> float:
 
 
 def counts_by_constant(
-    worlds: Sequence[KeptWorld], tell: Callable[[Sequence[str]], Sequence[str]] = list
+    worlds: Sequence[KeptWorld], tell: Callable[[Sequence[str]], Iterable[str]] = list
 ) -> dict[str, dict[float, Counts]]:
     """Counts by constant and factor; unchanged ones first.
 

@@ -93,7 +93,7 @@ def rows_of(name: str, world: Path, folder: Path) -> list[Row]:
     return out
 
 
-def score(worlds: dict[str, Path], cars: list[Calibrate], folder: Path) -> dict[str, Any]:
+def score(worlds: Mapping[str, Path], cars: list[Calibrate], folder: Path) -> dict[str, Any]:
     """Opens the labels, scores all answers and writes scores.json, scores.md and said.png."""
     rows = [row for name, world in worlds.items() for row in rows_of(name, world, folder)]
     calibrations = {job.folder.name: calibration_row(job, own_figures=True) for job in cars}

@@ -30,7 +30,9 @@ from experiments.other_worlds.scoring import median_of, said_value, share
 
 RIGHT, ALARMS, INTERVALS = "right", "days with none: false alarms", "intervals that hold the magnitude"
 FIGURES = (RIGHT, "effects named", ALARMS, INTERVALS, "without an answer")
-CURVES = {RIGHT: "right", ALARMS: "false alarms", "unknown, or a cause and something else": "strange faults"}
+OF_STRANGE = "strange faults: "  # before the names of their figures
+STRANGE_RIGHT = f"{OF_STRANGE}unknown, or a cause and something else"
+CURVES = {RIGHT: "right", ALARMS: "false alarms", STRANGE_RIGHT: "strange faults"}
 GOALS = {4: 0.9, 12: 0.95}  # of days right
 
 
@@ -93,7 +95,8 @@ def figures(result: Mapping[str, Any]) -> dict[str, Any]:
     done = [row for row in result["calibrations"].values() if "failed" not in row]
     return {
         **{name: result["all"][name] for name in FIGURES},
-        **(result["strange faults"] or {"unknown, or a cause and something else": share([])}),
+        STRANGE_RIGHT: share([]),  # where there are none
+        **{f"{OF_STRANGE}{name}": value for name, value in result["strange faults"].items()},
         "calibrations that failed": result["calibration"]["failed"],
         "seconds of CPU a calibration, median": median_of(row["cpu_seconds"] for row in done),
         "seconds of CPU a case, median": result["all"]["seconds of CPU a case, median"],

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from experiments.other_worlds import road
-from experiments.other_worlds.baselines import Baselines, draw_baselines, figures, first_runs, main
+from experiments.other_worlds.baselines import STRANGE_RIGHT, Baselines, draw_baselines, figures, first_runs, main
 from experiments.other_worlds.reliability import rows_of_road
 from experiments.other_worlds.scoring import share
 
@@ -72,8 +72,11 @@ def test_each_count_is_a_road_of_its_own_and_is_kept(world, asked, tmp_path, cap
     text = (out / "baselines.md").read_text()
     assert "| runs of the baseline | 1 | 3 |" in text
     assert "| right | 1 of 2: 0.50 (0.01 to 0.99) | 2 of 2: 1.00 (0.16 to 1.00) |" in text
-    assert "| unknown, or a cause and something else | 0 of 1: 0.00 (0.00 to 0.97) | 1 of 1: 1.00" in text
+    assert (
+        "| strange faults: unknown, or a cause and something else | 0 of 1: 0.00 (0.00 to 0.97) | 1 of 1: 1.00" in text
+    )
     assert "| world | 1 of 2: 0.50" in text
+    assert "| without an answer | 0 of 2: 0.00" in text
     assert text.strip() in capsys.readouterr().out
     assert (out / "baselines.png").stat().st_size > 10_000
     assert len(rows_of_road(out / "runs_3")) == 3
@@ -101,7 +104,7 @@ def test_worlds_without_strange_faults_are_drawn_too(world, tmp_path):
     main(Baselines((world,), (4,), out=tmp_path / "out"))
     scores = json.loads((tmp_path / "out" / "runs_4" / "scores.json").read_text())
     row = figures(scores)
-    assert row["unknown, or a cause and something else"]["count"] == 0
+    assert row[STRANGE_RIGHT]["count"] == 0
     figure = draw_baselines({4: row, 12: row}, {"world": {4: share([True]), 12: share([False])}})
     legend = figure.axes[0].get_legend().get_texts()
     assert {text.get_text() for text in legend} == {"right", "false alarms", "goal, right"}

@@ -104,7 +104,7 @@ class _Reader:
             try:
                 self._wait(STARTED)  # its start is not the file's
                 self._connection.recv_bytes()
-                self._connection.send((function.__module__, function.__qualname__, given, memory, seconds))
+                self._connection.send((os.getcwd(), function.__module__, function.__qualname__, given, memory, seconds))
                 self._wait(seconds)
                 data, sizes = self._connection.recv()
                 buffers = [bytearray(size) for size in sizes]
@@ -178,7 +178,8 @@ def serve(number: int) -> None:
     with Connection(number) as connection, contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             connection.send_bytes(b"ready")
-            module, name, given, memory, seconds = connection.recv()
+            here, module, name, given, memory, seconds = connection.recv()
+            os.chdir(here)  # paths are said as they were given
             function = getattr(importlib.import_module(module), name)
             buffers: list[pickle.PickleBuffer] = []
             try:

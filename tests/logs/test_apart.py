@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hostile_readers import compute, crash, end, fill, refuse, wait, whose
+from hostile_readers import compute, crash, end, fill, length, refuse, wait, whose
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs import apart, bounds
@@ -52,6 +52,14 @@ def test_whatever_reading_does_is_a_sentence_and_the_next_file_is_read(
 
 def test_one_process_reads_all_files(tmp_path: Path) -> None:
     assert read_apart(whose, tmp_path, InvalidLogError) == read_apart(whose, tmp_path, InvalidLogError)
+
+
+def test_a_relative_path_is_of_the_folder_that_one_is_in_now(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, count in (("one", 10), ("two", 20)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "drive.bin").write_bytes(bytes(count))
+        monkeypatch.chdir(tmp_path / name)
+        assert read_apart(length, Path("drive.bin"), InvalidLogError) == count
 
 
 def test_a_forked_process_has_a_reader_of_its_own(tmp_path: Path) -> None:

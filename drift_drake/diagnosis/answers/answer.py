@@ -91,7 +91,7 @@ class Answer:
         others = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
         if not others:
             return ""
-        parts = [f"{_in_words(name)} ({self.posterior[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
+        parts = [f"{in_words(name)} ({self.posterior[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
                  for i, name in enumerate(others[:RIVALS])]  # fmt: skip
         more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
         may_be = ", or ".join(parts + more)
@@ -165,7 +165,7 @@ class Answer:
         return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
 
 
-def _in_words(name: str) -> str:
+def in_words(name: str) -> str:
     """A hypothesis' name as a sentence has it."""
     causes = name.split("+")
     if len(causes) > 1 and causes[-1] == "unknown":

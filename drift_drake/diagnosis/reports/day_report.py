@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from drift_drake.diagnosis.another_day.changed_car import squares
 from drift_drake.diagnosis.another_day.diagnose_day import DayDiagnosis
+from drift_drake.diagnosis.answers.answer import in_words
 from drift_drake.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.diagnosis.shared.manoeuvres import shown_by
 from drift_drake.diagnosis.shared.posterior import UNKNOWN
@@ -147,7 +148,7 @@ def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
         vehicle=search.vehicle,
         runs=[(run.name, len(run.y) * run.period, len(run.starts)) for run in search.day.runs],
         worst=search.day.runs[worst_run(d)].name,
-        probabilities=[(name.replace("+", " + "), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
+        probabilities=[(in_words(name), p) for name, p in list(answer.posterior.items())[:MOST_SHOWN]],
         at_least=answer.details["at_least"],
         brought_along=answer.details["with"],
         ahead=search.day.ahead[-1],

@@ -142,13 +142,24 @@ class Scatter:
 
 
 def predicted(stretches: Stretches, known: Known, spread_of: Spread, scale: float = 1.0) -> Scatter:
-    """How the summed scores of stretches scatter, of a car of which something is known."""
+    """How the summed scores of stretches scatter, of a car of which something is known.
+
+    Args:
+        scale: of all but what varies from recording to recording, which is known whatever a baseline shows.
+    """
     total = stretches.information.sum(axis=0)
     covariance = total @ known.covariance @ total
     for k in np.unique(stretches.recording):
         covariance = covariance + spread_of.of_stretches(stretches.kept(stretches.recording == k))
-    covariance = 0.5 * scale * (covariance + covariance.T)
+    covariance = scale * covariance + (1.0 - scale) * varying(stretches, spread_of)
+    covariance = 0.5 * (covariance + covariance.T)
     return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
+
+
+def varying(stretches: Stretches, spread_of: Spread) -> np.ndarray:
+    """Covariance of the summed scores that what varies from recording to recording makes [m, m]."""
+    parts = [stretches.information[stretches.recording == k].sum(axis=0) for k in np.unique(stretches.recording)]
+    return np.asarray(np.sum([(own * spread_of.recording) @ own for own in parts], axis=0))
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
@@ -190,6 +201,12 @@ class LeftOut(NamedTuple):
 
     stretches: Stretches
     scatter: Scatter  # at a scale of one
+    varies: np.ndarray  # what that has of what varies from recording to recording [m, m]
+
+    def at(self, scale: float) -> Scatter:
+        """The scatter at another scale (`predicted`)."""
+        covariance = scale * self.scatter.covariance + (1.0 - scale) * self.varies
+        return Scatter(self.scatter.mean, covariance, np.linalg.inv(covariance), self.scatter.information)
 
     @property
     def distance(self) -> float:
@@ -206,7 +223,8 @@ def left_out(stretches: Stretches, spread_: Spread, prior: np.ndarray) -> list[L
     out = []
     for k in np.unique(part):
         own = stretches.kept(part == k)
-        out.append(LeftOut(own, predicted(own, known_from(stretches.kept(part != k), spread_, prior), spread_)))
+        others = known_from(stretches.kept(part != k), spread_, prior)
+        out.append(LeftOut(own, predicted(own, others, spread_), varying(own, spread_)))
     return out
 
 

@@ -209,4 +209,17 @@ def test_every_recording_of_a_baseline_is_left_out_once_and_asked(other_car):
 
 def test_a_distance_is_per_score():
     one = Stretches(np.array([[3.0, 4.0]]), np.zeros((1, 2, 2)), np.ones(1), np.zeros(1, dtype=int))
-    assert LeftOut(one, Scatter(np.zeros(2), np.eye(2), np.eye(2), np.eye(2))).distance == pytest.approx(12.5)
+    assert LeftOut(one, Scatter(np.zeros(2), np.eye(2), np.eye(2), np.eye(2)), np.eye(2)).distance == pytest.approx(
+        12.5
+    )
+
+
+def test_the_scale_is_not_of_what_varies_by_itself():
+    """A car whose recordings agree closely has a sensor's bias that is another one tomorrow, as any car's."""
+    some, known = spread(0.1, recording=0.3), Known(np.zeros(SIZE), np.eye(SIZE))
+    one = Stretches(np.zeros((1, SIZE)), BLOCKS * np.eye(SIZE)[None], np.array([float(BLOCKS)]), np.zeros(1, dtype=int))
+    whole, half = (predicted(one, known, some, scale).covariance for scale in (1.0, 0.5))
+    varies = 0.09 * BLOCKS**2 * np.eye(SIZE)
+    np.testing.assert_allclose(half - varies, 0.5 * (whole - varies), atol=1e-9)
+    (part, _) = left_out(Stretches(*(np.concatenate([x, x]) for x in one[:3]), np.array([0, 1])), some, np.ones(SIZE))
+    np.testing.assert_allclose(part.at(0.5).covariance - varies, 0.5 * (part.scatter.covariance - varies), atol=1e-9)

@@ -29,10 +29,8 @@ def probabilities_of_none(
     """
     distances, out = np.array([part.distance for part in parts]), []
     for k, part in enumerate(parts):
-        scale = scale_of(np.delete(distances, k))
-        s = part.scatter
-        scatter = Scatter(s.mean, scale * s.covariance, s.inverse / scale, s.information)
-        found = ranked_to_first_order(part.stretches.scores.sum(axis=0) - s.mean, scatter, names, units, vehicle)
+        scatter = part.at(scale_of(np.delete(distances, k)))
+        found = ranked_to_first_order(part.stretches.scores.sum(axis=0) - scatter.mean, scatter, names, units, vehicle)
         out.append(found.probabilities[NONE])
     return np.array(out)
 

@@ -84,12 +84,12 @@ class Spread(NamedTuple):
         variance = np.diag(out)
         return np.asarray(out + np.diag(OFF_SHAPE * variance + TINY * np.mean(variance) + 1e-300))
 
-    def of_stretches(self, some: Stretches) -> np.ndarray:
-        """Covariance of the summed scores of stretches of one recording [m, m]."""
+    def of_stretches(self, some: Stretches, scale: float = 1.0) -> np.ndarray:
+        """Covariance of the summed scores of stretches of one recording [m, m]; scale: of what their blocks make."""
         total = some.information.sum(axis=0)
         out = (total * self.recording) @ total
         for information, blocks in zip(some.information, some.blocks, strict=True):
-            out = out + (information * self.stretch) @ information + self.of_blocks(information, blocks)
+            out = out + (information * self.stretch) @ information + scale * self.of_blocks(information, blocks)
         return np.asarray(out)
 
 
@@ -112,13 +112,13 @@ def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Stretch
     )
 
 
-def known_from(stretches: Stretches, spread_of: Spread, prior: np.ndarray) -> Known:
+def known_from(stretches: Stretches, model: Spread, prior: np.ndarray) -> Known:
     """What stretches tell of a car's deviations; prior: standard deviations [m] before them."""
     precision, pull = np.diag(1.0 / prior**2), np.zeros(len(prior))
     for k in np.unique(stretches.recording):
         some = stretches.kept(stretches.recording == k)
         information, scores = some.information.sum(axis=0), some.scores.sum(axis=0)
-        solved = np.linalg.solve(spread_of.of_stretches(some), np.column_stack([information, scores]))
+        solved = np.linalg.solve(model.of_stretches(some), np.column_stack([information, scores]))
         precision = precision + information @ solved[:, :-1]
         pull = pull - information @ solved[:, -1]
     covariance = np.linalg.inv(0.5 * (precision + precision.T))
@@ -141,25 +141,20 @@ class Scatter:
         return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
 
 
-def predicted(stretches: Stretches, known: Known, spread_of: Spread, scale: float = 1.0) -> Scatter:
+def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 1.0) -> Scatter:
     """How the summed scores of stretches scatter, of a car of which something is known.
 
     Args:
-        scale: of all but what varies from recording to recording, which is known whatever a baseline shows.
+        scale: of what blocks scatter by and of what is not known of the car. What equations lack from stretch to
+            stretch and what varies from recording to recording is known of other cars: recordings of the same kinds of
+            driving would show too little of it.
     """
     total = stretches.information.sum(axis=0)
-    covariance = total @ known.covariance @ total
+    covariance = scale * total @ known.covariance @ total
     for k in np.unique(stretches.recording):
-        covariance = covariance + spread_of.of_stretches(stretches.kept(stretches.recording == k))
-    covariance = scale * covariance + (1.0 - scale) * varying(stretches, spread_of)
+        covariance = covariance + model.of_stretches(stretches.kept(stretches.recording == k), scale)
     covariance = 0.5 * (covariance + covariance.T)
     return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
-
-
-def varying(stretches: Stretches, spread_of: Spread) -> np.ndarray:
-    """Covariance of the summed scores that what varies from recording to recording makes [m, m]."""
-    parts = [stretches.information[stretches.recording == k].sum(axis=0) for k in np.unique(stretches.recording)]
-    return np.asarray(np.sum([(own * spread_of.recording) @ own for own in parts], axis=0))
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
@@ -197,47 +192,43 @@ def with_partial(left: np.ndarray, scores: int) -> np.ndarray:
 
 
 class LeftOut(NamedTuple):
-    """One recording of a baseline, or one stretch of its only one, judged by the others."""
+    """One recording of a baseline, or one stretch of its only one, and what the others tell of the car."""
 
     stretches: Stretches
-    scatter: Scatter  # at a scale of one
-    varies: np.ndarray  # what that has of what varies from recording to recording [m, m]
+    known: Known
+    model: Spread
 
     def at(self, scale: float) -> Scatter:
-        """The scatter at another scale (`predicted`)."""
-        covariance = scale * self.scatter.covariance + (1.0 - scale) * self.varies
-        return Scatter(self.scatter.mean, covariance, np.linalg.inv(covariance), self.scatter.information)
+        """How its scores scatter, at a scale (`predicted`)."""
+        return predicted(self.stretches, self.known, self.model, scale)
 
     @property
     def distance(self) -> float:
-        """Squared distance of its scores from what the others predict, per score."""
-        x = self.stretches.scores.sum(axis=0) - self.scatter.mean
-        return float(x @ self.scatter.inverse @ x / len(x))
+        """Squared distance of its scores from what the others predict, per score, at a scale of one."""
+        scatter = self.at(1.0)
+        x = self.stretches.scores.sum(axis=0) - scatter.mean
+        return float(x @ scatter.inverse @ x / len(x))
 
 
-def left_out(stretches: Stretches, spread_: Spread, prior: np.ndarray) -> list[LeftOut]:
-    """Each recording judged by what the others tell, to first order; stretches where there is but one recording."""
+def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[LeftOut]:
+    """Each recording and what the others tell, to first order; stretches where there is but one recording."""
     part = stretches.recording if len(np.unique(stretches.recording)) > 1 else np.arange(len(stretches.blocks))
     if len(np.unique(part)) < 2:
         return []
-    out = []
-    for k in np.unique(part):
-        own = stretches.kept(part == k)
-        others = known_from(stretches.kept(part != k), spread_, prior)
-        out.append(LeftOut(own, predicted(own, others, spread_), varying(own, spread_)))
-    return out
+    return [LeftOut(stretches.kept(part == k), known_from(stretches.kept(part != k), model, prior), model)
+            for k in np.unique(part)]  # fmt: skip
 
 
 def scale_of(distances: np.ndarray) -> float:
-    """Scale of the scatter between recordings: what recordings left out show, and what is known of other cars.
+    """Scale of the scatter of another recording: what recordings left out show, and what is known of other cars.
 
     Args:
         distances: of each that was left out (`LeftOut.distance`) [K].
     """
     if not len(distances):
         return SCALE
-    seen = FROM_LEFT_OUT * float(np.median(distances))
-    return (SCALE_WORTH * SCALE + len(distances) * seen) / (SCALE_WORTH + len(distances))
+    seen = np.log(max(FROM_LEFT_OUT * float(np.median(distances)), TINY))
+    return float(np.exp((SCALE_WORTH * np.log(SCALE) + len(distances) * seen) / (SCALE_WORTH + len(distances))))
 
 
 class Learnt(NamedTuple):
@@ -271,10 +262,10 @@ def learn_normal(
     seen = diagonal > TINY * diagonal.max()
     ratio = max(float(np.median(np.diag(scatter)[seen] * len(score) / diagonal[seen])), TINY)
     between = np.concatenate([everyday, np.zeros(len(total) - n)])
-    spread_ = Spread(scatter, diagonal / len(score), ratio, len(score),
-                     variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
+    model = Spread(scatter, diagonal / len(score), ratio, len(score),
+                   variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
     before = with_partial(left, len(total))
-    known, apart = known_from(stretches, spread_, before), left_out(stretches, spread_, before)
+    known, apart = known_from(stretches, model, before), left_out(stretches, model, before)
     distances = np.array([part.distance for part in apart])
     unknown, recording, pulled, seen_apart = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday,
                                                                   names, steps)  # fmt: skip

@@ -5,11 +5,12 @@ is an effect of the catalogue times a function of the driving. Their scores show
 which signal and which driving; they are how a fault that the catalogue lacks is seen at all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.estimation.free_directions import FREE
 from drift_drake.estimation.windows import HORIZONS, WindowedRun
 
 STEERS = 0.05  # [rad/s] of steering, beyond which its direction is certain
@@ -23,13 +24,13 @@ DRIVING = (
 
 
 class Partial(NamedTuple):
-    """An effect times a function of the driving."""
+    """An effect times a function of the driving, or a free direction (`free_directions`)."""
 
     effect: str
-    driving: str  # of `DRIVING`
+    driving: str = ""  # of `DRIVING`; none of a free direction
 
     def __str__(self) -> str:
-        return f"{self.effect} by {self.driving}"
+        return f"{self.effect} by {self.driving}" if self.driving else self.effect
 
 
 PARTIAL = tuple(
@@ -38,7 +39,7 @@ PARTIAL = tuple(
         "friction_level": ("speed", "time in the run", "lateral acceleration"),
         "steering_offset": ("direction of steering", "direction of the turn", "time in the run"),
         "front_stiffness_error": ("lateral acceleration", "speed"),
-        "torque_gain_error": ("torque", "speed", "time in the run"),
+        "torque_gain_error": ("torque", "direction of the torque", "speed", "time in the run"),
         "rolling_resistance": ("direction of the torque", "speed", "time in the run", "direction of the turn"),
         "gyro_bias": ("direction of the turn", "speed", "time in the run"),
         "sideslip_bias": ("sideslip", "direction of the turn", "speed", "time in the run"),
@@ -46,7 +47,7 @@ PARTIAL = tuple(
         "sensor_latency": ("speed", "lateral acceleration", "time in the run"),
     }.items()
     for driving in functions
-)
+) + tuple(Partial(name) for name in FREE)
 
 
 def driving(runs: Sequence[WindowedRun]) -> np.ndarray:
@@ -72,20 +73,27 @@ def standards(runs: Sequence[WindowedRun]) -> np.ndarray:
 
 
 def partial_columns(
-    jacobian: np.ndarray, names: Sequence[str], runs: Sequence[WindowedRun], standard: np.ndarray
-) -> tuple[list[Partial], np.ndarray]:
-    """The partial effects of `names`, and the derivatives of errors by them [windows, errors, partial].
+    jacobian: np.ndarray, names: Sequence[str], runs: Sequence[WindowedRun], standard: np.ndarray,
+    free: Mapping[str, np.ndarray],
+) -> tuple[list[Partial], np.ndarray]:  # fmt: skip
+    """The partial effects of `names` and the free directions, and the derivatives of errors by them [windows, errors,
+    partial].
 
     Args:
-        jacobian: derivatives by the effects `names` [windows, errors, n]; standard: `standards` of the baseline.
+        jacobian: derivatives by the effects `names` [windows, errors, n]; standard: `standards` of the baseline;
+        free: derivatives by the free directions [windows, errors] each.
     """
     there = partial_effects(names)
     share = np.clip((driving(runs) - standard[0]) / standard[1], -LARGEST, LARGEST)
-    at = [list(names).index(p.effect) for p in there]
-    by = [DRIVING.index(p.driving) for p in there]
-    return there, jacobian[:, :, at] * share[:, None, by]
+    columns = [
+        jacobian[:, :, list(names).index(p.effect)] * share[:, None, DRIVING.index(p.driving)]
+        if p.driving
+        else free[p.effect]
+        for p in there
+    ]
+    return there, np.stack(columns, axis=-1)
 
 
 def partial_effects(names: Sequence[str]) -> list[Partial]:
-    """Partial effects of the effects `names`."""
-    return [p for p in PARTIAL if p.effect in names]
+    """Partial effects of the effects `names`, and the free directions."""
+    return [p for p in PARTIAL if p.effect in names or not p.driving]

@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.estimation.free_directions import free_columns
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.partial import partial_columns, standards
 from drift_drake.estimation.robust_fit import THREADS, robust_scales
@@ -135,13 +136,18 @@ def make_day(
     cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
     with ThreadPoolExecutor(threads) as pool:
         moved = errors_of_all(runs, constants, cars, pool)
-    columns = [np.clip((e - at) / scales, -LARGEST, LARGEST).reshape(len(at), -1) for e in moved]
-    jacobian = np.stack(columns, axis=-1)
+    jacobian = np.stack([scaled(e - at, scales) for e in moved], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
-    jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard)[1]], axis=-1)
+    free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
+    jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard, free)[1]], axis=-1)
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
     return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard)
+
+
+def scaled(moved: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """What errors move by, in scales [windows, HORIZONS * channels], clipped."""
+    return np.clip(moved / scales, -LARGEST, LARGEST).reshape(len(moved), -1)
 
 
 def drive_coverage(runs: Sequence[WindowedRun]) -> np.ndarray:

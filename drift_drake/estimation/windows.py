@@ -26,7 +26,7 @@ from drift_drake.estimation.filter_state import (
     wheel_rate,
     without_actuators,
 )
-from drift_drake.estimation.road import on_road
+from drift_drake.estimation.road import NO_PUSH, on_road, with_bank
 from drift_drake.estimation.run_data import RunData, prepare_run
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.catalogue import wheelbase
@@ -224,14 +224,20 @@ def predict_windows(
                     out[s, h, i] = LARGEST_ERROR
 
 
-def run_errors(run: WindowedRun, constants: Constants, effects: Effects, horizons: int = HORIZONS) -> np.ndarray:
-    """Prediction errors [windows, horizons, 5] of one run under a car; zero where a channel is not measured."""
+def run_errors(
+    run: WindowedRun, constants: Constants, effects: Effects, horizons: int = HORIZONS, push: np.ndarray = NO_PUSH
+) -> np.ndarray:
+    """Prediction errors [windows, horizons, 5] of one run under a car; zero where a channel is not measured.
+
+    Args:
+        push: further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3]; none with zero rows.
+    """
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                    run.read_with(dynamic), run.fed, banked, out)  # fmt: skip
+                    run.read_with(dynamic), run.fed, with_bank(push, banked), out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 

@@ -139,7 +139,9 @@ def test_the_scale_is_a_cars_own_as_far_as_its_recordings_tell():
     assert scale_of(np.zeros(0)) == SCALE
     few, many = scale_of(np.full(2, 5.0)), scale_of(np.full(200, 5.0))
     assert SCALE < few < many < FROM_LEFT_OUT * 5.0
-    assert few == pytest.approx((SCALE_WORTH * SCALE + 2 * FROM_LEFT_OUT * 5.0) / (SCALE_WORTH + 2))
+    assert np.log(few) == pytest.approx(
+        (SCALE_WORTH * np.log(SCALE) + 2 * np.log(FROM_LEFT_OUT * 5.0)) / (SCALE_WORTH + 2)
+    )
 
 
 def test_one_odd_recording_does_not_set_the_scale():
@@ -208,18 +210,23 @@ def test_every_recording_of_a_baseline_is_left_out_once_and_asked(other_car):
 
 
 def test_a_distance_is_per_score():
-    one = Stretches(np.array([[3.0, 4.0]]), np.zeros((1, 2, 2)), np.ones(1), np.zeros(1, dtype=int))
-    assert LeftOut(one, Scatter(np.zeros(2), np.eye(2), np.eye(2), np.eye(2)), np.eye(2)).distance == pytest.approx(
-        12.5
-    )
+    information = BLOCKS * np.eye(SIZE)
+    one = Stretches(np.full((1, SIZE), 3.0), information[None], np.full(1, float(BLOCKS)), np.zeros(1, dtype=int))
+    known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
+    covariance = predicted(one, known, spread(0.0)).covariance
+    assert LeftOut(one, known, spread(0.0)).distance == pytest.approx(
+        9.0 * np.sum(np.linalg.inv(covariance)) / SIZE
+    )  # fmt: skip
 
 
-def test_the_scale_is_not_of_what_varies_by_itself():
-    """A car whose recordings agree closely has a sensor's bias that is another one tomorrow, as any car's."""
-    some, known = spread(0.1, recording=0.3), Known(np.zeros(SIZE), np.eye(SIZE))
-    one = Stretches(np.zeros((1, SIZE)), BLOCKS * np.eye(SIZE)[None], np.array([float(BLOCKS)]), np.zeros(1, dtype=int))
-    whole, half = (predicted(one, known, some, scale).covariance for scale in (1.0, 0.5))
-    varies = 0.09 * BLOCKS**2 * np.eye(SIZE)
-    np.testing.assert_allclose(half - varies, 0.5 * (whole - varies), atol=1e-9)
-    (part, _) = left_out(Stretches(*(np.concatenate([x, x]) for x in one[:3]), np.array([0, 1])), some, np.ones(SIZE))
-    np.testing.assert_allclose(part.at(0.5).covariance - varies, 0.5 * (part.scatter.covariance - varies), atol=1e-9)
+def test_what_is_known_of_other_cars_keeps_its_size_at_any_scale():
+    information = BLOCKS * np.eye(SIZE)
+    one = Stretches(np.zeros((1, SIZE)), information[None], np.full(1, float(BLOCKS)), np.zeros(1, dtype=int))
+    known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
+    none, some = spread(0.0), spread(0.2, recording=0.3)
+    more = [predicted(one, known, some, scale).covariance - predicted(one, known, none, scale).covariance
+            for scale in (0.2, 1.0)]  # fmt: skip
+    np.testing.assert_allclose(more[0], more[1], atol=1e-9)
+    assert more[0][0, 0] == pytest.approx((0.2**2 + 0.3**2) * BLOCKS**2)
+    blocks = [predicted(one, known, none, scale).covariance[0, 0] for scale in (0.2, 1.0)]
+    assert blocks[0] == pytest.approx(0.2 * blocks[1])

@@ -5,10 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drift_drake.estimation.free_directions import FREE
 from drift_drake.estimation.partial import (
     DRIVING,
     LARGEST,
     PARTIAL,
+    Partial,
     driving,
     partial_columns,
     partial_effects,
@@ -25,9 +27,10 @@ def runs(other_car):
 
 
 def test_partial_effects_are_of_the_catalogue_and_of_known_functions():
-    assert all(p.effect in CATALOGUE and p.driving in DRIVING for p in PARTIAL)
+    assert all(p.effect in CATALOGUE and p.driving in DRIVING for p in PARTIAL if p.driving)
+    assert [p.effect for p in PARTIAL if not p.driving] == [*FREE]
     assert len(set(PARTIAL)) == len(PARTIAL)
-    assert partial_effects(("gyro_bias",)) == [p for p in PARTIAL if p.effect == "gyro_bias"]
+    assert partial_effects(("gyro_bias",)) == [p for p in PARTIAL if p.effect == "gyro_bias" or not p.driving]
     assert str(partial_effects(("gyro_bias",))[0]) == "gyro_bias by direction of the turn"
 
 
@@ -48,7 +51,9 @@ def test_functions_of_the_driving_are_read_in_the_middle_of_a_window(runs):
 def test_a_column_is_the_effects_times_the_function_in_its_standard_deviations(other_car, runs):
     n, car = other_car.normal, other_car.found
     day = make_day(runs, car.vehicle.constants(), car.effects, n.names, n.units, n)
-    there, columns = partial_columns(day.jacobian[:, :, : len(n.names)], n.names, runs, n.standard)
+    free = {name: np.full(day.jacobian.shape[:2], 7.0) for name in FREE}
+    there, columns = partial_columns(day.jacobian[:, :, : len(n.names)], n.names, runs, n.standard, free)
+    assert np.all(columns[:, :, there.index(Partial("clock rate"))] == 7.0)
     assert len(there) == columns.shape[-1] == day.jacobian.shape[-1] - len(n.names)
     at = there.index(("sideslip_bias", "sideslip"))
     share = (driving(runs)[:, DRIVING.index("sideslip")] - n.standard[0, -1]) / n.standard[1, -1]

@@ -1,7 +1,8 @@
 """What a hypothesis leaves over: the evidence that something else is there too, and what it is most like.
 
-Two ways in which a gap may be unknown: it acts like an effect in part of the driving only (`estimation.partial`), or
-scores lie further off than they scatter, in any direction. Both are integrated over their size.
+Two ways in which a gap may be unknown: it acts like an effect in part of the driving only or like something that no
+effect is like (`estimation.partial`), or scores lie further off than they scatter, in any direction. Both are
+integrated over their size.
 """
 
 from typing import NamedTuple
@@ -17,7 +18,7 @@ class LeftOver(NamedTuple):
     """Beside a hypothesis."""
 
     gain: float  # log evidence of something else being there too, over that of nothing else
-    like: Partial | None  # what it is most like
+    like: Partial  # what it is most like
 
 
 def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slopes: np.ndarray) -> LeftOver:
@@ -33,8 +34,6 @@ def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slop
         weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ bent.T
     there = partial_effects(names)
     anything = widened(float(scores @ scatter.inverse @ scores), len(scores))
-    if not there:
-        return LeftOver(anything, None)
     directions = scatter.information[:, len(names) :]
     bent = weight @ directions
     size, along = np.sum(directions * bent, axis=0), scores @ bent

@@ -15,6 +15,7 @@ from drift_drake.vehicle.effects import Effects
 
 ODD = ("steering_offset", "gyro_bias", "sideslip_bias", "road_bank")  # effects that a mirror turns the sign of
 TURNED = ("direction of the turn", "direction of steering", "sideslip")  # functions of the driving, likewise
+MIRRORED_FREE = ("heading drift", "yaw moment")  # free directions, likewise
 FEW = ("steering_delay", "gyro_bias", "mass_error")
 APART = 5.0  # standard deviations
 TWO_SIDED = 1.96
@@ -33,7 +34,8 @@ def mirrored_normal(normal: Normal) -> Normal:
     effects = np.array([-1.0 if name in ODD else 1.0 for name in normal.names])
     both, names = np.outer(effects, effects), list(normal.names)
     functions = np.array([-1.0 if name in TURNED else 1.0 for name in DRIVING])
-    of_parts = [effects[names.index(p.effect)] * functions[DRIVING.index(p.driving)] for p in partial_effects(names)]
+    of_parts = [effects[names.index(p.effect)] * functions[DRIVING.index(p.driving)] if p.driving
+                else -1.0 if p.effect in MIRRORED_FREE else 1.0 for p in partial_effects(names)]  # fmt: skip
     scores = np.concatenate([effects, of_parts])
     return dataclasses.replace(
         normal, offset=normal.offset * channels, precision=normal.precision * np.outer(of_errors, of_errors),

@@ -192,7 +192,7 @@ def with_partial(left: np.ndarray, scores: int) -> np.ndarray:
 
 
 class LeftOut(NamedTuple):
-    """One recording of a baseline, or one stretch of its only one, and what the others tell of the car."""
+    """A part of a baseline, and what the others tell of the car."""
 
     stretches: Stretches
     known: Known
@@ -236,8 +236,7 @@ class Learnt(NamedTuple):
 
     normal: Normal
     pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
-    between: np.ndarray  # covariance of the effects over all recordings from that, in units [n, n]
-    left_out: list[LeftOut]
+    left_out: list[LeftOut]  # its recordings, or the stretches of its only one
 
 
 def learn_normal(
@@ -267,8 +266,7 @@ def learn_normal(
     before = with_partial(left, len(total))
     known, apart = known_from(stretches, model, before), left_out(stretches, model, before)
     distances = np.array([part.distance for part in apart])
-    unknown, recording, pulled, seen_apart = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday,
-                                                                  names, steps)  # fmt: skip
+    unknown, recording, pulled = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday, names, steps)
     offset = np.median(day.errors, axis=0)
     normal = Normal(
         names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
@@ -278,15 +276,15 @@ def learn_normal(
         recording=recording, offset=offset,
         level=capped_squares((day.errors - offset) / scales).mean(axis=0),
     )  # fmt: skip
-    return Learnt(normal, pulled, seen_apart / len(pulled), apart)
+    return Learnt(normal, pulled, apart)
 
 
 def parameters_left_open(
     day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, everyday: np.ndarray,
     names: tuple[str, ...], steps: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Covariance of what a baseline leaves unknown of the effects and of what they differ by from recording to
-    recording [n, n], what each recording pulls the estimates by [K, n], and the scatter of that [n, n]; in units.
+    recording [n, n], and what each recording pulls the estimates by [K, n]; in units.
 
     Args:
         score: of the blocks [blocks, n]; information: of the whole day [n, n].
@@ -303,4 +301,4 @@ def parameters_left_open(
     # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
     chance = len(pulled) / CALIBRATED
     recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
-    return alone + model_form + recording / len(pulled), recording, pulled, seen_apart
+    return alone + model_form + recording / len(pulled), recording, pulled

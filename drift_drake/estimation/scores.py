@@ -100,12 +100,6 @@ class Day:
         return np.unique([run.recording for run in self.runs], return_inverse=True)[1]
 
     @property
-    def recording_count(self) -> float:
-        """How many recordings of equal length the windows are worth."""
-        windows = np.bincount(self.recordings[self.run]).astype(float)
-        return float(windows.sum() ** 2 / np.sum(windows**2))
-
-    @property
     def stretch(self) -> np.ndarray:
         """Index [windows] of the stretch of about `STRETCH` seconds, within one run, that each window is of."""
         at = np.concatenate([(run.starts - run.starts[:1]) * run.period for run in self.runs])

@@ -7,28 +7,20 @@ recording's differs from another's, however many there are.
 """
 
 import dataclasses
-import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.estimation.baseline import Learnt, scatter_of
-from drift_drake.estimation.normal import Normal
+from drift_drake.diagnosis.another_day.ranking import DayRanked, threshold
+from drift_drake.diagnosis.shared.posterior import NONE
 from drift_drake.estimation.prediction_constants import CALIBRATED
 from drift_drake.estimation.prior import TWO_SIDED
 from drift_drake.estimation.problem import flat
-from drift_drake.estimation.robust_fit import robust_scales
-from drift_drake.estimation.scores import BLOCK, Day, pulls, spread, summed
+from drift_drake.estimation.scores import Day, pulls, spread
 from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.estimate import Estimate
 
-BY_CHANCE = 0.01  # probability that recordings which do not differ are called so
-ODD, ODD_OF_FEW = 4.5, 10.0  # times the median of the others that a recording is from normal, to be named
-FEW = 6  # recordings, up to which each is of a kind of driving of its own
-LEAST_ODD = 2.5  # [nats] below which none is odd
-LEAST_TO_COMPARE = 3  # pieces, of which one can be odd
-PIECE, MOST_PIECES = 10.0, 12  # [s] at least, and how many
-MOST_WINDOWS = 1200
+BY_CHANCE = 0.01  # probability that recordings which do not differ are called so, or odd
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,74 +50,27 @@ def agreement(pulled: np.ndarray, left: np.ndarray) -> Agreement:
     return Agreement(apart, (apart > factor * chance) & (apart > left), np.argmax(np.abs(pulled), axis=0))
 
 
-def odd_pieces(day: Day, pulled: np.ndarray, learn: Callable[[Day], Learnt]) -> dict[str, float]:
-    """Recordings that differ from the others far more than these among themselves, and how many times more.
-
-    Each is left out in turn, to first order, and asked as another day would be how far from normal it is for the car
-    that the others show. Of fewer than three recordings, pieces of them.
+def odd_parts(day: Day, asked: Sequence[DayRanked]) -> dict[str, str]:
+    """Recordings, or stretches of the only one, that have a gap relative to the others, and what that is most like.
 
     Args:
-        day: of the calibration, under the calibrated car; pulled: by how much each recording pulls the effects, in
-            units [K, n] (`scores.pulls`); learn: what is normal, from a day of calibration.
+        day: of the calibration, under the calibrated car; asked: what each of them says, left out (`asked_in_turn`).
     """
-    day = thinned_day(day)
-    if len(pulled) >= LEAST_TO_COMPARE:
-        names, piece = sorted({run.recording for run in day.runs}), day.recordings[day.run]
-    else:
-        names, piece = pieces(day)
-        pulled = np.zeros((len(names), pulled.shape[1]))
-    if len(names) < LEAST_TO_COMPARE:
-        return {}
-    nats = []
-    for k in range(len(names)):
-        # The car without the recording, to first order.
-        e = day.errors - (day.jacobian[:, :, : pulled.shape[1]] @ pulled[k]).reshape(day.errors.shape) * robust_scales(
-            day.errors
-        )
-        moved = dataclasses.replace(day, errors=e)
-        nats.append(from_normal(part_of_day(moved, piece == k), learn(part_of_day(moved, piece != k)).normal))
-    times = [nats[k] / max(float(np.median(np.delete(nats, k))), 1e-9) for k in range(len(names))]
-    odd = ODD if len(names) >= FEW else ODD_OF_FEW
-    return {name: q for name, q, own in zip(names, times, nats, strict=True) if q > odd and own > LEAST_ODD}
+    names = sorted({run.recording for run in day.runs})
+    names = stretch_names(day) if len(names) == 1 else names
+    return {name: found.most_like for name, found in zip(names, asked, strict=False)
+            if found.probabilities[NONE] < threshold(BY_CHANCE)}  # fmt: skip
 
 
-def thinned_day(day: Day) -> Day:
-    """The day with `MOST_WINDOWS` windows at most, evenly chosen."""
-    every = max(int(np.ceil(len(day.run) / MOST_WINDOWS)), 1)
-    return part_of_day(day, np.arange(len(day.run)) % every == 0) if every > 1 else day
-
-
-def pieces(day: Day) -> tuple[list[str], np.ndarray]:
-    """Names of a day's runs, cut into pieces of `PIECE` seconds or more, and the piece [windows] that each is of."""
-    ends = [float(run.starts[-1] * run.period) if len(run.starts) else 0.0 for run in day.runs]
-    length = max(PIECE, sum(ends) / MOST_PIECES)
-    names, piece = list[str](), list[np.ndarray]()
-    for run, end in zip(day.runs, ends, strict=True):
-        edges = np.linspace(0.0, end, max(int((end + BLOCK) // length), 1) + 1)
-        at = np.searchsorted(edges, run.starts * run.period, side="right") - 1
-        piece.append(len(names) + np.clip(at, 0, len(edges) - 2))
-        names += [run.name if len(edges) == 2 else f"{run.name} from {a:.0f} to {b:.0f} s"
-                  for a, b in itertools.pairwise(edges)]  # fmt: skip
-    there, index = np.unique(np.concatenate(piece), return_inverse=True)
-    return [names[k] for k in there], index
-
-
-def part_of_day(day: Day, kept: np.ndarray) -> Day:
-    """The windows of a day that are kept [windows] (bool)."""
-    there, run = np.unique(day.run[kept], return_inverse=True)
-    block = np.unique(day.block[kept], return_inverse=True)[1]
-    runs = [dataclasses.replace(day.runs[i], starts=day.runs[i].starts[kept[day.run == i]]) for i in there]
-    return dataclasses.replace(
-        day, runs=runs, errors=day.errors[kept], jacobian=day.jacobian[kept], block=block, run=run,
-        weights=day.weights[kept],
-    )  # fmt: skip
-
-
-def from_normal(day: Day, normal: Normal) -> float:
-    """Half the squared distance of a day's scores from normal [nats]."""
-    scatter = scatter_of(day, normal)
-    scores = summed(day, normal, day.errors) - scatter.mean
-    return float(0.5 * scores @ scatter.inverse @ scores)
+def stretch_names(day: Day) -> list[str]:
+    """Names of a day's stretches."""
+    out, stretch = [], day.stretch
+    for k in range(int(stretch.max()) + 1):
+        run = day.runs[int(day.run[stretch == k][0])]
+        at = np.concatenate([r.starts for r in day.runs])[stretch == k] * run.period
+        whole = len(np.unique(stretch[day.run == day.run[stretch == k][0]])) == 1
+        out.append(run.name if whole else f"{run.name} from {at[0]:.0f} to {at[-1]:.0f} s")
+    return out
 
 
 def by_likelihood(
@@ -167,8 +112,8 @@ def with_differences(
     return out, disagreed
 
 
-def sentences(disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[str]:
-    """In words; disagreed: by parameter the recording that pulls it the most; odd: `odd_pieces`."""
+def sentences(disagreed: Mapping[str, str], odd: Mapping[str, str]) -> list[str]:
+    """In words; disagreed: by parameter the recording that pulls it the most; odd: `odd_parts`."""
     by_recording: dict[str, list[str]] = {}
     for name, recording in disagreed.items():
         by_recording.setdefault(recording, []).append(name)
@@ -178,10 +123,10 @@ def sentences(disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[st
         "was not the same"
         for recording, parts in by_recording.items()
     ]
-    if odd:
-        out.append(
-            f"{', '.join(odd)}: far from the rest of the baseline, {max(odd.values()):.0f} times as much as its other "
-            "parts: another car, load or setting, an effect that comes and goes, or a kind of driving that the others "
-            "lack; leave it out, or record more of its kind"
-        )
+    out += [
+        f"{name} has a gap relative to the rest of the baseline, most like {like}: another car, load or setting, an "
+        "effect that comes and goes, or a kind of driving that the others lack; leave it out, or record more of "
+        "its kind"
+        for name, like in odd.items()
+    ]
     return out

@@ -1,12 +1,14 @@
 """A car calibrated by how well it predicts, for logs whose innovations are not white: real tyres, smoothed sensors."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
-from drift_drake.diagnosis.another_day.left_out import probabilities_of_none
+from drift_drake.diagnosis.another_day.left_out import asked_in_turn
+from drift_drake.diagnosis.another_day.ranking import DayRanked
+from drift_drake.diagnosis.shared.posterior import NONE
 from drift_drake.estimation.baseline import Learnt, learn_normal, left_of
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.reduction import STATES
@@ -14,7 +16,7 @@ from drift_drake.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.estimation.scores import Day, between_recordings, block_of, make_day, units
 from drift_drake.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
 from drift_drake.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
-from drift_drake.identification.agreement import agreement, odd_pieces, sentences
+from drift_drake.identification.agreement import agreement, odd_parts, sentences
 from drift_drake.identification.estimate import KEEPS
 from drift_drake.identification.held_out import HeldOut
 from drift_drake.identification.outlook import Outlook, outlook
@@ -135,21 +137,22 @@ def fit_by_prediction(
     day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
     everyday = between_recordings(seen, vehicle) / steps
     left = left_of(prior, np.isin(seen, fit.names))
-    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday, left=left)
-    learnt = learn(day)
-    none = probabilities_of_none(learnt.left_out, learnt.normal.names, steps, car)
+    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
+    found = asked_in_turn(learnt.left_out, learnt.normal.names, steps, car)
+    none = np.array([one.probabilities[NONE] for one in found])
     learnt = learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none))
     return PredictionFit(
-        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], learn), held_out,
+        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], found), held_out,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
     )  # fmt: skip
 
 
-def left_open(day: Day, learnt: Learnt, names: Sequence[str], learn: Callable[[Day], Learnt]) -> LeftOpen:
+def left_open(day: Day, learnt: Learnt, names: Sequence[str], asked: Sequence[DayRanked]) -> LeftOpen:
     """What a baseline leaves open of the effects `names` that were fitted.
 
     Args:
-        day: the baseline under the calibrated car; learnt: what it shows of it; learn: the same of parts of it.
+        day: the baseline under the calibrated car; learnt: what it shows of it;
+        asked: what each recording says, left out.
     """
     normal = learnt.normal
     at = [normal.names.index(name) for name in names]
@@ -165,7 +168,7 @@ def left_open(day: Day, learnt: Learnt, names: Sequence[str], learn: Callable[[D
     return LeftOpen(
         deviations, np.where(found.disagreed, np.maximum(deviations, apart), deviations),
         covariance * WIDER**2 / np.outer(deviations, deviations), disagreed,
-        differences(len(recordings), disagreed, odd_pieces(day, learnt.pulled, learn)),
+        differences(len(recordings), disagreed, odd_parts(day, asked)),
     )  # fmt: skip
 
 
@@ -214,10 +217,10 @@ def held_out_windows(
     )
 
 
-def differences(recordings: int, disagreed: Mapping[str, str], odd: Mapping[str, float]) -> list[str]:
+def differences(recordings: int, disagreed: Mapping[str, str], odd: Mapping[str, str]) -> list[str]:
     """Sentences on recordings that disagree, or that there is one only.
 
     Args:
-        disagreed: by parameter the recording that pulls it the most; odd: `odd_pieces`.
+        disagreed: by parameter the recording that pulls it the most; odd: `odd_parts`.
     """
     return [*([ALONE] if recordings == 1 else []), *sentences(disagreed, odd)]

@@ -6,11 +6,11 @@ what it leaves shows what is normal, whether recordings agree, and what another 
 
 import dataclasses
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.diagnosis.another_day.left_out import asked_in_turn
 from drift_drake.estimation.baseline import learn_normal, left_of
 from drift_drake.estimation.robust_fit import robust_scales
 from drift_drake.estimation.scores import Day, between_recordings, huber_weights, make_day, units
@@ -53,9 +53,9 @@ def forecast(
     everyday = between_recordings(seen, vehicle) / steps
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
     left = left_of(prior, np.isin(seen, own))
-    learn = partial(learn_normal, names=tuple(seen), steps=steps, prior=prior, everyday=everyday, left=left)
-    learnt = learn(day)
-    return Forecast(left_open(day, learnt, own, learn), outlook(day, learnt.normal, left, vehicle))
+    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
+    found = asked_in_turn(learnt.left_out, learnt.normal.names, steps, vehicle)
+    return Forecast(left_open(day, learnt, own, found), outlook(day, learnt.normal, left, vehicle))
 
 
 def linearly_calibrated(day: Day, prior: np.ndarray) -> Day:

@@ -1,13 +1,24 @@
 """Whether recordings agree, and what is said where they do not."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
 
+from drift_drake.diagnosis.another_day.left_out import asked_in_turn
+from drift_drake.estimation.baseline import learn_normal
 from drift_drake.estimation.prediction_constants import CALIBRATED
-from drift_drake.identification.agreement import Agreement, agreement, pieces, sentences, with_differences
+from drift_drake.estimation.robust_fit import robust_scales
+from drift_drake.estimation.scores import make_day
+from drift_drake.estimation.windows import windowed
+from drift_drake.identification.agreement import (
+    Agreement,
+    agreement,
+    odd_parts,
+    sentences,
+    stretch_names,
+    with_differences,
+)
 from drift_drake.identification.by_prediction import ALONE, differences
 from drift_drake.identification.command import row
 from drift_drake.identification.report import report_html
@@ -42,10 +53,11 @@ def test_one_recording_disagrees_with_none() -> None:
 
 
 def test_estimates_that_recordings_disagree_about_are_named_with_the_recording() -> None:
-    first, second, odd = sentences({"friction": "laps", "drag": "ramp", "mass": "laps"}, {"ramp": 7.2, "circles": 11.0})
+    apart = {"friction": "laps", "drag": "ramp", "mass": "laps"}
+    first, second, odd = sentences(apart, {"circles": "steering_offset"})
     assert first.startswith("the recordings ask for different values of friction, mass, laps the most: not identified")
     assert second.startswith("the recordings ask for different values of drag, ramp the most: not identified")
-    assert odd.startswith("ramp, circles: far from the rest of the baseline, 11 times as much")
+    assert odd.startswith("circles has a gap relative to the rest of the baseline, most like steering_offset")
     assert "leave it out" in odd
 
 
@@ -73,18 +85,38 @@ def test_an_interval_is_as_wide_as_recordings_differ_and_the_parameter_not_ident
     assert "the recordings ask for different values, tuesday the most" in html
 
 
-def test_long_runs_are_looked_at_in_pieces(other_car) -> None:
-    from drift_drake.estimation.windows import windowed
+def asked_of(other_car, effect: str = "", size: float = 0.0, runs: int = 4):
+    """The day of calibration and what each recording says, left out; an effect [units] in the third of them."""
+    n, car = other_car.normal, other_car.found
+    windows = [windowed(run) for run in other_car.runs[:runs]]
+    day = make_day(windows, car.vehicle.constants(), car.effects, n.names, n.units)
+    if effect:
+        column = day.jacobian[..., n.names.index(effect)].reshape(day.errors.shape)
+        off = size * column * robust_scales(day.errors) * (day.run == 2)[:, None, None]
+        day = dataclasses.replace(day, errors=day.errors - off)
+    prior = np.ones(len(n.names))
+    learnt = learn_normal(day, n.names, n.units, prior, n.everyday, 0.5 * prior)
+    return day, asked_in_turn(learnt.left_out, n.names, n.units, car.vehicle)
 
-    runs = [windowed(run) for run in other_car.runs]
-    long = dataclasses.replace(runs[0], starts=np.arange(0, round(32.0 / runs[0].period), 20))
 
-    class Short:
-        def __init__(self, of):
-            self.runs = of
-            self.run = np.repeat(np.arange(len(of)), [len(run.starts) for run in of])
+def test_a_recording_with_a_gap_is_odd_and_named_and_none_is_where_nothing_changed(other_car) -> None:
+    assert odd_parts(*asked_of(other_car)) == {}
+    day, asked = asked_of(other_car, "steering_offset", 4.0)
+    assert odd_parts(day, asked) == {day.runs[2].recording: "steering_offset"}
 
-    names, piece = pieces(Short([runs[1], long]))
-    assert names[0] == runs[1].name
-    assert [name.split(" from ")[1] for name in names[1:]] == ["0 to 11 s", "11 to 21 s", "21 to 32 s"]
-    assert all(a <= b for a, b in itertools.pairwise(piece))
+
+def test_stretches_of_the_only_recording_are_compared(other_car) -> None:
+    day, asked = asked_of(other_car, runs=1)
+    assert len(stretch_names(day)) == max(len(asked), 1)
+    assert odd_parts(day, asked) == {}
+
+
+def test_stretches_are_named_by_their_run_and_time(other_car) -> None:
+    runs = [windowed(run) for run in other_car.runs[:2]]
+    long = dataclasses.replace(runs[0], starts=np.arange(0, round(36.0 / runs[0].period), 20))
+    n, car = other_car.normal, other_car.found
+    day = make_day(runs, car.vehicle.constants(), car.effects, n.names, n.units)
+    counts = [len(long.starts), len(runs[1].starts)]
+    day = dataclasses.replace(day, runs=[long, runs[1]], run=np.repeat([0, 1], counts))
+    names = stretch_names(day)
+    assert [name.split(" from ")[-1] for name in names] == ["0 to 12 s", "12 to 24 s", "24 to 36 s", runs[1].name]

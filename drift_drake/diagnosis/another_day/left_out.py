@@ -11,7 +11,6 @@ from drift_drake.diagnosis.another_day.constants import PRIORS
 from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, unusual
 from drift_drake.diagnosis.another_day.left_over import left_over
 from drift_drake.diagnosis.another_day.ranking import DayRanked, ranked
-from drift_drake.diagnosis.shared.posterior import NONE
 from drift_drake.diagnosis.shared.ranges import range_of
 from drift_drake.estimation.baseline import LeftOut, Scatter, scale_of
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -19,10 +18,10 @@ from drift_drake.vehicle.parameters import VehicleParameters
 GRID = 81  # magnitudes of an effect
 
 
-def probabilities_of_none(
+def asked_in_turn(
     parts: Sequence[LeftOut], names: tuple[str, ...], units: np.ndarray, vehicle: VehicleParameters
-) -> np.ndarray:
-    """Probability [K] that each recording has no gap, at the scale of scatter that the others show.
+) -> list[DayRanked]:
+    """What each recording says relative to the others, at the scale of scatter that these show.
 
     Args:
         names, units: of the effects [n]; vehicle: the calibrated car.
@@ -30,9 +29,9 @@ def probabilities_of_none(
     distances, out = np.array([part.distance for part in parts]), []
     for k, part in enumerate(parts):
         scatter = part.at(scale_of(np.delete(distances, k)))
-        found = ranked_to_first_order(part.stretches.scores.sum(axis=0) - scatter.mean, scatter, names, units, vehicle)
-        out.append(found.probabilities[NONE])
-    return np.array(out)
+        scores = part.stretches.scores.sum(axis=0) - scatter.mean
+        out.append(ranked_to_first_order(scores, scatter, names, units, vehicle))
+    return out
 
 
 def ranked_to_first_order(

@@ -35,6 +35,11 @@ class DayRanked(Ranked[Hypothesis]):
     decision: Decision = "none"
     something_else: float = 0.0  # probability that something else is there beside the leading cause, if that is
 
+    @property
+    def most_like(self) -> str:
+        """What a gap is most like, if there is one: a cause, with something else or not, or `unknown`."""
+        return max((name for name in self.probabilities if name != NONE), key=lambda name: self.probabilities[name])
+
 
 def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, doubt: float = 0.0,

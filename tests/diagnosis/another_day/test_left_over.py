@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from drift_drake.diagnosis.another_day.constants import OF_PARTIAL, SIZES, WIDER
-from drift_drake.diagnosis.another_day.left_out import probabilities_of_none
+from drift_drake.diagnosis.another_day.left_out import asked_in_turn
 from drift_drake.diagnosis.another_day.left_over import left_over, log_mean, widened
 from drift_drake.estimation.baseline import LeftOut, Scatter, Stretches
 from drift_drake.estimation.partial import partial_effects
@@ -74,7 +74,7 @@ def test_a_recording_like_the_others_has_no_gap_and_an_odd_one_has():
     draws[3] += 6.0 * s.information[:, 0]
     parts = [Judged(Stretches(x[None], s.information[None], np.ones(1), np.zeros(1, dtype=int)), s) for x in draws]
     units = np.array([0.01, 0.05])
-    found = probabilities_of_none(parts, NAMES, units, VehicleParameters())
+    found = np.array([one.probabilities["none"] for one in asked_in_turn(parts, NAMES, units, VehicleParameters())])
     assert int(np.argmin(found)) == 3
     assert found[3] < 0.05
     assert np.all(np.delete(found, 3) > 0.4)

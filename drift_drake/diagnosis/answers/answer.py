@@ -88,14 +88,17 @@ class Answer:
     def _rivals(self) -> str:
         """What it may be instead, with the detection limit of the first."""
         leading = "+".join(sorted(self.causes)) or self.verdict
-        others = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
+        named = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
+        too = f"{leading}+unknown"
+        more_too = f" Something else may be there too ({self.posterior[too]:.2f})." if too in named else ""
+        others = [name for name in named if name != too]
         if not others:
-            return ""
+            return more_too
         parts = [f"{in_words(name)} ({self.posterior[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
                  for i, name in enumerate(others[:RIVALS])]  # fmt: skip
         more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
         may_be = ", or ".join(parts + more)
-        return f" It may be {may_be} instead: 'drift-drake plan-next' plans a drive that would tell."
+        return f"{more_too} It may be {may_be} instead: 'drift-drake plan-next' plans a drive that would tell."
 
     def _shown_from(self, name: str) -> str:
         """From which magnitude on these logs would have shown an effect."""

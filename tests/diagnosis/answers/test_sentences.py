@@ -57,6 +57,17 @@ def test_the_four_decisions_are_said():
     assert "mass_error 0.1 (95 %: 0.08 to 0.12) and something else that the catalogue lacks" in left.sentence()
 
 
+def test_a_cause_with_something_else_too_is_no_rival_of_itself():
+    posterior = {"steering_delay": 0.75, "steering_delay+unknown": 0.2, "none": 0.05}
+    found = dataclasses.replace(
+        ANSWER, verdict="effect", causes=["steering_delay"], posterior=posterior,
+        magnitudes={"steering_delay": Interval(0.08, 0.07, 0.09)}, reduction=Interval(0.6, 0.5, 0.7),
+    )  # fmt: skip
+    said = found.sentence()
+    assert "instead" not in said
+    assert said.endswith("Something else may be there too (0.20).")
+
+
 def test_many_rivals_are_counted():
     names = ["mass_error", "cg_shift", "aero_drag", "road_grade", "torque_lag"]
     posterior = {"none": 0.4} | dict.fromkeys(names, 0.12)

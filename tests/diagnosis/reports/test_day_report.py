@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 def text_of(html):
     """What is read, without pictures and marks."""
     html = re.sub(r"<(script|style).*?</\1>", " ", html, flags=re.DOTALL)
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html.replace("<wbr>", "")))
+    return unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html.replace("<wbr>", ""))))
 
 
 def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_it(late_day):

@@ -163,7 +163,7 @@ def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push
 def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
     p = changed_constants(constants, effects)
-    stiffness = p.rear_stiffness + p.front_coupling * p.front_stiffness
+    stiffness = (p.rear_stiffness + p.front_coupling * p.front_stiffness) * (1.0 + effects.longitudinal_stiffness_error)
     return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(z[3], MIN_SLIP_SPEED))
 
 

@@ -35,7 +35,7 @@ from drift_drake.vehicle.parameters import VehicleParameters
 WHITE = 0.1  # row weight of that fit, from which they are
 FURTHER = (  # that a car may have beside those asked for, taken in where held-out prediction asks for them
     "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
-    "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop",
+    "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop", "longitudinal_stiffness_error",
 )  # fmt: skip
 
 

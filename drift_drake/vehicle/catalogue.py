@@ -173,6 +173,14 @@ OWN: dict[str, Effect] = {
         daily=0.5,
         remembers=(*STEERING, *TORQUE),
     ),
+    "longitudinal_stiffness_error": Effect(
+        "-",
+        -0.5,
+        1.0,
+        "slope of the tyres' force along the wheel times (1 + q), not across it",
+        daily=0.2,
+        of_tyres_or_body=True,
+    ),
 }
 
 if twice := sorted(set(OWN) & set(installed_effects())):

@@ -74,6 +74,7 @@ class Effects(NamedTuple):
     speed_gain_error: Any = 0.0
     road_bank: Any = 0.0
     command_clock_error: Any = 0.0
+    longitudinal_stiffness_error: Any = 0.0
 
 
 class Memory(NamedTuple):
@@ -215,8 +216,9 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
     mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
     mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
-    f_xf, f_yf = tyre_force(sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)
-    f_xr, f_yr = tyre_force(sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
+    along = 1.0 + q.longitudinal_stiffness_error
+    f_xf, f_yf = tyre_force(along * sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)
+    f_xr, f_yr = tyre_force(along * sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
     drag, weight = q.aero_drag * v * v, p.mass * p.gravity

@@ -68,6 +68,7 @@ def test_predictions_are_the_nominal_equations_integrated(inertia):
     "effects",
     [
         {"tyre_relaxation": 0.6},
+        {"longitudinal_stiffness_error": 1.0},
         {"steering_lag": 0.1},
         {"steering_delay": 0.06},
         {"command_clock_error": 0.06},

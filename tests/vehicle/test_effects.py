@@ -28,7 +28,7 @@ def test_every_effect_has_its_test():
 
 def test_names_that_are_not_in_the_catalogue():
     with pytest.raises(
-        ValueError, match=r"unknown effect wind; the catalogue has friction_level, .*command_clock_error$"
+        ValueError, match=r"unknown effect wind; the catalogue has friction_level, .*longitudinal_stiffness_error$"
     ):
         make_effects({"wind": 1.0})
 

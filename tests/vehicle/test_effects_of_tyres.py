@@ -48,6 +48,22 @@ def test_rear_stiffness_error(q):
     assert a_y == pytest.approx(-P.rear_stiffness * (1.0 + q) * 1e-6 / P.mass, rel=1e-3)
 
 
+@pytest.mark.parametrize("q", [-0.5, 1.0])
+def test_longitudinal_stiffness_error(q):
+    """A slight slip of the rim makes the force C_r (1 + q) slip; a slight sideslip the one that it makes without q."""
+    slip = 1e-6
+    a_x, _ = acceleration_of({"longitudinal_stiffness_error": q}, (0.0, 12.0, 0.0, 12.0 * (1.0 + slip), 0.0, 0.0))
+    assert a_x == pytest.approx(P.rear_stiffness * (1.0 + q) * slip / P.mass, rel=1e-3)
+    sideways = (0.0, 12.0, slip, 12.0, 0.0, 0.0)
+    _, a_y = acceleration_of({"longitudinal_stiffness_error": q}, sideways, (slip, 0.0))
+    assert a_y == pytest.approx(-P.rear_stiffness * slip / P.mass, rel=1e-3)
+
+
+def test_longitudinal_stiffness_leaves_the_grip_as_it_is():
+    spinning = [acceleration_of({"longitudinal_stiffness_error": q}, WHEELSPIN)[0] for q in (0.0, 1.0)]
+    assert spinning[1] == pytest.approx(spinning[0], rel=0.05)
+
+
 @pytest.mark.parametrize("v", [6.0, 18.0])
 @pytest.mark.parametrize("distance", [0.3, 1.0])
 def test_tyre_relaxation(v, distance):

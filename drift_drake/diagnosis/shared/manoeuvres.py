@@ -18,7 +18,7 @@ SHOWN_BY: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
         "full throttle, part throttle and lift-off, in steps, straight on and in a turn",
         ("mass_error", "torque_gain_error", "torque_lag", "drivetrain_inertia_error", "drivetrain_friction",
-         "longitudinal_load_transfer", "wheel_radius_error", "speed_gain_error"),
+         "longitudinal_load_transfer", "longitudinal_stiffness_error", "wheel_radius_error", "speed_gain_error"),
     ),
     (
         "coasting straight on from top speed to walking pace, there and back on the same road",

@@ -28,7 +28,7 @@ from drift_drake.vehicle.scalar import absolute, clip, cos, jitable, maximum, se
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
 NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
-                   "differential_yaw_moment", *INSTALLED_STATES)  # fmt: skip
+                   "differential_yaw_moment", "longitudinal_stiffness_error", *INSTALLED_STATES)  # fmt: skip
 """Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
 differential of its own; and those of other packages that have a state, which is none of this car's."""
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length

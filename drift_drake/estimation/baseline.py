@@ -23,6 +23,7 @@ from drift_drake.estimation.prediction_constants import (
     LEFT_OF_OTHERS,
     MODEL_FORM,
     MORE_SO,
+    ODD,
     OFF_SHAPE,
     PARTIAL_PRIOR,
     PARTIAL_VARIES,
@@ -227,8 +228,10 @@ def scale_of(distances: np.ndarray) -> float:
     """
     if not len(distances):
         return SCALE
-    seen = np.log(max(FROM_LEFT_OUT * float(np.median(distances)), TINY))
-    return float(np.exp((SCALE_WORTH * np.log(SCALE) + len(distances) * seen) / (SCALE_WORTH + len(distances))))
+    seen = np.log(np.maximum(FROM_LEFT_OUT * distances, TINY))
+    middle = np.median(seen)
+    seen = np.clip(seen, middle - np.log(ODD), middle + np.log(ODD))
+    return float(np.exp((SCALE_WORTH * np.log(SCALE) + np.sum(seen)) / (SCALE_WORTH + len(seen))))
 
 
 class Learnt(NamedTuple):

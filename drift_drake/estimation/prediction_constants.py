@@ -16,8 +16,9 @@ PARTIAL_VARIES = 0.03  # [units] the same of a partial effect
 PARTIAL_PRIOR = 0.2  # [units] by which a car deviates in a partial effect, every day, before its logs
 LEFT_OF_FITTED = 0.5  # of the deviation before calibration of an effect that was fitted, what may be left after it
 LEFT_OF_OTHERS = 0.25  # the same of an effect that was not: most cars have none of it
-SCALE, SCALE_WORTH = 0.5, 2.0  # of the scatter of a recording, of all cars; recordings that this belief is worth
+SCALE, SCALE_WORTH = 0.4, 1.0  # of the scatter of a recording, of all cars; recordings that this belief is worth
 FROM_LEFT_OUT = 2.0  # by which that scale is larger than what recordings left out show: each is of one kind of driving
+ODD = 4.0  # times the median distance, beyond which a recording left out sets no scale
 CALIBRATED = 4.0  # by how much what calibration left unknown of a parameter is wider than its own logs say
 MODEL_FORM = {"yaw_inertia_error": 0.08}
 """Standard deviation from manoeuvre to manoeuvre of what an effect of the equations is worth: where a body rolls and

@@ -3,10 +3,10 @@
 A linear mixed model (Laird and Ware 1982). A stretch of driving with information I has the scores -I (d + e) + n: d is
 what the car deviates by every day, of which its baseline tells what its drives show; e is what the equations ask for
 otherwise on one stretch than on another, small for sensors and actuators, larger for tyres and body; n is the scatter
-of blocks of time, which hangs together within a stretch. So what both days share cancels, and what the baseline did
-not show widens the scatter only where the other day's drives depend on it. The scale of it all is the car's own:
-recordings are left out of the baseline in turn and asked how far they lie from what the others predict, beside what is
-known of other cars.
+of blocks of time, which hangs together within a stretch and grows with the slip of the driven tyres. So what both days
+share cancels, and what the baseline did not show widens the scatter only where the other day's drives depend on it. The
+scale of n is the car's own: recordings are left out of the baseline in turn and asked how far they lie from what the
+others predict, together with what is known of other cars.
 """
 
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from drift_drake.estimation.prediction_constants import (
     CALIBRATED,
     FROM_LEFT_OUT,
     HANGS,
+    HARDER,
     LEFT_OF_FITTED,
     LEFT_OF_OTHERS,
     MODEL_FORM,
@@ -31,6 +32,7 @@ from drift_drake.estimation.prediction_constants import (
     SCALE,
     SCALE_WORTH,
     SHRUNK,
+    SLIGHT,
     TYRES_AND_BODY,
 )
 from drift_drake.estimation.robust_fit import robust_scales
@@ -47,6 +49,7 @@ from drift_drake.estimation.scores import (
     summed_over,
     window_scores,
 )
+from drift_drake.estimation.windows import regimes
 from drift_drake.vehicle.catalogue import CATALOGUE
 
 TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
@@ -58,6 +61,7 @@ class Stretches(NamedTuple):
     scores: np.ndarray  # [K, m]
     information: np.ndarray  # [K, m, m]
     blocks: np.ndarray  # [K] of time
+    harder: np.ndarray  # [K] times the variance of a baseline's blocks, by how much the tyres slip
     recording: np.ndarray  # [K] index
 
     def kept(self, which: np.ndarray) -> "Stretches":
@@ -89,8 +93,9 @@ class Spread(NamedTuple):
         """Covariance of the summed scores of stretches of one recording [m, m]; scale: of what their blocks make."""
         total = some.information.sum(axis=0)
         out = (total * self.recording) @ total
-        for information, blocks in zip(some.information, some.blocks, strict=True):
-            out = out + (information * self.stretch) @ information + scale * self.of_blocks(information, blocks)
+        for information, blocks, harder in zip(some.information, some.blocks, some.harder, strict=True):
+            out = out + (information * self.stretch) @ information
+            out = out + scale * harder * self.of_blocks(information, blocks)
         return np.asarray(out)
 
 
@@ -101,14 +106,21 @@ class Known(NamedTuple):
     covariance: np.ndarray  # [m, m]
 
 
-def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Stretches:
-    """A day's stretches, under the car that it is judged by."""
+def slipping_of(day: Day) -> np.ndarray:
+    """How much the tyres slip along the wheels in each window [windows], as a logarithm."""
+    return np.log(SLIGHT + np.concatenate([regimes(run)[:, -1] for run in day.runs]))
+
+
+def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray, slipping: float) -> Stretches:
+    """A day's stretches, under the car that it is judged by; slipping: mean of `slipping_of` its baseline's windows."""
+    slips = slipping_of(day) - slipping
     stretch = day.stretch
     each = [stretch == k for k in range(int(stretch.max()) + 1)]
     return Stretches(
         summed_over(window_scores(day, day.errors, scales, precision), stretch),
         np.array([block_information(day, scales, precision, windows) for windows in each]),
         np.array([float(len(np.unique(day.block[windows]))) for windows in each]),
+        np.array([np.exp(HARDER * np.mean(slips[windows])) for windows in each]),
         np.array([day.recordings[day.run[windows][0]] for windows in each]),
     )
 
@@ -160,8 +172,8 @@ def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
-    return predicted(stretches_of(day, normal.scales, normal.precision), Known(normal.expected, normal.left_open),
-                     spread_of(normal), normal.scale)  # fmt: skip
+    stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
+    return predicted(stretches, Known(normal.expected, normal.left_open), spread_of(normal), normal.scale)
 
 
 def spread_of(normal: Normal) -> Spread:
@@ -234,6 +246,30 @@ def scale_of(distances: np.ndarray) -> float:
     return float(np.exp((SCALE_WORTH * np.log(SCALE) + np.sum(seen)) / (SCALE_WORTH + len(seen))))
 
 
+class Seen(NamedTuple):
+    """What a baseline shows, before anything is believed of cars."""
+
+    stretches: Stretches
+    covariance: np.ndarray  # from block to block, as hard as it is driven on the whole [m, m]
+    information: np.ndarray  # diagonal of a block's information [m]
+    ratio: float  # of that scatter to the one that the information tells of
+    blocks: int
+
+
+def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
+    """What a day of calibration shows, under the calibrated car."""
+    stretches = stretches_of(day, scales, precision, float(np.mean(slipping_of(day))))
+    score, stretch = block_scores(day, day.errors, scales, precision), np.zeros(day.blocks, dtype=int)
+    stretch[day.block] = day.stretch
+    scatter = np.atleast_2d(np.cov((score / np.sqrt(stretches.harder[stretch])[:, None]).T))
+    if len(score) <= 2:
+        scatter = np.maximum(scatter, 0.0) * np.eye(score.shape[1])
+    diagonal = np.diag(stretches.information.sum(axis=0))
+    shown = diagonal > TINY * diagonal.max()
+    ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
+    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score))
+
+
 class Learnt(NamedTuple):
     """What a day of calibration shows of its car."""
 
@@ -257,27 +293,22 @@ def learn_normal(
     scales = robust_scales(day.errors)
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
-    stretches = stretches_of(day, scales, precision)
-    score, total = block_scores(day, day.errors, scales, precision), stretches.information.sum(axis=0)
-    scatter = np.cov(score.T) if len(score) > 2 else np.maximum(np.cov(score.T), 0.0) * np.eye(len(total))
-    diagonal = np.diag(total)
-    seen = diagonal > TINY * diagonal.max()
-    ratio = max(float(np.median(np.diag(scatter)[seen] * len(score) / diagonal[seen])), TINY)
+    seen, score = seen_of(day, scales, precision), block_scores(day, day.errors, scales, precision)
+    total = seen.stretches.information.sum(axis=0)
     between = np.concatenate([everyday, np.zeros(len(total) - n)])
-    model = Spread(scatter, diagonal / len(score), ratio, len(score),
-                   variances_of_stretches(tuple(names), len(total)), between**2)  # fmt: skip
+    model = Spread(*seen[1:], variances_of_stretches(tuple(names), len(total)), between**2)
     before = with_partial(left, len(total))
-    known, apart = known_from(stretches, model, before), left_out(stretches, model, before)
+    known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
     distances = np.array([part.distance for part in apart])
     unknown, recording, pulled = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday, names, steps)
     offset = np.median(day.errors, axis=0)
     normal = Normal(
         names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, blocks=len(score), covariance=scatter, information=diagonal / len(score), ratio=ratio,
-        expected=known.mean, left_open=known.covariance, everyday=everyday, scale=scale_of(distances),
-        left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown,
-        recording=recording, offset=offset,
-        level=capped_squares((day.errors - offset) / scales).mean(axis=0),
+        standard=day.standard, slipping=float(np.mean(slipping_of(day))), blocks=seen.blocks,
+        covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
+        left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
+        left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
+        offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
     )  # fmt: skip
     return Learnt(normal, pulled, apart)
 

@@ -13,6 +13,7 @@ from drift_drake.vehicle.catalogue import CATALOGUE
 
 WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
 LOST = 1e4  # the same of what is shown and located: a prediction a hundred normal errors off
+LARGEST_LOGARITHM = 100.0
 LARGEST_NUMBER = 1e100  # of a calibration's file: beyond, its squares are not finite
 ROUNDED = 1e-6  # of a matrix's largest entry, by which rounding may make an eigenvalue negative
 
@@ -33,6 +34,7 @@ class Normal:
     scales: np.ndarray  # [HORIZONS, channels]
     precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
     standard: np.ndarray  # of the driving [2, DRIVING] (`partial.standards`)
+    slipping: float  # how much tyres slipped (`baseline.slipping_of`)
     blocks: int
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
@@ -68,6 +70,7 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
     stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     ratio, scale = (number(arrays.pop(key), lambda q: 0.0 < q < LARGEST_NUMBER) for key in ("ratio", "scale"))
+    slipping = number(arrays.pop("slipping"), lambda q: abs(q) < LARGEST_LOGARITHM)
     try:
         out = Normal(
             names,
@@ -75,6 +78,7 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
             blocks=blocks,
             ratio=ratio,
             scale=scale,
+            slipping=slipping,
             **{key: np.array(value, dtype=float) for key, value in arrays.items()},
         )
     except OverflowError:

@@ -13,10 +13,10 @@ from drift_drake.diagnosis.another_day.diagnose_day import search_of
 from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.admitted import admit
-from drift_drake.estimation.baseline import TINY, Learnt, Stretches, learn_normal, stretches_of
+from drift_drake.estimation.baseline import Learnt, Seen, Stretches, learn_normal, seen_of, stretches_of
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
-from drift_drake.estimation.scores import Day, block_scores, flat_scores
+from drift_drake.estimation.scores import flat_scores
 from drift_drake.estimation.usable import seen_effects
 from drift_drake.identification import by_prediction
 from drift_drake.identification.identify import identify
@@ -28,16 +28,6 @@ from experiments.other_worlds.road import days_of
 
 FACTORS = (0.5, 2.0)
 REGULARS = (1.0, *FACTORS)  # times `REGULAR`, that scores are projected with
-
-
-class Seen(NamedTuple):
-    """What a baseline shows."""
-
-    stretches: Stretches
-    covariance: np.ndarray  # of scores from block to block [m, m]
-    information: np.ndarray  # diagonal of a block's [m]
-    ratio: float
-    blocks: int
 
 
 class KeptDay(NamedTuple):
@@ -75,43 +65,31 @@ class KeptWorld(NamedTuple):
     days: list[KeptDay]
 
 
-def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
-    """What a baseline shows (`baseline.learn_normal`), before anything is believed of cars."""
-    stretches, score = stretches_of(day, scales, precision), block_scores(day, day.errors, scales, precision)
-    diagonal = np.diag(stretches.information.sum(axis=0))
-    scatter = np.cov(score.T)
-    shown = diagonal > TINY * diagonal.max()
-    ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
-    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score))
-
-
 def calibrated(world: Path, folder: str) -> Calibrated:
     """The car of a world, calibrated by prediction on one of its folders.
 
     Raises:
         DriftDrakeError: its logs cannot be used.
     """
-    given: list[tuple[Day, dict[str, Any]]] = []
+    given: list[tuple[Any, ...]] = []
 
-    def learn(day: Day, **more: Any) -> Learnt:
-        given.append((day, more))
-        return learn_normal(day, **more)
+    def learn(*asked: Any) -> Learnt:
+        given.append(asked)
+        return learn_normal(*asked)
 
     vehicle, effects = read_vehicle(world / "start.yaml")
     with patch.object(by_prediction, "learn_normal", learn):
         found = identify(read_case(world / folder), vehicle, effects, world.name, criterion="prediction",
                          tolerances=stated_tolerances(world / "start.yaml"), force=True)  # fmt: skip
-    # Parts of the baseline are learnt too, behind the whole; a second fit's whole is the one that counts.
-    most = max(len(day.runs) for day, _ in given)
-    day, more = next(pair for pair in reversed(given) if len(pair[0].runs) == most)
+    day, _, _, prior, everyday, left = given[-1]  # a second fit is the one that counts
     normal = found.calibration.normal
     assert normal is not None
     f = flat_scores(day.errors, normal.scales)
     covariance = np.cov(f.T)
     precisions = {q: np.linalg.inv(covariance + q * REGULAR * np.eye(len(covariance))) for q in REGULARS}
-    fitted = more["left"] > np.sqrt(LEFT_OF_FITTED * LEFT_OF_OTHERS) * more["prior"]
+    fitted = left > np.sqrt(LEFT_OF_FITTED * LEFT_OF_OTHERS) * prior
     seen = {q: seen_of(day, normal.scales, precision) for q, precision in precisions.items()}
-    return Calibrated(found.vehicle, found.effects, normal, precisions, more["prior"], more["everyday"], fitted, seen)
+    return Calibrated(found.vehicle, found.effects, normal, precisions, prior, everyday, fitted, seen)
 
 
 def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
@@ -123,7 +101,10 @@ def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
     runs = admit(read_case(case), car.vehicle).runs
     names, _ = seen_effects(runs, car.normal.names)
     day = search_of(runs, car.vehicle, car.normal, car.effects, names, case.name, 1).day
-    return {q: stretches_of(day, car.normal.scales, precision) for q, precision in car.precisions.items()}
+    return {
+        q: stretches_of(day, car.normal.scales, precision, car.normal.slipping)
+        for q, precision in car.precisions.items()
+    }
 
 
 def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:

@@ -1,6 +1,7 @@
 """Scatter between recordings: the linear mixed model against simulations of it, and a real baseline."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +18,11 @@ from drift_drake.estimation.baseline import (
     predicted,
     scale_of,
     scatter_of,
+    slipping_of,
+    spread_of,
     stretches_of,
 )
-from drift_drake.estimation.prediction_constants import FROM_LEFT_OUT, MODEL_FORM, SCALE, SCALE_WORTH
+from drift_drake.estimation.prediction_constants import FROM_LEFT_OUT, MODEL_FORM, SCALE, SCALE_WORTH, SLIGHT
 from drift_drake.estimation.scores import block_scores, make_day, summed
 from drift_drake.estimation.windows import windowed
 from drift_drake.vehicle.catalogue import CATALOGUE
@@ -36,7 +39,7 @@ def world(rng, count, deviation, form=0.1):
         own = deviation + form * rng.normal(size=SIZE)
         noise = np.linalg.cholesky(one) @ rng.normal(size=SIZE)
         scores.append(-one @ own + noise)
-    return Stretches(np.array(scores), information, np.full(count, float(BLOCKS)), np.arange(count))
+    return Stretches(np.array(scores), information, np.full(count, float(BLOCKS)), np.ones(count), np.arange(count))
 
 
 def spread(form=0.1, recording=0.0):
@@ -93,7 +96,7 @@ def test_another_day_without_a_change_lies_as_far_off_as_is_said():
 def test_what_a_baseline_did_not_show_cancels_where_both_days_drive_alike():
     """A deviation that the baseline hardly shows widens a day that shows it well, and no day that hardly does."""
     blind = np.diag([10.0, 1e-3, 10.0, 10.0])
-    some = Stretches(np.zeros((1, SIZE)), blind[None], np.array([float(BLOCKS)]), np.zeros(1, dtype=int))
+    some = Stretches(np.zeros((1, SIZE)), blind[None], np.array([float(BLOCKS)]), np.ones(1), np.zeros(1, dtype=int))
     known = known_from(some, spread(0.0), np.full(SIZE, 1.0))
     alike = predicted(some, known, spread(0.0)).covariance[1, 1]
     sees = some._replace(information=np.diag([10.0, 10.0, 10.0, 10.0])[None])
@@ -105,7 +108,9 @@ def test_blocks_of_a_stretch_hang_together_and_recordings_share_what_varies():
     one, some = spread(0.0), spread(0.0, recording=0.3)
     information = BLOCKS * np.eye(SIZE)
     assert one.of_blocks(2 * information, 2 * BLOCKS)[0, 0] > 2.5 * one.of_blocks(information, BLOCKS)[0, 0]
-    both = Stretches(np.zeros((2, SIZE)), np.stack([information] * 2), np.full(2, float(BLOCKS)), np.array([0, 0]))
+    both = Stretches(
+        np.zeros((2, SIZE)), np.stack([information] * 2), np.full(2, float(BLOCKS)), np.ones(2), np.array([0, 0])
+    )
     apart = both._replace(recording=np.array([0, 1]))
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
     extra = [predicted(part, known, some).covariance[0, 0] - predicted(part, known, one).covariance[0, 0]
@@ -157,7 +162,7 @@ def test_the_day_of_calibration_is_as_expected(other_car, day):
     x = summed(whole, normal, whole.errors) - scatter.mean
     assert x @ scatter.inverse @ x < len(x)
     scores = block_scores(whole, whole.errors, normal.scales, normal.precision)
-    np.testing.assert_allclose(stretches_of(whole, normal.scales, normal.precision).scores.sum(axis=0),
+    np.testing.assert_allclose(stretches_of(whole, normal.scales, normal.precision, normal.slipping).scores.sum(axis=0),
                                scores.sum(axis=0), rtol=1e-9)  # fmt: skip
     np.testing.assert_allclose(np.trace(scatter.information), np.sum(normal.information) * normal.blocks, rtol=1e-6)
 
@@ -213,7 +218,9 @@ def test_every_recording_of_a_baseline_is_left_out_once_and_asked(other_car):
 
 def test_a_distance_is_per_score():
     information = BLOCKS * np.eye(SIZE)
-    one = Stretches(np.full((1, SIZE), 3.0), information[None], np.full(1, float(BLOCKS)), np.zeros(1, dtype=int))
+    one = Stretches(
+        np.full((1, SIZE), 3.0), information[None], np.full(1, float(BLOCKS)), np.ones(1), np.zeros(1, dtype=int)
+    )
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
     covariance = predicted(one, known, spread(0.0)).covariance
     assert LeftOut(one, known, spread(0.0)).distance == pytest.approx(
@@ -223,7 +230,9 @@ def test_a_distance_is_per_score():
 
 def test_what_is_known_of_other_cars_keeps_its_size_at_any_scale():
     information = BLOCKS * np.eye(SIZE)
-    one = Stretches(np.zeros((1, SIZE)), information[None], np.full(1, float(BLOCKS)), np.zeros(1, dtype=int))
+    one = Stretches(
+        np.zeros((1, SIZE)), information[None], np.full(1, float(BLOCKS)), np.ones(1), np.zeros(1, dtype=int)
+    )
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
     none, some = spread(0.0), spread(0.2, recording=0.3)
     more = [predicted(one, known, some, scale).covariance - predicted(one, known, none, scale).covariance
@@ -232,3 +241,23 @@ def test_what_is_known_of_other_cars_keeps_its_size_at_any_scale():
     assert more[0][0, 0] == pytest.approx((0.2**2 + 0.3**2) * BLOCKS**2)
     blocks = [predicted(one, known, none, scale).covariance[0, 0] for scale in (0.2, 1.0)]
     assert blocks[0] == pytest.approx(0.2 * blocks[1])
+
+
+def test_blocks_scatter_more_where_tyres_slip_more_and_a_baseline_as_it_does_on_the_whole(other_car, day):
+    normal = other_car.normal
+    some = stretches_of(day, normal.scales, normal.precision, normal.slipping)
+    windows = np.bincount(day.stretch)
+    assert np.sum(windows * np.log(some.harder)) / windows.sum() == pytest.approx(0.0, abs=1e-6)
+    harder = some._replace(harder=4.0 * some.harder)
+    known, model = Known(np.zeros(len(normal.expected)), np.zeros_like(normal.left_open)), spread_of(normal)
+    model = model._replace(stretch=0.0 * model.stretch, recording=0.0 * model.recording)
+    one, other = (predicted(part, known, model).covariance for part in (some, harder))
+    np.testing.assert_allclose(other, 4.0 * one, rtol=1e-9)
+
+
+def test_slip_along_the_wheels_is_read_off_the_rim(other_car):
+    run = windowed(other_car.runs[0])
+    spinning = dataclasses.replace(run, start_y=run.start_y * np.array([1.0, 1.0, 1.0, 1.5, 1.0]))
+    before, after = (float(np.mean(slipping_of(SimpleNamespace(runs=[part])))) for part in (run, spinning))
+    assert after - before > 1.0
+    assert after == pytest.approx(np.log(0.5 + SLIGHT), abs=0.1)

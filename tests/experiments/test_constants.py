@@ -42,7 +42,8 @@ def some_stretches(rng, recordings, off=0.0):
     information = 10.0 * np.eye(SCORES) + np.einsum("kij,klj->kil", half, half)
     noise = np.einsum("kij,kj->ki", np.linalg.cholesky(information), rng.standard_normal((2 * recordings, SCORES)))
     recording = np.repeat(np.arange(recordings), 2)
-    return baseline.Stretches(noise - off * information[:, :, 0], information, np.full(2 * recordings, 6.0), recording)
+    return baseline.Stretches(noise - off * information[:, :, 0], information, np.full(2 * recordings, 6.0),
+                              np.ones(2 * recordings), recording)  # fmt: skip
 
 
 @pytest.fixture

@@ -91,6 +91,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         left_open=np.eye(SCORES),
         everyday=np.ones(2),
         scale=1.0,
+        slipping=-3.0,
         left_out=np.ones(3),
         left_out_none=0.5 * np.ones(3),
         covered=np.ones(4),

@@ -8,7 +8,7 @@ import numpy as np
 from drift_drake.diagnosis.shared.posterior import PosteriorConstants
 
 PRIORS = PosteriorConstants(prior_none=0.7, prior_single=0.2, prior_pair=0.05, prior_unknown=0.08, temperature=1.3)
-ELSE = 0.6  # prior odds that something else is there too, given a cause
+ELSE = 1.0  # prior odds that something else is there too, given a cause
 SIZES = (0.5, 1.0, 3.0)  # [units] standard deviations of a partial effect that is there
 WIDER = np.exp(np.linspace(np.log(2.0), np.log(300.0), 20))  # times the scatter, that an unknown gap may have
 OF_PARTIAL = 0.8  # share of what is unknown that is a partial effect or a free direction, the rest being anything

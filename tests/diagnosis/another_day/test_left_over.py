@@ -72,7 +72,10 @@ def test_a_recording_like_the_others_has_no_gap_and_an_odd_one_has():
     rng, s = np.random.default_rng(2), scatter()
     draws = (np.linalg.cholesky(s.covariance) @ rng.normal(size=(SIZE, 5))).T
     draws[3] += 6.0 * s.information[:, 0]
-    parts = [Judged(Stretches(x[None], s.information[None], np.ones(1), np.zeros(1, dtype=int)), s) for x in draws]
+    parts = [
+        Judged(Stretches(x[None], s.information[None], np.ones(1), np.ones(1), np.zeros(1, dtype=int)), s)
+        for x in draws
+    ]
     units = np.array([0.01, 0.05])
     found = np.array([one.probabilities["none"] for one in asked_in_turn(parts, NAMES, units, VehicleParameters())])
     assert int(np.argmin(found)) == 3

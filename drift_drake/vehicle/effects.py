@@ -202,7 +202,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     wheel_angle, torque = installed_actuation(own_angle, own_torque, v, q, memory)
     own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, memory)
 
-    f_zf, f_zr = shifted_loads(memory.a_x, p, q)
+    (f_zf, f_zr), along = shifted_loads(memory.a_x, p, q), 1.0 + q.longitudinal_stiffness_error
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
     sigma_xf, kinematic_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
@@ -216,7 +216,6 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
     mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
     mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
-    along = 1.0 + q.longitudinal_stiffness_error
     f_xf, f_yf = tyre_force(along * sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)
     f_xr, f_yr = tyre_force(along * sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 

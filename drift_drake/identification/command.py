@@ -95,7 +95,7 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     c = found.calibration
     lines = [c.sentence()]
     for name, p in c.parameters.items():
-        lines.append(f"  {name:<28}{row(p, name in c.disagreed)}")
+        lines.append(f"  {name:<30}{row(p, name in c.disagreed)}")
     if c.left_out:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
     lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]

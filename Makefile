@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Kept bytecode: without it every worker, and every command under test, compiles all sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help docs demo blind test test-python test-slow fuzz lint format clean
+.PHONY: help docs pictures demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
@@ -22,6 +22,7 @@ help:
 	@echo "make test-slow  the long checks too"
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
+	@echo "make pictures   the documentation's picture of the closed loop, docs/closed_loop.png"
 	@echo "make lint       linters and type checker alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -58,6 +59,9 @@ fuzz: .venv/installed-all
 
 docs: .venv/installed-all
 	$(BIN)/mkdocs build --strict
+
+pictures: .venv/installed-all
+	$(BIN)/python -m diagrams.docs_picture
 
 lint: .venv/installed-all
 	$(BIN)/ruff check .

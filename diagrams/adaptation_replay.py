@@ -19,7 +19,7 @@ import numpy as np
 import tyro
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.logs.table import InvalidLogError, Run, read_run
@@ -32,6 +32,7 @@ from drift_drake.model.posterior import covariance_norms, state_norms
 from drift_drake.pictures.graph import draw_graph
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_arrays, write_figure
+from drift_drake.simulation.runner import add_logger
 
 STATES = ("r", "v", "beta", "omega_r")
 COMMANDS = ("delta_cmd", "tau_cmd")
@@ -66,17 +67,15 @@ class AdaptationReplay:
         self.adapter = builder.AddNamedSystem("adapter", BayesianAdapter(model, threshold))
         for name, rows in (("measured_state", states), ("command", _columns(log, COMMANDS).T)):
             source = TrajectorySource(PiecewisePolynomial.FirstOrderHold(t - t[0], rows))
-            builder.AddNamedSystem(f"log_of_{name}", source)
+            builder.AddNamedSystem(f"logged_{name}", source)
             builder.Connect(source.get_output_port(), self.adapter.GetInputPort(name))
         lag = builder.AddNamedSystem("command_lag", CommandLag())
         builder.Connect(source.get_output_port(), lag.get_input_port())
         builder.Connect(lag.get_output_port(), self.adapter.GetInputPort("lagged_command"))
         self._sinks = {
-            name: LogVectorOutput(self.adapter.GetOutputPort(name), builder, TIME_STEP)
+            name: add_logger(builder, self.adapter.GetOutputPort(name), name, TIME_STEP)
             for name in ("posterior_mean", "posterior_covariance", "counters")
         }
-        for name, sink in self._sinks.items():
-            sink.set_name(f"log_of_{name}_over_time")
         self.diagram = builder.Build()
         self.diagram.set_name("adaptation_replay")
 

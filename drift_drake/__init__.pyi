@@ -47,6 +47,7 @@ from .reference.trajectory import figure_8 as figure_8
 from .reference.trajectory import loops as loops
 from .reference.trajectory import straight_line as straight_line
 from .sensing.sensors import NoiseLevels as NoiseLevels
+from .simulation.actuation import LinearInterpolationActuator as LinearInterpolationActuator
 from .simulation.car import Car as Car
 from .simulation.closed_loop import ClosedLoop as ClosedLoop
 from .simulation.closed_loop import ControlConfig as ControlConfig

@@ -13,7 +13,6 @@ from pydrake.systems.framework import (
     DiscreteValues,
     LeafSystem,
 )
-from pydrake.systems.primitives import LogVectorOutput
 
 from drift_drake.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
 from drift_drake.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
@@ -21,7 +20,8 @@ from drift_drake.benchmarks.truths import Truth, true_car
 from drift_drake.logs.table import Run
 from drift_drake.sensing.sensors import LOG_ROW
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.runner import make_simulator
+from drift_drake.simulation.runner import add_logger, make_simulator
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.delays import on_time, stamped
 from drift_drake.vehicle.parameters import Constants, VehicleParameters
 
@@ -52,7 +52,7 @@ class DriverSystem(LeafSystem):
         self._driver = driver
         self._state = self.DeclareVectorInputPort("state", 6)
         self.DeclareDiscreteState([0.0, *first, *first])  # time of the update, command then, command a row later
-        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        declare_update(self, PERIOD, self._update)
         self.DeclareVectorOutputPort(
             "command", 2, self._calc_command, prerequisites_of_calc={self.time_ticket(), self.xd_ticket()}
         )
@@ -141,9 +141,10 @@ def drive(
         builder.Connect(driveline.GetOutputPort("command"), car.GetInputPort("command"))
     else:
         builder.Connect(command, car.GetInputPort("command"))
-    command_log = LogVectorOutput(command, builder, PERIOD)
-    row_log = LogVectorOutput(car.GetOutputPort("log_row"), builder, PERIOD)
+    command_log = add_logger(builder, command, "command", PERIOD)
+    row_log = add_logger(builder, car.GetOutputPort("log_row"), "log_row", PERIOD)
     diagram = builder.Build()
+    diagram.set_name("drake_case")
     context = diagram.CreateDefaultContext()
     car_context = car.GetMyMutableContextFromRoot(context)
     plant_context = car.plant.GetMyMutableContextFromRoot(context)

@@ -13,6 +13,7 @@ from drift_drake.control.mpc import Mpc, MpcSolution, NoPlanError, PlanBeside, S
 from drift_drake.control.plan import DT, Plan, no_plan
 from drift_drake.errors import DriftDrakeError
 from drift_drake.model.features import COVARIANCE_COUNT, MEAN_COUNT
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.step_model import StepModel
 
@@ -62,7 +63,7 @@ class MpcController(LeafSystem):
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
         self._beside = self.DeclareDiscreteState(self._none_beside())
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
+        declare_update(self, period, self._replan)
 
         for name, index in (("plan", self._plan), ("statistics", self._statistics)):
             self.DeclareStateOutputPort(name, index)
@@ -182,7 +183,7 @@ class ControllerSystem(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._statistics = self.DeclareDiscreteState(np.array(self._nothing))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._replan)
+        declare_update(self, period, self._replan)
         for name, index in (("plan", self._plan), ("statistics", self._statistics)):
             self.DeclareStateOutputPort(name, index)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.arrays import Array
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import path_rates
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.vehicle.compilation import compiled
@@ -95,7 +96,7 @@ class MemoryObserver(LeafSystem):
         memories = model.memory_scale.size
         # Time, state, memory and command of the last tick.
         held = self.DeclareDiscreteState(np.full(1 + 6 + memories + 2, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command, self._theta)}
         self.DeclareVectorOutputPort(
             "memory",

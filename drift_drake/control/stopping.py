@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.arrays import Array
 from drift_drake.control.plan import Plan, plan_size
 from drift_drake.reference.path import Path
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import MIN_SPEED, rear_slip, static_loads
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.tyre import tyre_force
@@ -97,7 +98,7 @@ class SafeStop(LeafSystem):
         self._command = self.DeclareVectorInputPort("command", 2)
         self._state = self.DeclareVectorInputPort("state", 7)
         self._stopping = self.DeclareDiscreteState(1)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("supervised_plan", plan_size(steps), self._calc)
         self.DeclareStateOutputPort("stopping", self._stopping)
 

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues, InputPort, LeafSystem, System
-from pydrake.systems.primitives import Demultiplexer
 
 from drift_drake.control.controller import Controller, ControllerSystem, InvalidControllerError
 from drift_drake.control.mpc import SolveStatistics
 from drift_drake.control.plan import Plan, no_plan
+from drift_drake.selector import select_signals
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import INPUTS, STATES
 
 MEASURED = len(STATES) + 1  # and the path position
@@ -24,7 +25,7 @@ class HeldReading(LeafSystem):
         LeafSystem.__init__(self)
         self._port = self.DeclareVectorInputPort("measured_state", MEASURED)
         self._held = self.DeclareDiscreteState(MEASURED)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("held_state", MEASURED, self._calc)
 
     def _reading(self, context: Context) -> Any:
@@ -57,7 +58,7 @@ class CommandPlans(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED)
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._statistics = self.DeclareDiscreteState(np.array(self._nothing))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         for name, index in (("plan", self._plan), ("statistics", self._statistics)):
             self.DeclareStateOutputPort(name, index)
 
@@ -96,9 +97,10 @@ class SystemController(Diagram):
         plans = builder.AddNamedSystem("plans", CommandPlans(horizon, period, delay))
         reading, wanted = held.get_output_port(), _input(system)
         if wanted.size() < MEASURED:
-            parts = builder.AddNamedSystem("states", Demultiplexer([wanted.size(), MEASURED - wanted.size()]))
+            parts = select_signals({"held_state": (*STATES, "s")}, {"state": STATES})
+            builder.AddNamedSystem("without_path_position", parts)
             builder.Connect(reading, parts.get_input_port())
-            reading = parts.get_output_port(0)
+            reading = parts.get_output_port()
         builder.Connect(reading, wanted)
         builder.Connect(system.get_output_port(0), plans.GetInputPort("command"))
         measured = builder.ExportInput(held.get_input_port(), "measured_state")

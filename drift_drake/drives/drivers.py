@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from drift_drake.arrays import Array
 from drift_drake.control.plan import Plan, interpolate_knots, no_plan
 from drift_drake.reference.equilibrium import DriftEquilibrium
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import linearize
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -34,7 +35,7 @@ class RowByRowDriver(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._plan = self.DeclareDiscreteState(no_plan(1))
         self.DeclareStateOutputPort("plan", self._plan)
-        self.DeclarePeriodicDiscreteUpdateEvent(ROW_PERIOD, 0.0, self._update)
+        declare_update(self, ROW_PERIOD, self._update)
 
     @abstractmethod
     def wanted(self, t: float, measured: Array) -> Array:

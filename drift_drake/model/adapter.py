@@ -12,6 +12,7 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import LAGGED, TIME_STEP
 from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.model.posterior import Posterior, mahalanobis, predict, update_and_density
+from drift_drake.updates import declare_update
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 PARAMETER_COUNT = MEAN_COUNT + STATE_COUNT + 2  # of the output port `parameters`
@@ -134,7 +135,7 @@ class BayesianAdapter(LeafSystem):
                 prerequisites_of_calc={*believed, *further},
             )  # fmt: skip
         self.DeclareStateOutputPort("counters", self._counters)
-        self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
+        declare_update(self, TIME_STEP, self._tick)
 
     def _parameters(self, context: Context) -> Array:
         offset, lag = context.get_discrete_state(self._offset).value(), self.lags[self.believed(context)]

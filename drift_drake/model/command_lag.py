@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.arrays import Array
+from drift_drake.updates import declare_update
 
 Numbers = NDArray[np.floating[Any]]
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
@@ -82,7 +83,7 @@ class CommandLag(LeafSystem):
         size = self._factors[0].size
         self._command = self.DeclareVectorInputPort("command", 2)
         held = self.DeclareDiscreteState(np.full(3 + size, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort(
             "lagged_command",
             size,

@@ -21,6 +21,7 @@ from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.command_lag import TIME_STEP
 from drift_drake.model.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.model.posterior import Posterior, mahalanobis, predict
+from drift_drake.updates import declare_update
 
 WINDOW = 20  # samples: 2 s
 
@@ -102,7 +103,7 @@ class OutOfDistributionDetector(LeafSystem):
         self.DeclareVectorOutputPort(
             "alarm", 1, self._calc_alarm, prerequisites_of_calc={*held, self.all_parameters_ticket()}
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(TIME_STEP, 0.0, self._tick)
+        declare_update(self, TIME_STEP, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
         measured, u, lagged, parameters, covariance = (port.Eval(context) for port in self._inputs)

@@ -22,6 +22,7 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import ReadingKind
 from drift_drake.sensing.sensor_errors import SENSORS, corrected_reading
 from drift_drake.sensing.sensors import MEASURED_STATE
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.effects import COUNT, Effects
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -75,7 +76,7 @@ class GapCorrection(LeafSystem):
         self._magnitude = self.DeclareVectorInputPort("magnitude", 3)
         self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
         self._held = self.DeclareDiscreteState(np.zeros(COUNT))
-        self.DeclarePeriodicDiscreteUpdateEvent(monitor.bank.period, 0.0, self._update)
+        declare_update(self, monitor.bank.period, self._update)
         held = self.discrete_state_ticket(self._held)
         self.DeclareStateOutputPort("correction", self._held)
         self.DeclareVectorOutputPort("effects", COUNT, self._calc_effects, prerequisites_of_calc={held})
@@ -152,7 +153,7 @@ class SlowDown(LeafSystem):
         self._correction = self.DeclareVectorInputPort("correction", COUNT)
         self._reading = self.DeclareVectorInputPort("reading", 1)
         self._slow, self._doubted = self.DeclareDiscreteState(1), self.DeclareDiscreteState(1)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("paced_plan", plan_size(steps), self._calc)
         self.DeclareStateOutputPort("slow", self._slow)
 

@@ -14,6 +14,7 @@ from drift_drake.monitoring.correction import GapCorrection, SlowDown
 from drift_drake.monitoring.evidence import TRUSTED, Sums
 from drift_drake.monitoring.monitor import Events, Monitor, State, after_row
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.step_model import StepModel
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
@@ -53,7 +54,7 @@ class GapMonitor(LeafSystem):
         arrays = _arrays(monitor.start())
         self._shapes = [a.shape for a in arrays]
         self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays]
-        self.DeclarePeriodicDiscreteUpdateEvent(monitor.bank.period, 0.0, self._update)
+        declare_update(self, monitor.bank.period, self._update)
         verdict = {self.discrete_state_ticket(self._groups[-1])}
         for name, size, calc in (
             ("posterior", len(monitor.labels), lambda context: self.state(context).verdict[:-4]),

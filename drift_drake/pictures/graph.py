@@ -9,6 +9,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, System
 
 from drift_drake.errors import MissingExtraError
@@ -16,11 +18,14 @@ from drift_drake.pictures.style import INK, RESOLUTION, RUNS
 from drift_drake.safe_files import replacing
 
 Port = tuple[str, int]  # (key of a block, index of a port)
+LOGGER = "VectorLogSink"
+CONNECTIONS = "connections"  # name of a PNG's text
+DEEPEST = 99  # of diagrams within one another: all are opened
 WHOLE = -1  # in place of a port's index: the block itself
 
 FONT = "DejaVu Sans"
-TITLE_SIZE, SMALL_SIZE, PORT_SIZE = 9, 6.5, 7  # [pt]
-HEADER, FRAME, INSIDE = "#E4EAF1", "#8A929C", "#60605810"
+TITLE_SIZE, SMALL_SIZE, PORT_SIZE = 11, 8, 9  # [pt]
+HEADER, FRAME, INSIDE, MUTED = "#E4EAF1", "#8A929C", "#60605810", "#666666"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +37,8 @@ class _Block:
     kind: str
     inputs: list[str]
     outputs: list[str]
+    logs: dict[int, str] = dataclasses.field(default_factory=dict)
+    """Name of the logger of each output port that has one: it stands at the port, without a block of its own."""
 
 
 @dataclasses.dataclass
@@ -42,14 +49,15 @@ class _Graph:
     edges: list[tuple[Port, Port]] = dataclasses.field(default_factory=list)
 
 
-def draw_graph(diagram: Diagram, stem: str | Path) -> list[Path]:
-    """Writes a diagram's picture as STEM.svg and STEM.png.
+def draw_graph(diagram: Diagram, stem: str | Path, depth: int = DEEPEST) -> list[Path]:
+    """Writes a diagram's picture as STEM.svg and STEM.png, whose text CONNECTIONS says what it shows.
 
     Diagrams within the diagram are opened, and framed. Ports that the outer diagram exports have blocks of their own.
 
     Args:
         diagram: built; its systems and ports should have names.
         stem: path of the files without their endings; the folder is made.
+        depth: how many diagrams within one another are opened; those below are blocks like other systems.
 
     Returns:
         The files' paths.
@@ -57,17 +65,50 @@ def draw_graph(diagram: Diagram, stem: str | Path) -> list[Path]:
     Raises:
         MissingExtraError: pygraphviz is not installed.
     """
-    layout = _laid_out(_collect(diagram))
+    graph = _with_loggers_at_ports(_collect(diagram, depth))
+    layout = _laid_out(graph)
     paths = [Path(f"{stem}{ending}") for ending in (".svg", ".png")]
     for path in paths:
         with replacing(path) as part:
             layout.draw(str(part))
+            if path.suffix == ".png":
+                _add_text(part, _connections(graph))
     return paths
 
 
-def _collect(diagram: Diagram) -> _Graph:
+def connections_shown(picture: Path) -> list[str]:
+    """What a PNG of `draw_graph` shows: its connections and loggers, sorted; whether it is out of date shows in them.
+
+    Raises:
+        OSError, KeyError: it is no such picture.
+    """
+    with Image.open(picture) as image:
+        return str(image.info[CONNECTIONS]).splitlines()
+
+
+def _connections(graph: _Graph) -> list[str]:
+    def end(key: str, port: int, names: list[str]) -> str:
+        return graph.blocks[key].name if port == WHOLE else f"{graph.blocks[key].name}.{names[port]}"
+
+    lines = [
+        f"{end(source, output, graph.blocks[source].outputs)} -> {end(target, entry, graph.blocks[target].inputs)}"
+        for (source, output), (target, entry) in graph.edges
+    ]
+    blocks = graph.blocks.values()
+    return sorted(lines + [f"{b.name}.{b.outputs[port]} -> {log}" for b in blocks for port, log in b.logs.items()])
+
+
+def _add_text(picture: Path, lines: list[str]) -> None:
+    text = PngInfo()
+    text.add_text(CONNECTIONS, "\n".join(lines))
+    with Image.open(picture) as image:
+        image.load()
+    image.save(picture, format="PNG", pnginfo=text, dpi=(RESOLUTION, RESOLUTION), optimize=True)
+
+
+def _collect(diagram: Diagram, depth: int) -> _Graph:
     graph = _Graph()
-    inputs, outputs = _open(diagram, "", graph)
+    inputs, outputs = _open(diagram, "", graph, depth)
     for index, targets in enumerate(inputs):
         key = f"in{index}"
         name = diagram.get_input_port(index).get_name()
@@ -81,16 +122,16 @@ def _collect(diagram: Diagram) -> _Graph:
     return graph
 
 
-def _open(diagram: Diagram, prefix: str, graph: _Graph) -> tuple[list[list[Port]], list[Port]]:
+def _open(diagram: Diagram, prefix: str, graph: _Graph, depth: int) -> tuple[list[list[Port]], list[Port]]:
     """Adds a diagram's blocks and connections; returns what its input and output ports stand for."""
     inputs: dict[int, list[list[Port]]] = {}
     outputs: dict[int, list[Port]] = {}
     systems: list[System] = diagram.GetSystems()
     for index, system in enumerate(systems):
         key = f"{prefix}s{index}"
-        if isinstance(system, Diagram):
+        if isinstance(system, Diagram) and depth > 0:
             before = set(graph.blocks)
-            inputs[id(system)], outputs[id(system)] = _open(system, f"{key}_", graph)
+            inputs[id(system)], outputs[id(system)] = _open(system, f"{key}_", graph, depth - 1)
             graph.frames[key] = (system.get_name(), [block for block in graph.blocks if block not in before])
         else:
             names_in = [system.get_input_port(k).get_name() for k in range(system.num_input_ports())]
@@ -115,6 +156,35 @@ def _open(diagram: Diagram, prefix: str, graph: _Graph) -> tuple[list[list[Port]
     return exported_in, [outputs[id(system)][int(port)] for system, port in locators]
 
 
+def _with_loggers_at_ports(graph: _Graph) -> _Graph:
+    """The graph with each logger's name at the port that it logs, in place of a block and a connection."""
+    for (source, output), (target, entry) in list(graph.edges):
+        if graph.blocks[target].kind == LOGGER and output != WHOLE:
+            logs = graph.blocks[source].logs
+            logs[output] = ", ".join(filter(None, [logs.get(output), graph.blocks[target].name]))
+            graph.edges.remove(((source, output), (target, entry)))
+            del graph.blocks[target]
+    return graph
+
+
+def reading_order(graph: _Graph) -> list[str]:
+    """Blocks from left to right with few connections against it (the heuristic of Eades, Lin and Smyth, 1993)."""
+    left, begun, ended = list(graph.blocks), list[str](), list[str]()
+    while left:
+        ins, outs = dict.fromkeys(left, 0), dict.fromkeys(left, 0)
+        for (source, _), (target, _) in graph.edges:
+            if source in ins and target in ins and source != target:
+                outs[source], ins[target] = outs[source] + 1, ins[target] + 1
+        sink = next((key for key in reversed(left) if not outs[key]), None)
+        chosen = max(left, key=lambda key: (not ins[key], outs[key] - ins[key])) if sink is None else sink
+        left.remove(chosen)
+        if sink is None:
+            begun.append(chosen)
+        else:
+            ended.append(chosen)
+    return begun + ended[::-1]
+
+
 def _class_name(system: System) -> str:
     """Without the scalar type that pydrake appends in letters of its own."""
     return re.split(r"[^A-Za-z0-9_]", type(system).__name__)[0].rstrip("_")
@@ -127,13 +197,14 @@ def _laid_out(graph: _Graph) -> Any:
     except ModuleNotFoundError:
         raise MissingExtraError("drawing a block diagram", "pygraphviz", "graph") from None
     layout = pygraphviz.AGraph(
-        directed=True, strict=False, rankdir="LR", nodesep="0.22", ranksep="0.75", compound="true", dpi=RESOLUTION,
+        directed=True, strict=False, rankdir="LR", nodesep="0.22", ranksep="0.55", compound="true", dpi=RESOLUTION,
         pad="0.2",
     )  # fmt: skip
     layout.node_attr.update(fontname=FONT, fontsize=PORT_SIZE, fontcolor=INK, color=FRAME, style="rounded,filled",
                             fillcolor="white", shape="box", height="0.25", width="0.1", margin="0.11,0.03")  # fmt: skip
     layout.edge_attr.update(arrowsize="0.5")
-    for block in graph.blocks.values():
+    place = {key: k for k, key in enumerate(reading_order(graph))}
+    for block in sorted(graph.blocks.values(), key=lambda block: place[block.key]):
         if block.inputs or block.outputs:
             layout.add_node(block.key, label=_table(block), shape="plain", style="")
         else:
@@ -149,26 +220,35 @@ def _laid_out(graph: _Graph) -> Any:
         )  # fmt: skip
     colours = {key: RUNS[index % len(RUNS)] for index, key in enumerate(graph.blocks)}
     for number, ((source, output), (target, entry)) in enumerate(graph.edges):
-        layout.add_edge(source, target, key=str(number), tailport="e" if output == WHOLE else f"y{output}:e",
-                        headport="w" if entry == WHOLE else f"u{entry}:w", color=colours[source])  # fmt: skip
+        begin, end = "e" if output == WHOLE else f"y{output}:e", "w" if entry == WHOLE else f"u{entry}:w"
+        if place[source] < place[target]:
+            layout.add_edge(source, target, key=str(number), tailport=begin, headport=end, color=colours[source])
+        else:  # against the reading order: turned round for the layout, which so has no loops to break
+            layout.add_edge(target, source, key=str(number), tailport=end, headport=begin, dir="back",
+                            color=colours[source])  # fmt: skip
     layout.layout(prog="dot")
     return layout
 
 
 def _table(block: _Block) -> str:
-    """A block's label: its name and class over a row of ports each, inputs on the left."""
+    """A block's label: its name and class over a row of ports each, inputs on the left, loggers below what they log."""
 
-    def cell(port: str, names: list[str], row: int, align: str) -> str:
+    def cell(port: str, names: list[str], row: int, align: str, log: str = "") -> str:
         name = html.escape(names[row]) if row < len(names) else ""
-        return f'<td port="{port}{row}" align="{align}">{name}</td>'
+        below = f'<br/>{_small(log)}<br align="right"/>' if log else ""
+        return f'<td port="{port}{row}" align="{align}" balign="{align}">{name}{below}</td>'
 
     rows = "".join(
-        f"<tr>{cell('u', block.inputs, k, 'left')}{cell('y', block.outputs, k, 'right')}</tr>"
+        f"<tr>{cell('u', block.inputs, k, 'left')}{cell('y', block.outputs, k, 'right', block.logs.get(k, ''))}</tr>"
         for k in range(max(len(block.inputs), len(block.outputs)))
     )
     return (
         f'<<table border="1" cellborder="0" cellspacing="0" cellpadding="2" style="rounded" color="{FRAME}" '
         f'bgcolor="white"><tr><td colspan="2" bgcolor="{HEADER}"><font point-size="{TITLE_SIZE}"><b>'
-        f'{html.escape(block.name)}</b></font></td></tr><tr><td colspan="2" bgcolor="{HEADER}"><font '
-        f'point-size="{SMALL_SIZE}" color="#666666">{html.escape(block.kind)}</font></td></tr>{rows}</table>>'
+        f'{html.escape(block.name)}</b></font></td></tr><tr><td colspan="2" bgcolor="{HEADER}">{_small(block.kind)}'
+        f"</td></tr>{rows}</table>>"
     )
+
+
+def _small(text: str) -> str:
+    return f'<font point-size="{SMALL_SIZE}" color="{MUTED}">{html.escape(text)}</font>'

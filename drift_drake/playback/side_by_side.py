@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator, SimulatorStatus
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem
-from pydrake.systems.primitives import Adder, LogVectorOutput, Multiplexer, TrajectorySource
+from pydrake.systems.primitives import Adder, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.arrays import Array
@@ -17,9 +17,11 @@ from drift_drake.estimation.road import bank_force
 from drift_drake.logs.driving import SPUN, driven, slowest, spans
 from drift_drake.logs.table import InvalidLogError, Run
 from drift_drake.playback.measured_motion import MeasuredMotion, measured_motion
+from drift_drake.selector import select_signals
 from drift_drake.sensing.sensors import LOG_ROW, NoiseLevels
 from drift_drake.simulation.car import Car
-from drift_drake.simulation.runner import make_simulator
+from drift_drake.simulation.runner import add_logger, make_simulator
+from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.delays import as_commanded, on_time
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -142,8 +144,7 @@ class SideBySide:
         if wrenches:
             builder.Connect(self._sum(builder, name, wrenches), car.GetInputPort("disturbance"))
         builder.Connect(self._join(builder, f"{name}_commands", steering, driving), car.GetInputPort("command"))
-        sink = self._loggers[name] = LogVectorOutput(car.GetOutputPort("log_row"), builder, run.period)
-        sink.set_name(f"log_of_{name}")
+        self._loggers[name] = add_logger(builder, car.GetOutputPort("log_row"), name, run.period)
 
     @staticmethod
     def _sum(builder: DiagramBuilder, name: str, wrenches: Sequence[Any]) -> Any:
@@ -161,9 +162,10 @@ class SideBySide:
 
     @staticmethod
     def _join(builder: DiagramBuilder, name: str, steering: Any, torque: Any) -> Any:
-        joined = builder.AddNamedSystem(name, Multiplexer(2))
-        builder.Connect(steering, joined.get_input_port(0))
-        builder.Connect(torque, joined.get_input_port(1))
+        channels = {"steering": INPUTS[:1], "torque": INPUTS[1:]}
+        joined = builder.AddNamedSystem(name, select_signals(channels, {"command": INPUTS}))
+        builder.Connect(steering, joined.GetInputPort("steering"))
+        builder.Connect(torque, joined.GetInputPort("torque"))
         return joined.get_output_port()
 
     def run(self, restart: float = 2.0) -> "Played":

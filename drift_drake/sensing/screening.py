@@ -13,6 +13,7 @@ from drift_drake.logs.driving import slowest
 from drift_drake.reference.path import Path
 from drift_drake.sensing.fusion import Fused, Mask, corrected, learnt, predicted, within_gate
 from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel
 
@@ -189,7 +190,7 @@ class Screen(LeafSystem):
         nothing = JudgedReading(ReadingKind.MISSING, np.full(size, np.nan)).vector()
         self._before = self.DeclareDiscreteState(np.concatenate([[-np.inf], nothing, np.full(2, np.nan)]))
         self._counts = self.DeclareDiscreteState(np.zeros(len(ReadingKind)))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self._made: tuple[bytes, Array] = b"", nothing  # scratch: see `_calc_judged`
         self._judged = self.DeclareVectorOutputPort("judged", nothing.size, self._calc_judged)
         for name, length, calc in (

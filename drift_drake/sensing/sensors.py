@@ -2,16 +2,17 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common import RandomDistribution, RandomGenerator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, DiscreteValues, LeafSystem, State
-from pydrake.systems.primitives import Multiplexer, RandomSource, Selector, SelectorParams
+from pydrake.systems.primitives import RandomSource
 
 from drift_drake.arrays import Array
 from drift_drake.errors import InvalidOptionError, shown
+from drift_drake.selector import select_signals
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import STATES
 from drift_drake.vehicle.compilation import compiled
 from drift_drake.vehicle.effects import COUNT, Effects, measured
@@ -21,6 +22,8 @@ TIME_TOLERANCE = 1e-9  # [s] below which two times are the same
 SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
 """The measured signals: `state`, `path_position`, `pose` and `acceleration` of the plant, in this order."""
 MEASURED_STATE = (*STATES, "s")
+PARTS = {"state": STATES, "path_position": ("s",), "pose": ("x", "y", "psi"), "acceleration": ("ax", "ay")}
+"""The signals of each of these ports."""
 LOG_ROW = ("t", "x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 """Columns of the log format, the commands aside (which are known exactly)."""
 _SAMPLE = ("t", *SIGNALS)
@@ -64,7 +67,7 @@ class TransportDelay(LeafSystem):
             # One row is [time, u(time)]; the oldest comes first.
             rows_index = self.DeclareDiscreteState(rows.ravel())
             self.DeclareInitializationDiscreteUpdateEvent(self._fill)
-            self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._store)
+            declare_update(self, period, self._store, offset)
             past = {self.time_ticket(), self.discrete_state_ticket(rows_index)}
             prerequisites = past | prerequisites if self._shorter_than_period else past
         self.DeclareVectorOutputPort("y", size, self._calc_output, prerequisites_of_calc=prerequisites)
@@ -175,6 +178,7 @@ class SampleAndHold(LeafSystem):
         # Drake's random source draws in an unrestricted update, and those come before the discrete ones: only as one of
         # them does the sample keep the noise that the outputs had just before the updates.
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
         sources = {
             self.time_ticket(),
             self.xd_ticket(),
@@ -222,9 +226,9 @@ class Sensors(Diagram):
     ) -> None:
         Diagram.__init__(self)
         builder = DiagramBuilder()
-        signals = builder.AddNamedSystem("signals", Multiplexer([6, 1, 3, 2]))
-        for i, name in enumerate(("state", "path_position", "pose", "acceleration")):
-            builder.ExportInput(signals.get_input_port(i), name)
+        signals = builder.AddNamedSystem("signals", select_signals(PARTS, {"signals": SIGNALS}))
+        for name in PARTS:
+            builder.ExportInput(signals.GetInputPort(name), name)
         source = RandomSource(RandomDistribution.kGaussian, len(SIGNALS), period)
         self.noise_source = builder.AddNamedSystem("noise", source)
         sampler = builder.AddNamedSystem("sampler", SampleAndHold(noise, effects, period))
@@ -238,12 +242,10 @@ class Sensors(Diagram):
             builder.Connect(latency.get_output_port(), sampler.GetInputPort("signals"))
         else:
             builder.Connect(signals.get_output_port(0), sampler.GetInputPort("signals"))
-        # Drake picks the ports' numbers, which calls no Python for them.
-        parts = builder.AddNamedSystem(
-            "sample_parts", Selector(_selection(measured_state=MEASURED_STATE, log_row=LOG_ROW))
-        )
+        ports = {"measured_state": MEASURED_STATE, "log_row": LOG_ROW}
+        parts = builder.AddNamedSystem("sample_parts", select_signals({"sample": _SAMPLE}, ports))
         builder.Connect(sampler.get_output_port(), parts.get_input_port())
-        for name in ("measured_state", "log_row"):
+        for name in ports:
             builder.ExportOutput(parts.GetOutputPort(name), name)
         builder.BuildInto(self)
 
@@ -257,14 +259,3 @@ class Sensors(Diagram):
             raise InvalidOptionError(f"the seed is {shown(seed)}; give a whole number, 0 or more")
         context = self.noise_source.GetMyMutableContextFromRoot(root_context)
         self.noise_source.SetRandomContext(context, RandomGenerator(int(seed)))
-
-
-def _selection(**ports: Sequence[str]) -> SelectorParams:
-    """Ports that give some of a sample's numbers."""
-    selected = [[SelectorParams.OutputSelection(input_port_index=0, input_offset=_SAMPLE.index(name)) for name in names]
-                for names in ports.values()]  # fmt: skip
-    outputs = [
-        SelectorParams.OutputPortParams(name=name, selections=chosen)
-        for name, chosen in zip(ports, selected, strict=True)
-    ]
-    return SelectorParams(inputs=[SelectorParams.InputPortParams(name="sample", size=len(_SAMPLE))], outputs=outputs)

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, DiscreteValues, EventStatus, Leaf
 
 from drift_drake.arrays import Array
 from drift_drake.control.plan import TIME_TOLERANCE, interpolate_plan, no_plan
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.parameters import VehicleParameters
 
@@ -79,7 +80,7 @@ class LinearInterpolationActuator(LeafSystem):
         self._in_force = self.DeclareDiscreteState(nothing)  # the plan being followed
         self._waiting = self.DeclareDiscreteState(nothing)  # a newer one whose start lies ahead
         self._refused = self.DeclareDiscreteState(1)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._take_plan)
+        declare_update(self, period, self._take_plan)
 
         plans = {self.discrete_state_ticket(self._in_force), self.discrete_state_ticket(self._waiting)}
         # Read once for all commands until the next sampling, of which an integrator asks for several.

@@ -1,14 +1,14 @@
 """The real car of a simulation: actuators' delay, plant and sensors as one diagram."""
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drift_drake.sensing.sensors import NoiseLevels, Sensors, TransportDelay
-from drift_drake.vehicle.bicycle import STATES
+from drift_drake.selector import select_signals
+from drift_drake.sensing.sensors import PARTS, NoiseLevels, Sensors, TransportDelay
+from drift_drake.vehicle.bicycle import INPUTS
 from drift_drake.vehicle.delays import check_causal, command_delays
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.path_plant import POSE, CurvedPath, PathPlant
+from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant
 from drift_drake.vehicle.plant import VehiclePlant
 from drift_drake.vehicle.vehicle_file import check_effects, check_plausible
 
@@ -59,16 +59,17 @@ class Car(Diagram):
         actuation = self.plant.GetInputPort("actuation")
         delays = command_delays(effects)
         if any(delays):
-            split = builder.AddNamedSystem("command", Demultiplexer(2))
-            joined = builder.AddNamedSystem("actuation", Multiplexer(2))
+            channels = {"steering": INPUTS[:1], "torque": INPUTS[1:]}
+            split = builder.AddNamedSystem("command", select_signals({"command": INPUTS}, channels))
+            joined = builder.AddNamedSystem("actuation", select_signals(channels, {"actuation": INPUTS}))
             builder.ExportInput(split.get_input_port(), "command")
-            for i, (name, late) in enumerate(zip(("steering_delay", "torque_delay"), delays, strict=True)):
-                command = split.get_output_port(i)
+            for channel, late in zip(channels, delays, strict=True):
+                command = split.GetOutputPort(channel)
                 if late != 0.0:
-                    delay = builder.AddNamedSystem(name, TransportDelay(1, late, period))
+                    delay = builder.AddNamedSystem(f"{channel}_delay", TransportDelay(1, late, period))
                     builder.Connect(command, delay.get_input_port())
                     command = delay.get_output_port()
-                builder.Connect(command, joined.get_input_port(i))
+                builder.Connect(command, joined.GetInputPort(channel))
             builder.Connect(joined.get_output_port(), actuation)
         else:
             builder.ExportInput(actuation, "command")
@@ -85,8 +86,9 @@ class Car(Diagram):
     def _state_parts(self, builder: DiagramBuilder) -> dict[str, OutputPort]:
         """The plant's ports of these names, taken out of its whole state by Drake, which calls no Python for them."""
         whole = self.plant.GetOutputPort("full_state")
-        sizes = [len(STATES), 1, len(POSE)]
-        own = whole.size() - sum(sizes)
-        parts = builder.AddNamedSystem("state_parts", Demultiplexer([*sizes, own] if own else sizes))
+        own = [f"own_{k}" for k in range(whole.size() - len(PLANT_STATES))]
+        wanted = {name: PARTS[name] for name in ("state", "path_position", "pose")}
+        parts = select_signals({"full_state": (*PLANT_STATES, *own)}, wanted)
+        builder.AddNamedSystem("state_parts", parts)
         builder.Connect(whole, parts.get_input_port())
-        return {name: parts.get_output_port(i) for i, name in enumerate(("state", "path_position", "pose"))}
+        return {name: parts.GetOutputPort(name) for name in wanted}

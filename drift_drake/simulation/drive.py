@@ -93,9 +93,9 @@ class Drive:
             command = shaken.GetOutputPort("dithered_command")
         builder.Connect(command, self.car.GetInputPort("command"))
         self._logs = Logs(builder, LOG_PERIOD)
-        self._logs.add(self.car.GetOutputPort("log_row"), LOG_ROW)
-        self._logs.add(self.car.GetOutputPort("measured_state"), MEASURED_STATE)
-        self._logs.add(command, [f"{name}_cmd" for name in INPUTS])
+        self._logs.add(self.car.GetOutputPort("log_row"), LOG_ROW, "log_row")
+        self._logs.add(self.car.GetOutputPort("measured_state"), MEASURED_STATE, "measured_state")
+        self._logs.add(command, [f"{name}_cmd" for name in INPUTS], "command")
         self.diagram = builder.Build()
         self.diagram.set_name("drive")
 

@@ -9,6 +9,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, L
 from drift_drake.arrays import Array
 from drift_drake.sensing.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
+from drift_drake.updates import declare_update
 from drift_drake.vehicle.parameters import VehicleParameters
 
 USUAL = NoiseLevels()  # of a channel that holds its value
@@ -32,7 +33,7 @@ class SensorFaults(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", size)
         self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
         self._held = self.DeclareDiscreteState(np.full(size, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("faulted_state", size, self._calc)
 
     def _calc(self, context: Context, output: Any) -> None:
@@ -92,7 +93,7 @@ class PlanFaults(LeafSystem):
         self._depth = max([1, *(round(delay / period) for delay in late)])
         self._port = self.DeclareVectorInputPort("plan", size)
         self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("faulted_plan", size, self._calc)
 
     def _calc(self, context: Context, output: Any) -> None:
@@ -144,7 +145,7 @@ class ActuatorFaults(LeafSystem):
         self._low, self._high = parameters.command_limits()
         self._port = self.DeclareVectorInputPort("command", 2)
         self._held = self.DeclareDiscreteState(np.full(2, np.nan))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("faulted_command", 2, self._calc)
 
     def _calc(self, context: Context, output: Any) -> None:

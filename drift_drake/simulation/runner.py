@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, OutputPort, System
-from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
+from pydrake.systems.primitives import VectorLogSink
 
 from drift_drake.arrays import Array
 from drift_drake.errors import OutputError
@@ -43,6 +43,13 @@ def make_simulator(
     return simulator
 
 
+def add_logger(builder: DiagramBuilder, port: OutputPort, name: str, period: float) -> VectorLogSink:
+    """Adds a logger of a port to a diagram, called log_NAME; `period`: [s] between its samples."""
+    sink = builder.AddNamedSystem(f"log_{name}", VectorLogSink(port.size(), period))
+    builder.Connect(port, sink.get_input_port())
+    return sink
+
+
 class Logs:
     """Loggers of a diagram's ports, one table of them all.
 
@@ -54,12 +61,9 @@ class Logs:
         self._builder, self._period = builder, period
         self._columns: list[tuple[VectorLogSink, tuple[str, ...]]] = []
 
-    def add(self, port: OutputPort, columns: Sequence[str], name: str = "") -> None:
-        """Logs a port; `columns`: what its numbers are called in the table, empty for those left out."""
-        sink = LogVectorOutput(port, self._builder, self._period)
-        if name:
-            sink.set_name(f"log_{name}")
-        self._columns.append((sink, tuple(columns)))
+    def add(self, port: OutputPort, columns: Sequence[str], name: str) -> None:
+        """Logs a port under a name; `columns`: what its numbers are called in the table, empty for those left out."""
+        self._columns.append((add_logger(self._builder, port, name, self._period), tuple(columns)))
 
     def count(self, context: Context) -> int:
         """Rows that are logged."""

@@ -1,13 +1,14 @@
 """Block diagrams hold every system, port and connection of a diagram, in nested frames."""
 
 import re
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder, Gain, Integrator, LogVectorOutput
 
-from drift_drake.pictures.graph import draw_graph
+from drift_drake.pictures.graph import connections_shown, draw_graph
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -62,9 +63,36 @@ def test_every_system_port_and_connection_is_drawn(picture):
     drawn = texts(picture)
     for name in ("stiffness", "balance", "mass", "spring", "log_motion", "wind", "motion", "Gain", "Integrator", "sum"):
         assert name in drawn
-    # stiffness-balance, balance-mass, mass-stiffness, mass-log, wind-balance, mass-motion.
-    assert len(groups(picture, "edge")) == 6
+    # stiffness-balance, balance-mass, mass-stiffness, wind-balance, mass-motion.
+    assert len(groups(picture, "edge")) == 5
+
+
+def test_a_logger_stands_at_the_port_that_it_logs(picture):
+    drawn = texts(picture)
     assert "VectorLogSink" not in drawn  # a logger's name says it all
+    (x, y), (port_x, port_y) = drawn["log_motion"], drawn["y0"]
+    assert abs(x - port_x) < 40
+    assert 0 < y - port_y < 15
+    assert drawn["mass"][1] < port_y
+
+
+def test_a_png_says_what_it_shows(files):
+    assert connections_shown(files[1]) == [
+        "balance.sum -> mass.u0", "mass.y0 -> log_motion", "mass.y0 -> motion", "mass.y0 -> stiffness.u0",
+        "stiffness.y0 -> balance.u0", "wind -> balance.u1",
+    ]  # fmt: skip
+
+
+def test_connections_run_from_left_to_right_but_for_one_of_a_loop(picture):
+    """Of stiffness, balance and mass, one connection goes back."""
+    where = texts(picture)
+    loop = [where[name][0] for name in ("stiffness", "balance", "mass", "stiffness")]
+    assert sum(end < begin for begin, end in pairwise(loop)) == 1
+
+
+def test_a_diagram_within_that_is_not_opened_is_one_block(tmp_path):
+    _, png = draw_graph(closed_loop(), tmp_path / "closed", depth=0)
+    assert "spring.force -> mass.u0" in connections_shown(png)
 
 
 def test_the_inside_of_a_frame_lies_inside_and_the_rest_outside(picture):

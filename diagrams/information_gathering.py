@@ -14,7 +14,7 @@ from drift_drake.gathering.choice import ask
 from drift_drake.gathering.config import Recipe
 from drift_drake.gathering.gather import execution, learn_drives, taught
 from drift_drake.gathering.identified import runs_of
-from drift_drake.gathering.plan import plan_again, plan_drive
+from drift_drake.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
 from drift_drake.model.checkpoint import load_model
 from drift_drake.model.posterior import Posterior, covariance_norms
 from drift_drake.pictures.graph import draw_graph
@@ -49,13 +49,17 @@ def main(options: Options) -> None:
             print(path)
         return
     driven = []
-    print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}")
+    print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}   (alpha {config.alpha:g})")
     first = plan_drive(model, beliefs["prior"], config, config.alpha, options.seed)
     _report("prior", beliefs["prior"])
     for name, before in (("Once-OCP", "prior"), ("Once-Info", "prior"), ("Twice-Info", "Once-Info")):
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
         if trajectory is None:
-            trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
+            try:
+                trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
+            except InfeasiblePlanError as error:
+                print(f"{name:>12}  not driven: {error}")
+                break
         drive = taught(model, beliefs[before], trajectory, effects, parameters, config, options.seed)
         beliefs[name] = drive.belief
         driven += [drive.table] if name != "Once-OCP" else []
@@ -65,7 +69,7 @@ def main(options: Options) -> None:
             f"{'':>12}  planned {drive.expected:.1f} nat ({trajectory.status}), gained {drive.obtained:.1f}; driven: "
             f"|e| <= {e:.2f} m, |beta| <= {beta:.2f} rad, ended by {drive.ending}"
         )
-    if config.learn_lags:
+    if config.learn_lags and "Twice-Info" in beliefs:
         model, beliefs["Twice-Info"] = learn_drives(model, driven, config)
         print(f"both drives are likeliest with lags of {model.lag[0]:g} s (steering) and {model.lag[1]:g} s (torque)")
     print(ask(runs_of(driven), parameters).sentence())

@@ -51,8 +51,8 @@ from .simulation.actuation import LinearInterpolationActuator as LinearInterpola
 from .simulation.car import Car as Car
 from .simulation.closed_loop import ClosedLoop as ClosedLoop
 from .simulation.closed_loop import ControlConfig as ControlConfig
-from .simulation.closed_loop import RunLimits as RunLimits
 from .simulation.drive import Drive as Drive
+from .simulation.endings import RunLimits as RunLimits
 from .vehicle.catalogue import CATALOGUE as CATALOGUE
 from .vehicle.effect import Effect as Effect
 from .vehicle.effects import Effects as Effects

@@ -27,6 +27,7 @@ SLIP_SOFTENING = 5.0  # [m/s], likewise
 # course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
+PAPER_ALPHA = 2.0  # [1/nat] of the paper's recipe; chosen by `experiments.gathering.alpha`
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
 # of what the control along the figure-8 will need.
 Objective = Literal["eq8", "updated", "drifts", "reference"]
@@ -139,6 +140,9 @@ class GatheringConfig(LaneDrive):
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
     learn_lags: bool = True
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
+    only_converged: bool = False
+    """A plan whose SQP has not converged is none. Without, one that is feasible is driven: with the shipped bounds its
+    states are those of a car that can be caught, whether its cost is the least or not."""
     max_iterations: int = 80
     tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
@@ -186,11 +190,17 @@ class GatheringConfig(LaneDrive):
         return self.duration if self.lane == "track" else self.steps * DT
 
 
-def as_in_paper(config: GatheringConfig) -> GatheringConfig:
-    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded."""
+def as_in_paper(config: GatheringConfig, alpha: float = PAPER_ALPHA) -> GatheringConfig:
+    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded.
+
+    Nothing else than convergence says then whether a plan is of a car's motion: one that has not converged is none.
+
+    Args:
+        alpha: weight of the information [1/nat], which the paper does not state.
+    """
     return dataclasses.replace(
         config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
-        path_step="euler", learn_lags=False,
+        path_step="euler", learn_lags=False, alpha=alpha, only_converged=True,
     )  # fmt: skip
 
 
@@ -203,13 +213,25 @@ class Recipe:
     as_in_paper: bool = False
     """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
     gathering: eq. (8) with one weight, Euler's path, no added bounds."""
+    paper_alpha: float = PAPER_ALPHA
+    """Weight of the information in the paper's recipe, which has this in place of gathering.alpha."""
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
 
     def resolved(self) -> Self:
-        """The configuration with what `as_in_paper` stands for."""
+        """The configuration with what `as_in_paper` stands for.
+
+        Raises:
+            InvalidOptionError: a weight that the recipe does not take.
+        """
         if not self.as_in_paper:
             return self
-        return dataclasses.replace(self, checkpoint=paper_checkpoint(), gathering=as_in_paper(self.gathering))
+        if self.gathering.alpha != GatheringConfig.alpha:
+            raise InvalidOptionError(
+                f"--gathering.alpha {self.gathering.alpha:g}: the paper's recipe has a weight of its own; "
+                f"give --paper-alpha {self.gathering.alpha:g}"
+            )
+        gathering = as_in_paper(self.gathering, self.paper_alpha)
+        return dataclasses.replace(self, checkpoint=paper_checkpoint(), gathering=gathering)
 
 
 def lane(config: GatheringConfig) -> Reference:

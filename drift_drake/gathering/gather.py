@@ -22,6 +22,7 @@ from drift_drake.gathering.config import (
     problem_data,
 )
 from drift_drake.gathering.plan import (
+    CONVERGED,
     Trajectory,
     info_ocp,
     information_cost,
@@ -96,7 +97,8 @@ def plan_rest(
     problem = info_ocp(model, belief, config, alpha, along=along)
     problem.set(lane_data(config, s=along)._replace(x_init=x, u_init=u))
     found = LineSearchSqp(problem, sqp_options(config)).solve(problem.stack(x_guess, u_guess))
-    if found.failed or found.primal_residual >= FEASIBLE:
+    unusable = found.status != CONVERGED if config.only_converged else found.failed
+    if unusable or found.primal_residual >= FEASIBLE:
         return plan
     states, inputs, _ = problem.unstack(found.z)
     told = information_cost(model, belief, config.objective, alpha).information(states[:-1], inputs[:-1], inputs[1:])

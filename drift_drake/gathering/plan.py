@@ -34,6 +34,7 @@ from drift_drake.threads import one_blas_thread
 
 MORE = 2  # times as many first guesses where none has led to a plan
 QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
+CONVERGED = "converged"  # of an SQP's statuses
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
 
@@ -67,7 +68,7 @@ def plan_drive(
         alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
 
     Raises:
-        InfeasiblePlanError: no first guess led to a feasible trajectory.
+        InfeasiblePlanError: no first guess led to a feasible trajectory, or, with `only_converged`, to the least cost.
     """
     problem = info_ocp(model, belief, config, alpha, lateral)
     cost = information_cost(model, belief, config.objective, alpha)
@@ -76,11 +77,12 @@ def plan_drive(
     generator, count = np.random.default_rng(seed), config.starts if alpha > 0.0 else 1
     guesses = _first_guesses(problem, straight, count, generator)
     try:
-        best = _best(solver, guesses)
+        best = _best(solver, guesses, config.only_converged)
     except InfeasiblePlanError:
         if alpha == 0.0:
             raise
-        best = _best(solver, _first_guesses(problem, straight, MORE * count + 1, generator)[1:])
+        more = _first_guesses(problem, straight, MORE * count + 1, generator)[1:]
+        best = _best(solver, more, config.only_converged)
     if config.lane == "track":
         best = _where_it_drives(config, problem, solver, best)
     x, u, _ = problem.unstack(best.z)
@@ -107,7 +109,7 @@ def _first_guesses(
     return guesses
 
 
-def _best(solver: LineSearchSqp, guesses: list[Array]) -> SqpResult:
+def _best(solver: LineSearchSqp, guesses: list[Array], only_converged: bool) -> SqpResult:
     """The solution from the guess that leads furthest in `TRIAL` iterations; from the next one where it fails."""
     most = solver.options.max_iterations
     trials = [solver.solve(guess, most=min(TRIAL, most)) for guess in guesses]
@@ -115,8 +117,13 @@ def _best(solver: LineSearchSqp, guesses: list[Array]) -> SqpResult:
         result = trial
         if trial.status == "iterations" and most > TRIAL:
             result = solver.solve(trial.z, trial.y, most - TRIAL)
-        if not result.failed and result.primal_residual < FEASIBLE:
+        usable = result.status == CONVERGED if only_converged else not result.failed
+        if usable and result.primal_residual < FEASIBLE:
             return result
+    if only_converged:
+        raise InfeasiblePlanError(
+            f"no first guess led to a plan that converged in {most} iterations; lower alpha or allow more iterations"
+        )
     raise InfeasiblePlanError(
         "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
     )

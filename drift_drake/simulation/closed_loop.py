@@ -4,7 +4,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -32,6 +31,7 @@ from drift_drake.sensing.sensor_errors import without_errors
 from drift_drake.sensing.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.simulation.actuation import LinearInterpolationActuator
 from drift_drake.simulation.car import Car
+from drift_drake.simulation.endings import Ending, Outcome, RunLimits
 from drift_drake.simulation.fault_systems import FaultPoints
 from drift_drake.simulation.faults import Change, Fault, check_change, make_change, patches, with_patches
 from drift_drake.simulation.learners import Learners, check_planner, lane_tightening
@@ -48,7 +48,6 @@ from drift_drake.vehicle.step_model import StepModel
 
 NEGLIGIBLE = 1e-9  # [N s^2/m^2] of drag, with which a car has the states of effects and nothing else
 DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
-Outcome = Literal["completed", "stopped safely", "spin", "left the lane", "time is up", "simulation failed"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,16 +76,6 @@ class ControlConfig:
             raise ValueError(f"control.tolerance is {self.tolerance:g}: give a number above 0, or leave it out")
         if not 0.0 <= self.patience < math.inf:
             raise ValueError(f"control.patience is {self.patience:g} s; give a time above 0 s, or 0 for never")
-
-
-@dataclasses.dataclass(frozen=True)
-class RunLimits:
-    """When a run ends early."""
-
-    sideslip: float = 1.3  # [rad] beyond which the car has spun
-    lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
-    time_factor: float = 1.5  # of the reference's own duration; at the safe pace where the car may be slowed down
-    stopping_time: float = 30.0  # [s] more for a car that is being stopped
 
 
 class ClosedLoop:
@@ -231,19 +220,6 @@ class ClosedLoop:
     def _stopping(self, root: Context) -> bool:
         return self.safe_stop is not None and self.safe_stop.stopping(self.safe_stop.GetMyContextFromRoot(root))
 
-    def _ending(self, root: Context, limits: RunLimits) -> Outcome | None:
-        """How a run ends here and now; None where it goes on."""
-        state = self.car.plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
-        v, beta, e, s = state[1], state[2], state[4], state[6]
-        if abs(beta) > limits.sideslip:
-            return "spin"
-        e_min, e_max = self.reference.lane(s)
-        if not e_min - limits.lane_margin <= e <= e_max + limits.lane_margin:
-            return "left the lane"
-        if self._stopping(root):
-            return "stopped safely" if v < slowest(self.parameters) else None
-        return "completed" if s >= self.reference.distance else None
-
     @one_blas_thread()
     def run(
         self, context: Context, limits: RunLimits = RunLimits(), accuracy: float = 1e-4, change: Change | None = None,
@@ -267,11 +243,13 @@ class ClosedLoop:
             self.controller.warm_up()
         plant, reference = self.car.plant, self.reference
         file = None if log_to is None else LogFile(self.logs, log_to)
+        ending = Ending(reference, limits, slowest(self.parameters))
 
         def reason(root: Context) -> Outcome | None:
             if file is not None:
                 file.take(root)
-            return self._ending(root, limits)
+            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            return ending(root.get_time(), state, self._stopping(root))
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)
         duration = reference.duration if self.slow_down is None else reference.distance / self.slow_down.pace

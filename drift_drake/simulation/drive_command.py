@@ -30,8 +30,9 @@ from drift_drake.reference.trajectory import Reference, figure_8, loops
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_figure, write_table, write_text
 from drift_drake.sensing.sensor_errors import sensor_errors
-from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.command import DriveOptions
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.simulation.metrics import RunMetrics
 from drift_drake.vehicle.compilation import say_if_it_compiles

@@ -9,7 +9,9 @@ from drift_drake.control.mpc import FOLLOWED
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import ReadingKind
 from drift_drake.simulation.actuation import PlanStatus
+from drift_drake.simulation.endings import heads_backwards
 
+TURNED_ROUND = 0.5  # [s] at a run's end, from which on a car that heads backwards has not just begun to spin
 GRID = 0.5  # [m] along the path
 START = 0.1  # [s] until which there need not be a plan
 STEADY_SIDESLIP = 0.2  # [rad] of the reference from which on it is a drift
@@ -94,8 +96,13 @@ def stopping_from(table: pd.DataFrame) -> float | None:
 def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:
     """The rows up to the last moment at which the sideslip was within the steering lock.
 
-    Beyond it the front wheels can no longer point along the course: that is where the last spin of a run began.
+    Beyond it the front wheels can no longer point along the course: that is where the last spin of a run began. Of a
+    car that has turned round, and may drive back with little sideslip, that is sought before it headed backwards.
     """
+    ahead = np.flatnonzero(~heads_backwards(table["beta"].to_numpy(), table["dphi"].to_numpy()))
+    headed = ahead[-1] + 1 if len(ahead) else 1
+    if headed < len(table) and table["t"].iloc[-1] - table["t"].iloc[headed] >= TURNED_ROUND:
+        table = table.iloc[:headed]
     within = np.flatnonzero(table["beta"].abs().to_numpy() <= steering_limit)
     return table.iloc[: within[-1] + 1 if len(within) else 1]
 
@@ -134,7 +141,7 @@ def run_metrics(table: pd.DataFrame, outcome: str, reference: Reference, steerin
     return RunMetrics(
         outcome=outcome,
         completed=outcome == "completed",
-        completion=float(np.clip(s[-1] / reference.distance, 0.0, 1.0)),
+        completion=float(np.clip(s.max() / reference.distance, 0.0, 1.0)),
         drifting=drifting_share(table, reference),
         duration=float(table["t"].iloc[-1]),
         rms_e=rms("e", wanted[:, 4]),

@@ -19,6 +19,8 @@ from experiments.drifting.report import (
     ordering_table,
     over_oracle_table,
     paper_table,
+    picture_sentence,
+    plans_sentence,
     refusal_sentence,
     summarise,
 )
@@ -38,7 +40,7 @@ def main(config: ModelsConfig) -> None:
     write_json(folder / "numbers.json", summary)
     report = (
         f"{completion_table(summary)}\n\n{ordering_table(runs)}{over_oracle_table(runs)}{refusal_sentence(summary)}"
-        f"{choice_sentence(runs)}"
+        f"{choice_sentence(runs)}{plans_sentence(summary)}{picture_sentence(runs)}"
         f"Table II, RMS lateral deviation [m] (here: medians over the vehicles)\n\n{paper_table(summary, 'rms_e')}\n\n"
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"

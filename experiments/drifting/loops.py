@@ -20,7 +20,15 @@ from drift_drake.reference.trajectory import Reference
 from drift_drake.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.safe_files import write_table
 from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
-from experiments.drifting.report import LABELS, completion_table, draw, refusal_sentence, summarise
+from experiments.drifting.report import (
+    LABELS,
+    completion_table,
+    draw,
+    picture_sentence,
+    plans_sentence,
+    refusal_sentence,
+    summarise,
+)
 from experiments.drifting.runs import (
     Model,
     ModelsConfig,
@@ -121,7 +129,8 @@ def main(config: LoopsConfig) -> None:
     begin, end = initiation(course)
     report = (
         f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
-        f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n"
+        f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n\n"
+        f"{plans_sentence(summary)}{picture_sentence(runs, PICTURED)}"
     )
     write_report(folder, report, config)
     draw(folder, runs, course, PICTURED)

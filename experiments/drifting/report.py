@@ -143,6 +143,18 @@ def _said(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"
 
 
+def plans_sentence(summary: dict[str, Any]) -> str:
+    """How many second plans failed; empty where none did. Such a plan is not driven."""
+    parts = [
+        f"{LABELS.get(model, model)} {s['without_second_plan']} of {s['runs']}"
+        for model, s in summary.items()
+        if s.get("without_second_plan")
+    ]
+    if not parts:
+        return ""
+    return f"No second plan was found, and what Once-Info taught was driven with: {', '.join(parts)} runs.\n\n"
+
+
 def refusal_sentence(summary: dict[str, Any]) -> str:
     """What the lane's logs said beforehand (`drift_drake.gathering.choice`); empty where it was not asked."""
     parts = [
@@ -257,33 +269,67 @@ def paper_table(summary: dict[str, Any], error: str) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def median_runs(folder: Path, runs: pd.DataFrame, models: list[str]) -> dict[str, pd.DataFrame]:
-    """Each model's median run by RMS e."""
-    tables = {}
-    for model in models:
-        ranked = runs[runs["model"] == model].sort_values("rms_e")
-        tables[LABELS.get(model, model)] = _read(folder, ranked.iloc[(len(ranked) - 1) // 2])
-    return tables
+def completed_of(runs: pd.DataFrame, models: Sequence[str]) -> pd.DataFrame:
+    """The models' completed runs; where there is none at all, all of their runs."""
+    of_models = runs[runs["model"].isin(list(models))]
+    return of_models[of_models["completed"]] if of_models["completed"].any() else of_models
+
+
+def pictured_vehicle(runs: pd.DataFrame, models: Sequence[str]) -> int:
+    """Of the vehicles on which most of the models completed a run, the middle one by their RMS e."""
+    errors = completed_of(runs, models).groupby(["vehicle", "model"])["rms_e"].median().groupby("vehicle")
+    count = errors.size()
+    ranked = errors.mean()[count == count.max()].sort_values()
+    return int(ranked.index[(len(ranked) - 1) // 2])
+
+
+def median_run(runs: pd.DataFrame) -> pd.Series:
+    """The middle one by RMS e."""
+    return runs.sort_values("rms_e").iloc[(len(runs) - 1) // 2]
+
+
+def pictured_runs(runs: pd.DataFrame, models: Sequence[str]) -> dict[str, pd.Series]:
+    """Each model's median completed run of one and the same vehicle; models without one on it are left out."""
+    of_vehicle = completed_of(runs, models).loc[lambda some: some["vehicle"] == pictured_vehicle(runs, models)]
+    found = {model: of_vehicle[of_vehicle["model"] == model] for model in models}
+    return {model: median_run(group) for model, group in found.items() if not group.empty}
+
+
+def pictured_models(runs: pd.DataFrame, pictured: Sequence[str]) -> list[str]:
+    """Those of the models that were run; with fewer than two of them, the first four that were."""
+    present = list(dict.fromkeys(runs["model"]))
+    shown = [model for model in pictured if model in present]
+    return shown if len(shown) > 1 else present[:4]
+
+
+def picture_sentence(runs: pd.DataFrame, pictured: Sequence[str] = PICTURED) -> str:
+    """What time_series.png shows."""
+    shown = pictured_models(runs, pictured)
+    vehicle, found = pictured_vehicle(runs, shown), pictured_runs(runs, shown)
+    if not runs.loc[runs["model"].isin(shown), "completed"].any():
+        return f"time_series.png: vehicle {vehicle}, each model's median run as far as it came: none was completed.\n\n"
+    missing = [LABELS.get(model, model) for model in shown if model not in found]
+    without = f" {', '.join(missing)}: none completed on it, none shown." if missing else ""
+    return f"time_series.png: vehicle {vehicle}, each model's median completed run.{without}\n\n"
 
 
 def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Sequence[str] = PICTURED) -> None:
-    """time_series.png (median runs, transitions in grey) and overhead.png (all runs from above, a panel a model).
+    """time_series.png (`pictured_runs`, transitions in grey) and overhead.png (all runs, a panel a model).
 
     Args:
-        pictured: the models of the time series, as far as they were run; with fewer than two of them, the first four.
+        pictured: the models of the time series, see `pictured_models`.
     """
-    parameters = VehicleParameters()
-    present = list(dict.fromkeys(runs["model"]))
-    shown = [model for model in pictured if model in present]
-    shown = shown if len(shown) > 1 else present[:4]
-    write_figure(time_series(median_runs(folder, runs, shown), reference, parameters), folder / "time_series.png")
-    panels = []
-    for model in present:
-        group = runs[runs["model"] == model]
-        median = next(iter(median_runs(folder, runs, [model]).values()))
-        title = f"{LABELS.get(model, model)}: {held(group).sum()} of {len(group)} held the drift"
+    parameters, shown = VehicleParameters(), pictured_models(runs, pictured)
+    drawn = {LABELS.get(model, model): _read(folder, run) for model, run in pictured_runs(runs, shown).items()}
+    write_figure(time_series(drawn, reference, parameters), folder / "time_series.png")
+    vehicle, panels = pictured_vehicle(runs, shown), []
+    for model, group in runs.groupby("model", sort=False):
+        completed = group[group["completed"]]
+        same = completed[completed["vehicle"] == vehicle]
+        picked = next(candidates for candidates in (same, completed, group) if not candidates.empty)
+        title = f"{LABELS.get(str(model), str(model))}: {held(group).sum()} of {len(group)} held the drift"
         tables = [_read(folder, run) for _, run in group.iterrows()]
-        panels.append(OverheadPanel(title, tables, list(group["outcome"]), median))
+        panels.append(OverheadPanel(title, tables, list(group["outcome"]), _read(folder, median_run(picked))))
     write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
 
 

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.gathering.plan import CONVERGED
+
 MODELS = ("prior", "Once-OCP", "Once-Info", "Twice-Info", "random steering", "slalom")
 STATES = ("r", "v", "beta", "omega_r")
 MODEL_KEYS = (
@@ -89,6 +91,36 @@ def _counts(results: list[dict[str, Any]]) -> dict[str, int]:
     return {text: _count(results, holds) for text, holds in better.items()}
 
 
+def _ratios(twice: list[dict[str, Any]]) -> dict[str, Any]:
+    """Of the vehicles that drove two rounds; nothing where none did."""
+    kinds = {"prior total over Twice-Info's": "total", "the same, every sample in full": "full_weight_total"}
+    return {
+        name: _spread([result["prior"]["total"] / result["rounds"][1][key] for result in twice])
+        for name, key in kinds.items()
+        if twice
+    }
+
+
+def plans_found(results: list[dict[str, Any]]) -> dict[str, Any]:
+    """How many rounds' plans were driven, how many of those had not converged, and how many failed, by round."""
+    driven = [one for result in results for one in result["rounds"]]
+    failed = [len(result["rounds"]) + 1 for result in results if "stopped" in result]
+    return {
+        "driven": len(driven),
+        "not converged": sum(one.get("status", CONVERGED) != CONVERGED for one in driven),
+        "failed": {str(number): failed.count(number) for number in sorted(set(failed))},
+    }
+
+
+def _plans_sentence(plans: dict[str, Any]) -> str:
+    by_round = ", ".join(f"{count} of round {number}" for number, count in plans["failed"].items())
+    failed = sum(plans["failed"].values())
+    return (
+        f"- plans of rounds: {plans['driven']} driven, {plans['not converged']} of them not converged; {failed} failed "
+        f"and were not driven{f' ({by_round})' if by_round else ''}"
+    )
+
+
 def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any]:
     """Best, median and worst over vehicles, counts, and the rounds."""
     by_model = {name: [e for e in (entry(result, name) for result in results) if e is not None] for name in MODELS}
@@ -97,13 +129,11 @@ def summarise(results: list[dict[str, Any]], stop_below: float) -> dict[str, Any
     driven = [[result["rounds"][k] for result in results if len(result["rounds"]) > k] for k in range(most)]
     return {
         "vehicles": len(results),
+        "plans": plans_found(results),
         "models": {name: _of_model(entries) for name, entries in by_model.items() if entries},
         "rounds": [_of_round(rounds) for rounds in driven],
         "counts": _counts(results),
-        "prior total over Twice-Info's": _spread([r["prior"]["total"] / r["rounds"][1]["total"] for r in twice]),
-        "the same, every sample in full": _spread(
-            [r["prior"]["total"] / r["rounds"][1]["full_weight_total"] for r in twice]
-        ),
+        **_ratios(twice),
         "stopping": {
             "rule": f"stop before a round whose predicted gain is below {stop_below:g} of all gained before",
             "rounds driven": [stop_round(result["rounds"], stop_below) for result in results],
@@ -199,11 +229,14 @@ def _sentences(summary: dict[str, Any]) -> list[str]:
     driven = summary["stopping"]["rounds driven"]
     times = (f"{n} {v:.1f}" + (" s" if n != "load average" else "") for n, v in summary["plan_seconds"].items())
     lines = [f"- {text}: {count} of {summary['vehicles']}" for text, count in summary["counts"].items()]
+    ratios = {
+        "the prior's total norm over Twice-Info's": "prior total over Twice-Info's",
+        "the same, had every sample counted in full, as in the paper's recursion": "the same, every sample in full",
+    }
     return [
         *lines,
-        f"- the prior's total norm over Twice-Info's: {_cell(summary['prior total over Twice-Info' + chr(39) + 's'])}",
-        "- the same, had every sample counted in full, as in the paper's recursion: "
-        + _cell(summary["the same, every sample in full"]),
+        _plans_sentence(summary["plans"]),
+        *(f"- {text}: {_cell(summary[key])}" for text, key in ratios.items() if key in summary),
         f"- {summary['stopping']['rule']}: {min(driven)} to {max(driven)} rounds, {np.median(driven):g} in the median",
         "- CPU time of a plan: " + ", ".join(times),
     ]

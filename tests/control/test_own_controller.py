@@ -11,7 +11,8 @@ from drift_drake.control.plan import Plan
 from drift_drake.model.adapter import BayesianAdapter
 from drift_drake.model.checkpoint import load_model
 from drift_drake.reference.trajectory import Reference, straight_line
-from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import Fault
 from drift_drake.vehicle.parameters import VehicleParameters
 from drift_drake.vehicle.step_model import NominalStepModel

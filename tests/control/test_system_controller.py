@@ -8,7 +8,8 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from drift_drake.control.controller import InvalidControllerError
 from drift_drake.reference.trajectory import Reference, straight_line
-from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import InvalidVehicleError, VehicleParameters

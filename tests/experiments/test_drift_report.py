@@ -9,6 +9,10 @@ from experiments.drifting.report import (
     ordering_table,
     over_oracle_table,
     paper_table,
+    picture_sentence,
+    pictured_runs,
+    pictured_vehicle,
+    plans_sentence,
     refusal_sentence,
     summarise,
 )
@@ -124,3 +128,40 @@ def test_the_papers_models_are_ordered_pair_by_pair() -> None:
         "",
     ]
     assert ordering_table(runs[runs["model"] != "prior"]) == ""
+
+
+@pytest.fixture
+def several() -> pd.DataFrame:
+    """Three vehicles: on 0 the prior completes nothing, 1 is the worst of the two on which both do, 2 the better."""
+    return pd.DataFrame({
+        "model": ["prior", "prior", "twice_info"] * 3,
+        "vehicle": [0, 0, 0, 1, 1, 1, 2, 2, 2],
+        "noise_seed": [0, 1, 0] * 3,
+        "completed": [False, False, True, True, True, True, True, False, True],
+        "rms_e": [0.01, 0.02, 0.1, 1.0, 1.2, 0.5, 0.4, 0.05, 0.2],
+    })  # fmt: skip
+
+
+def test_the_runs_that_are_pictured_are_completed_ones_of_one_vehicle(several: pd.DataFrame) -> None:
+    """By RMS e alone, a run that was lost at once would be the prior's median one."""
+    models = ["prior", "twice_info"]
+    assert pictured_vehicle(several, models) == 2  # the lower middle of two
+    runs = pictured_runs(several, models)
+    assert {model: (run["vehicle"], run["rms_e"]) for model, run in runs.items()} == {
+        "prior": (2, 0.4), "twice_info": (2, 0.2),
+    }  # fmt: skip
+    assert picture_sentence(several, models) == ("time_series.png: vehicle 2, each model's median completed run.\n\n")
+
+
+def test_a_model_that_completed_none_on_that_vehicle_is_named(several: pd.DataFrame) -> None:
+    lost = several.assign(completed=several["completed"] & (several["model"] != "prior"))
+    assert list(pictured_runs(lost, ["prior", "twice_info"])) == ["twice_info"]
+    assert "prior: none completed on it, none shown" in picture_sentence(lost, ["prior", "twice_info"])
+    nothing = several.assign(completed=False)
+    assert list(pictured_runs(nothing, ["prior", "twice_info"])) == ["prior", "twice_info"]
+    assert "none was completed" in picture_sentence(nothing, ["prior", "twice_info"])
+
+
+def test_second_plans_that_failed_are_counted(runs: pd.DataFrame) -> None:
+    assert "Twice-Info 1 of 6 runs" in plans_sentence(summarise(runs))
+    assert plans_sentence(summarise(runs.assign(second_plan=True))) == ""

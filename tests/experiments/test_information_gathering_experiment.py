@@ -57,6 +57,22 @@ def test_counts_and_spreads() -> None:
     assert "33.98" in markdown(summary | {"plan_seconds": {"OCP": 0.3}})
 
 
+def test_plans_that_failed_are_counted_and_shown() -> None:
+    """Without a second plan nothing is driven in its place; all vehicles may lack one."""
+    without = vehicle(4.0, 1.0)
+    del without["rounds"][1]
+    without["stopped"] = "no first guess led to a plan that converged"
+    found = vehicle(5.0, 2.0)
+    found["rounds"][1]["status"] = "iterations"
+    summary = summarise([without, found], 0.1)
+    assert summary["plans"] == {"driven": 3, "not converged": 1, "failed": {"2": 1}}
+    assert summary["rounds"][1]["vehicles"] == summary["models"]["Twice-Info"]["vehicles"] == 1
+    text = markdown(summary | {"plan_seconds": {"OCP": 0.3}})
+    assert "3 driven, 1 of them not converged; 1 failed and were not driven (1 of round 2)" in text
+    alone = markdown(summarise([without, without], 0.1) | {"plan_seconds": {"OCP": 0.3}})
+    assert "2 failed and were not driven (2 of round 2)" in alone
+
+
 def test_a_track_has_no_baselines_and_its_drives_may_stop() -> None:
     found = vehicle(4.0, 1.0, "enough")
     del found["slalom"], found["random steering"]

@@ -19,7 +19,8 @@ from drift_drake.monitoring.monitor import Monitor, after_row, make_monitor
 from drift_drake.monitoring.watch import as_rows, growing_rows, head_of, monitor_of, on_the_clock
 from drift_drake.reference.trajectory import figure_8
 from drift_drake.sensing.sensors import MEASURED_STATE
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import KINDS, Fault, parse_fault
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

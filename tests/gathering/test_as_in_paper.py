@@ -7,9 +7,10 @@ import pytest
 from learnt_models import trainable_count
 
 from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.errors import InvalidOptionError
+from drift_drake.gathering.config import PAPER_ALPHA, GatheringConfig, Recipe, as_in_paper
 from drift_drake.gathering.gather import gather, learn_drive
-from drift_drake.gathering.plan import Trajectory, plan_drive, round_alpha
+from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_drive, round_alpha
 from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.model.quality import step_model
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -61,3 +62,20 @@ def test_the_information_weighs_the_same_in_every_round(model: BayesianModel, in
     after = learn_drive(model, model.prior(), gather(info, EFFECTS, VehicleParameters(), CONFIG, 0)[0], CONFIG)
     assert round_alpha(model, after, info, CONFIG) == CONFIG.alpha
     assert CONFIG.objective == CONFIG.objective_later == "eq8"
+
+
+def test_a_plan_that_has_not_converged_is_none(model: BayesianModel, info: Trajectory) -> None:
+    assert info.status == "converged"
+    hasty = dataclasses.replace(CONFIG, starts=1, max_iterations=3)
+    with pytest.raises(InfeasiblePlanError, match="converged in 3 iterations; lower alpha or allow more iterations"):
+        plan_drive(model, model.prior(), hasty, CONFIG.alpha)
+    feasible = plan_drive(model, model.prior(), dataclasses.replace(hasty, only_converged=False, bounded=True), 0.1)
+    assert feasible.status != "converged"
+
+
+def test_the_recipe_has_a_weight_of_its_own() -> None:
+    assert Recipe(as_in_paper=True).resolved().gathering.alpha == PAPER_ALPHA
+    assert Recipe(as_in_paper=True, paper_alpha=4.0).resolved().gathering.alpha == 4.0
+    assert Recipe().resolved().gathering == GatheringConfig()
+    with pytest.raises(InvalidOptionError, match=r"--gathering.alpha 3: .* give --paper-alpha 3"):
+        Recipe(as_in_paper=True, gathering=GatheringConfig(alpha=3.0)).resolved()

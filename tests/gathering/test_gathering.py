@@ -205,7 +205,7 @@ def test_the_guess_that_leads_furthest_is_gone_on_with_and_the_next_where_it_fai
         return SqpResult(z, z, cost - 10.0 * further, residual, "iterations", [])
 
     solver = cast(LineSearchSqp, SimpleNamespace(solve=solve, options=SqpOptions(max_iterations=60)))
-    best = planning._best(solver, [np.array([cost]) for cost in (3.0, 1.0, 2.0)])
+    best = planning._best(solver, [np.array([cost]) for cost in (3.0, 1.0, 2.0)], False)
     assert best.cost == -8.0
     trial = planning.TRIAL
     assert asked == [(3.0, trial), (1.0, trial), (2.0, trial), (1.0, 60 - trial), (2.0, 60 - trial)]
@@ -217,11 +217,11 @@ def test_further_first_guesses_are_tried_where_none_leads_to_a_plan(
     asked: list[int] = []
     best = planning._best
 
-    def fails_first(solver: LineSearchSqp, guesses: list[np.ndarray]) -> SqpResult:
+    def fails_first(solver: LineSearchSqp, guesses: list[np.ndarray], only_converged: bool) -> SqpResult:
         asked.append(len(guesses))
         if len(asked) == 1:
             raise planning.InfeasiblePlanError("none")
-        return best(solver, guesses)
+        return best(solver, guesses, only_converged)
 
     monkeypatch.setattr(planning, "_best", fails_first)
     found = plan_drive(model, model.prior(), dataclasses.replace(CONFIG, starts=2), CONFIG.alpha)

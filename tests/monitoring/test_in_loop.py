@@ -8,7 +8,8 @@ from drift_drake.monitoring.in_loop import events_of
 from drift_drake.monitoring.monitor import Monitor, make_monitor
 from drift_drake.monitoring.watch import WATCHED
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import Change
 from drift_drake.vehicle.effects import Effects, make_effects
 from drift_drake.vehicle.parameters import VehicleParameters

@@ -17,7 +17,8 @@ from drift_drake.model.lag_bank import BANK
 from drift_drake.model.out_of_distribution import OutOfDistributionDetector
 from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import Change
 from drift_drake.vehicle.effects import Effects
 from drift_drake.vehicle.parameters import VehicleParameters

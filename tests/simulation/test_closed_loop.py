@@ -15,8 +15,9 @@ from drift_drake.control.effects_step import EffectsStepModel
 from drift_drake.control.mpc import Mpc, MpcSolution
 from drift_drake.reference.trajectory import Reference, figure_8
 from drift_drake.simulation import drive_command, runner
-from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.simulation.drive_command import ClosedLoopConfig, build, main, run_closed_loop
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.vehicle.double_track.car_file import write_double_track
 from drift_drake.vehicle.double_track.parameters import CARS
 from drift_drake.vehicle.double_track.plant import DoubleTrackPlant

@@ -10,7 +10,8 @@ from drift_drake.model.quality import step_model
 from drift_drake.reference.trajectory import Reference
 from drift_drake.sensing.screening import PERSISTENT, Innovation
 from drift_drake.sensing.sensors import NoiseLevels
-from drift_drake.simulation.closed_loop import ClosedLoop, RunLimits
+from drift_drake.simulation.closed_loop import ClosedLoop
+from drift_drake.simulation.endings import RunLimits
 from drift_drake.simulation.faults import Change, parse_fault
 from drift_drake.vehicle.effects import Effects
 

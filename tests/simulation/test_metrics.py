@@ -52,6 +52,17 @@ def test_a_run_that_is_beyond_the_lock_throughout_keeps_its_first_row(reference:
     assert len(before_spin(table, PARAMETERS.steering_limit)) == 1
 
 
+def test_a_car_that_turned_round_is_judged_until_it_began_to_turn(reference: Reference) -> None:
+    table = on_the_reference(reference, share=0.5)
+    table.loc[1700:1749, "beta"] = 1.0  # the spin; from there on it drives back, without sideslip
+    table.loc[1750:, ["beta", "dphi", "e"]] = [0.0, 3.0, 5.0]
+    table.loc[1750:, "s"] = table["s"].to_numpy()[1750] - 0.1 * np.arange(250)
+    assert len(before_spin(table, PARAMETERS.steering_limit)) == 1700
+    spun = run_metrics(table, "spin", reference, PARAMETERS.steering_limit)
+    assert spun.max_e == 0.0
+    assert spun.completion == pytest.approx(table["s"].max() / reference.distance)
+
+
 def test_drifting_counts_the_steady_drifts_wanted(reference: Reference) -> None:
     table = on_the_reference(reference)
     assert drifting_share(table.assign(beta=0.6 * table["beta"]), reference) == 1.0

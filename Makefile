@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Kept bytecode: without it every worker, and every command under test, compiles all sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help docs pictures demo blind test test-python test-slow fuzz lint format clean
+.PHONY: help docs pictures commands demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
@@ -20,6 +20,7 @@ help:
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-python PYTHON=python3.13  the tests under another Python (3.11 to 3.13)"
 	@echo "make test-slow  the long checks too"
+	@echo "make commands   each command that a page names, in a clean clone: which page is false (nightly; COMMAND_SECONDS=3600)"
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make pictures   the documentation's picture of the closed loop, docs/closed_loop.png"
@@ -51,6 +52,14 @@ test-python:
 	{ test -x $$env/bin/python || $(PYTHON) -m venv $$env; } && \
 	$$env/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[train,test]" && \
 	$$env/bin/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder -m "not slow"
+
+COMMAND_SECONDS ?= 120
+COMMANDS_OUT ?= runs/page_commands-$(shell date +%Y%m%d-%H%M%S)
+
+# Pages whose commands are `drift-drake`'s first, then what `python -m` runs; both go on where the other is false.
+commands: .venv/installed-all
+	$(BIN)/python -m pytest tests/docs; tested=$$?; \
+	$(BIN)/python -m experiments.page_commands --seconds $(COMMAND_SECONDS) --out $(COMMANDS_OUT) && exit $$tested
 
 FUZZ_CASES ?= 10000
 

@@ -74,12 +74,13 @@ def ladder(between: Sequence[str] = ()) -> list[Rung]:
     """
     change = dataclasses.replace
     paper, shipped = as_in_paper(GatheringConfig()), change(GatheringConfig(), learn_lags=False)
-    bounded = change(paper, bounded=True, ends_straight=True)
+    # Within the bounds plans bear a greater weight, and one that has not converged is still a car's motion.
+    bounded = change(paper, bounded=True, ends_straight=True, alpha=shipped.alpha, only_converged=False)
     weighed = change(bounded, fixed_alpha=False)
     for_drifts = change(weighed, objective_later="drifts")
     rungs = [
         Rung("paper", "as in the paper", PREDICTING, "paper", paper, "euler"),
-        Rung("bounds", "+ plans bounded, ending straight", PREDICTING[2:], "paper", bounded, "euler"),
+        Rung("bounds", "+ plans bounded, ending straight, of more weight", PREDICTING[2:], "paper", bounded, "euler"),
         Rung("weights", "+ a later round's information weighed anew", PREDICTING[3:], "paper", weighed, "euler"),
         Rung("drifts", "+ later rounds planned for drifts", PREDICTING[3:], "paper", for_drifts, "euler"),
         Rung("plans", "+ the learnt car's path in plans: the shipped gathering", PREDICTING[1:], "paper", shipped,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.gathering.config import GatheringConfig
+from drift_drake.gathering.config import PAPER_ALPHA, GatheringConfig
 from drift_drake.gathering.plan import Trajectory
 from drift_drake.model.bayesian_step import BayesianStepModel
 from drift_drake.model.checkpoint import load_model
@@ -20,6 +20,7 @@ from experiments.gathering.information_gathering import (
     MissingDrivesError,
     full_weight_total,
     main,
+    make_shared,
     random_steering,
 )
 from experiments.gathering.summary import markdown, stop_round, summarise, summarise_halves
@@ -95,6 +96,16 @@ def test_missing_drives_are_one_sentence(tmp_path: Path) -> None:
         MissingDrivesError, match=r"held_out\.npz: no such file; make the drives with `python -m experiments"
     ):
         main(InformationConfig(drives=tmp_path))
+
+
+def test_the_papers_recipe_has_plans_of_a_cars_motion() -> None:
+    """With one first guess, and with several."""
+    shared = make_shared(InformationConfig(as_in_paper=True).resolved())
+    for plan in (shared.ocp, shared.info, shared.slalom):
+        assert plan.status == "converged"
+        assert plan.x[:, 1].min() > 2.0
+        assert np.abs(plan.x[:, 2]).max() < 0.3
+    assert shared.info.alpha == PAPER_ALPHA
 
 
 def test_random_steering_is_lagged_as_its_own_commands_are() -> None:

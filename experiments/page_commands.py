@@ -1,0 +1,202 @@
+"""Runs each command that a page of the documentation names, in a clean clone, and says which page is false.
+
+    python -m experiments.page_commands                     # make commands
+    python -m experiments.page_commands --seconds 3600 --pages docs/as_in_paper.md
+
+A command is true if it ends well, or still works after the time that it is given (it is then interrupted), and if what
+the page shows below it is what it prints. What asks for recordings that are not shipped, or for what another command
+makes in hours, is listed as not checked. Written: results.json, report.md. Broken off, it goes on where it was (give
+--out). The exit code is 1 where a page is false. Commands of `drift-drake` are run by `make test-slow`.
+"""
+
+import dataclasses
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from diagrams.command import run_command
+from drift_drake.errors import DriftDrakeError
+from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.safe_files import write_text
+
+ROOT = Path(__file__).parents[1]
+FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
+INDENTED = re.compile(r"^\n((?: {4}.*\n)+)", re.MULTILINE)
+INLINE = re.compile(r"`(python -m [^`]+)`", re.DOTALL)
+PLACEHOLDER = re.compile(r"(?<![\w./])[A-Z]{3,}(?![\w.])")
+UNFINISHED = re.compile(r"\.\.\.| \| ")  # of a command that is named, not given
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+WAITED = 20  # [s] for a command that is interrupted
+TOLERANCE = 0.02  # of a number that is shown: other processors' last digits differ, and what follows from them
+
+Verdict = Literal["true", "still working", "not checked", "false"]
+
+
+class FalsePageError(DriftDrakeError):
+    """Some page names a command that does not do what it says; the message lists them."""
+
+
+class Command(NamedTuple):
+    """A command and what the page shows below it."""
+
+    page: str  # path from the root
+    text: str
+    shown: tuple[str, ...] = ()
+
+
+class Result(NamedTuple):
+    """What became of a command."""
+
+    verdict: Verdict
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class PageCommandsConfig:
+    """Which pages, for how long."""
+
+    pages: tuple[str, ...] = ()
+    """Paths from the root; all without."""
+    seconds: float = 120.0
+    """That each command is given."""
+    out: Path | None = None
+
+
+def pages() -> list[Path]:
+    """All pages."""
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def commands_of(page: Path) -> list[Command]:
+    """The commands `python -m ...` that a page names, each once, in its blocks and in its lines."""
+    text, name = page.read_text(encoding="utf-8"), str(page.relative_to(ROOT))
+    found: dict[str, Command] = {}
+    outside = FENCE.sub("", text)
+    for block in [block for _, block in FENCE.findall(text)] + INDENTED.findall(outside):
+        for command in _of_block(name, block):
+            if command.text not in found or command.shown:
+                found[command.text] = command
+    for line in INLINE.findall(outside):
+        command = Command(name, " ".join(line.split()))
+        found.setdefault(command.text, command)
+    return [command for command in found.values() if not UNFINISHED.search(command.text)]
+
+
+def _of_block(page: str, block: str) -> list[Command]:
+    """Of a fenced block: lines that begin with $, with what is shown below each, or lines that are commands."""
+    lines = block.replace("\\\n", " ").splitlines()
+    prompted = any(line.lstrip().startswith("$ ") for line in lines)
+    found: list[Command] = []
+    shown = False
+    for line in map(str.strip, lines):
+        given = line.removeprefix("$ ") if not prompted or line.startswith("$ ") else ""
+        if given.startswith("python -m "):
+            found.append(Command(page, re.sub(r"\s+#.*", "", " ".join(given.split()))))
+        shown = given.startswith("python -m ") if given else shown
+        if prompted and not given and line and shown:
+            found[-1] = found[-1]._replace(shown=(*found[-1].shown, line))
+    return found
+
+
+def differs(shown: str, printed: str) -> bool:
+    """Whether a shown line is another one than a printed one: in its words, or in a number by more than 2 %."""
+    if NUMBER.sub("#", " ".join(shown.split())) != NUMBER.sub("#", " ".join(printed.split())):
+        return True
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    return any(abs(float(a) - float(b)) > TOLERANCE * abs(float(a)) + 1e-12 for a, b in pairs)
+
+
+def judged(command: Command, code: int | None, output: str, error: str) -> Result:
+    """What a command's end says of its page; code: None where it was still working when its time was over."""
+    if code is None:
+        return Result("still working", "interrupted when its time was over")
+    last = error.strip().splitlines()[-1] if error.strip() else output.strip().splitlines()[-1:] or "no output"
+    if code != 0:
+        asked = [word for word in PLACEHOLDER.findall(command.text) if word in error]
+        if code == 2 and (asked or "make the drives with `python -m" in error):
+            return Result("not checked", str(last))
+        return Result("false", f"exit code {code}: {last}")
+    printed = output.splitlines()
+    missing = [line for line in command.shown if all(differs(line, other) for other in printed)]
+    return Result("false", f"does not print: {missing[0]}") if missing else Result("true", "")
+
+
+def run(command: Command, folder: Path, seconds: float) -> Result:
+    """Runs a command by a shell in a folder, all of its processes ended with it."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    python = f'python() {{ "{sys.executable}" "$@"; }}; '
+    process = subprocess.Popen(
+        ["bash", "-c", python + command.text], cwd=folder, env=environment, text=True, start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        output, error = process.communicate(timeout=seconds)
+        return judged(command, process.returncode, output, error)
+    except subprocess.TimeoutExpired:
+        for sent in (signal.SIGINT, signal.SIGKILL):
+            os.killpg(process.pid, sent)
+            try:
+                process.communicate(timeout=WAITED)
+                break
+            except subprocess.TimeoutExpired:
+                continue
+        return judged(command, None, "", "")
+
+
+def report(results: dict[str, list[tuple[Command, Result]]]) -> str:
+    """A row a page, and below the commands that are not true."""
+    kinds: tuple[Verdict, ...] = ("true", "still working", "not checked", "false")
+    lines = [f"| page | {' | '.join(kinds)} |", "| --- |" + " --- |" * len(kinds)]
+    for page, found in results.items():
+        counts = [sum(result.verdict == kind for _, result in found) for kind in kinds]
+        lines.append(f"| {page} | {' | '.join(map(str, counts))} |")
+    lines.append("")
+    for kind in ("false", "not checked"):
+        told = [(command, result) for found in results.values() for command, result in found if result.verdict == kind]
+        lines += [f"- {kind}: {command.page}: `{command.text}`: {result.reason}" for command, result in told]
+    return "\n".join(lines) + "\n"
+
+
+def main(config: PageCommandsConfig) -> None:
+    """Clones, runs what the folder lacks and reports.
+
+    Raises:
+        FalsePageError: some page is false.
+    """
+    folder = make_run_folder("page_commands", config.out).resolve()
+    clone = folder / "clone"
+    if not clone.exists():
+        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
+    write_versions(folder)
+    file = folder / "results.json"
+    done: dict[str, Result] = {}
+    if is_done(file):
+        done = {text: Result(*found) for text, found in json.loads(file.read_text()).items()}
+    results: dict[str, list[tuple[Command, Result]]] = {}
+    for page in pages():
+        name = str(page.relative_to(ROOT))
+        if config.pages and name not in config.pages:
+            continue
+        for command in commands_of(page):
+            key = f"{name}: {command.text}"
+            if key not in done:
+                print(key, end=": ", flush=True)
+                done[key] = run(command, clone, config.seconds)
+                print(done[key].verdict, done[key].reason, flush=True)
+                write_json(file, done)
+            results.setdefault(name, []).append((command, done[key]))
+    text = report(results)
+    write_text(folder / "report.md", text)
+    print(text)
+    untrue = [page for page, found in results.items() if any(result.verdict == "false" for _, result in found)]
+    if untrue:
+        raise FalsePageError(f"{', '.join(untrue)}: a command there is not what the page says; see {folder}/report.md")
+
+
+if __name__ == "__main__":
+    run_command(main, PageCommandsConfig)

@@ -34,6 +34,19 @@ def test_a_run_on_the_reference(reference: Reference) -> None:
     assert metrics.rms_sideslip_error == pytest.approx(0.0, abs=1e-12)
 
 
+def test_each_error_is_the_root_mean_square_of_its_own_state(reference: Reference) -> None:
+    """Errors put in by hand: half of the rows off by twice as much have sqrt(2.5) times the root mean square."""
+    table = on_the_reference(reference)
+    factor = np.where(np.arange(len(table)) % 2, 2.0, 1.0)
+    put_in = {"e": 0.05, "beta": 0.02, "r": -0.03, "v": 0.4}
+    for name, error in put_in.items():
+        table[name] += error * factor
+    metrics = run_metrics(table, "completed", reference, PARAMETERS.steering_limit)
+    found = (metrics.rms_e, metrics.rms_sideslip_error, metrics.rms_yaw_rate_error, metrics.rms_speed_error)
+    assert found == pytest.approx([abs(error) * np.sqrt(2.5) for error in put_in.values()], rel=1e-9)
+    assert metrics.max_e == pytest.approx(0.1)
+
+
 def test_a_spin_is_cut_where_the_sideslip_last_was_within_the_steering_lock(reference: Reference) -> None:
     table = on_the_reference(reference, share=0.5)
     table.loc[500:502, "beta"] = 0.9  # caught again

@@ -30,7 +30,7 @@ def verdict(*given: float):
 
 @pytest.mark.parametrize(("blocks", "before"), [(1, 0.0), (1, 50.0), (40, 0.0), (40, 500.0)])
 def test_without_evidence_the_posterior_is_the_prior(blocks, before):
-    """A change comes once in ten minutes; one simulator in ten lacks something from the start; one gap in ten is new."""
+    """A change comes once in ten minutes; one simulator in ten has a gap from the start, one gap in ten is unknown."""
     odds = blocks * BLOCK / 600.0 + (0.0 if before else 0.1)
     found = dict(zip(labels(evidence_problem(NODES, np.zeros(3))), verdict(blocks, before).probabilities, strict=True))
     assert found["none"] == pytest.approx(1.0 / (1.0 + odds), rel=1e-6)

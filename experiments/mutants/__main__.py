@@ -36,6 +36,7 @@ from experiments.mutants.sample import PARTS, part_of, sample
 from experiments.mutants.warm import BROKEN, TestRun, WarmPython, warm_python
 
 ROOT = Path(__file__).parents[2]
+NO_TESTS = 5  # pytest's exit where all are left out
 NOT_RUN = TestRun(0, 0.0, "no test is quick enough")
 
 
@@ -152,7 +153,7 @@ class Trial:
         if run.code == BROKEN:
             raise DriftDrakeError(f"{path}: its tests cannot be run:\n{run.output}")
         diff = "\n".join(difflib.unified_diff(original.split("\n"), mutant.split("\n"), lineterm=""))
-        outcome = TestOutcome.SURVIVED if run.code == 0 else TestOutcome.KILLED
+        outcome = TestOutcome.SURVIVED if run.code in (0, NO_TESTS) else TestOutcome.KILLED
         return WorkResult(WorkerOutcome.NORMAL, run.output if run.finished else TOO_LONG, outcome, diff)
 
 

@@ -13,10 +13,7 @@ NAMED = re.compile(r"^[ \t]*(?:from|import) +((?:drift_drake|tests|experiments)[
                    re.MULTILINE)  # fmt: skip
 
 LEFT_OUT = ("docs", "fuzz", "experiments", "diagrams")  # folders whose tests are of something else
-SLOW = re.compile(
-    r"subprocess|sys\.executable|pytest\.mark\.slow|\b(other_car|identified|good_cases|late_day|plain_day)\b"
-)
-"""In tests that start processes of their own, or rest on what takes long to make (`tests.conftest`)."""
+PLUGINS = ("-p", "no:cacheprovider", "-p", "experiments.mutants.quick_tests")
 MOST_FILES = 5  # that import a module
 QUICK = 10.0  # [s] of CPU in which nothing is compiled
 
@@ -37,22 +34,17 @@ def test_files(tree: Path, module: str) -> tuple[list[Path], list[Path]]:
     folder, (name, *parents) = tree / "tests", Path(module).parts[::-1]
     for part in parents[::-1]:
         folder = folder / part if (folder / part).is_dir() else folder
-    near = sorted(file for file in folder.glob("test_*.py") if not is_slow(file))
+    near = sorted(folder.glob("test_*.py"))
     stems = tuple(f"test_{prefix}{name}" for prefix in ("", *(f"{part}_" for part in parents)))
     own = [file for file in near if file.stem.startswith(stems)]
     dotted = f"drift_drake.{module.replace('/', '.')}"
     everywhere = (
         file for file in (tree / "tests").rglob("test_*.py") if file.relative_to(tree).parts[1] not in LEFT_OUT
     )
-    importing = [file for file in everywhere if dotted in imported(file) and file not in own and not is_slow(file)]
+    importing = [file for file in everywhere if dotted in imported(file) and file not in own]
     importing.sort(key=lambda file: (file.relative_to(tree).parts[1] != parents[-1], file))
     importing = importing[:MOST_FILES]
     return (own, importing) if own else (importing, [file for file in near if file not in importing][:MOST_FILES])
-
-
-def is_slow(file: Path) -> bool:
-    """Whether a test file takes too long to be run for every mutant."""
-    return SLOW.search(file.read_text(encoding="utf-8")) is not None
 
 
 class Timings:
@@ -76,11 +68,11 @@ class Timings:
         return self._run(name) if (first["seconds"] or 0.0) > QUICK else first
 
     def _run(self, name: str) -> dict[str, Any]:
-        run = self.python.run(["-q", "-rfE", "--tb=no", "-p", "no:cacheprovider", name], self.limit, bytecode=True)
+        run = self.python.run(["-q", "-rfE", "--tb=no", *PLUGINS, name], self.limit, bytecode=True)
         if run.code == BROKEN:
             raise DriftDrakeError(f"{name} cannot be run:\n{run.output}")
         failed = re.findall(r"^(?:FAILED|ERROR) (\S+::\S+)", run.output, re.MULTILINE)
-        return {"seconds": run.seconds if run.code in (0, 1) else None, "failed": failed}
+        return {"seconds": run.seconds if run.code in (0, 1, 5) else None, "failed": failed}
 
     def name(self, file: Path) -> str:
         """A test file's path in the tree."""
@@ -104,5 +96,4 @@ class Timings:
         """pytest's, for these files in this order up to the first failure, without tests that fail by themselves."""
         names = [self.name(file) for file in files]
         deselected = [word for name in names for test in self.kept[name]["failed"] for word in ("--deselect", test)]
-        return ["-x", "-q", "--tb=line", "-p", "no:cacheprovider", "-p", "experiments.mutants.in_order",
-                *deselected, *names]  # fmt: skip
+        return ["-x", "-q", "--tb=line", *PLUGINS, *deselected, *names]

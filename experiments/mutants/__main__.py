@@ -20,6 +20,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib.util import cache_from_source
 from pathlib import Path
 
 from cosmic_ray.mutating import use_mutation
@@ -30,12 +31,13 @@ from tqdm import tqdm
 
 from diagrams.command import run_command
 from drift_drake.errors import DriftDrakeError, InvalidOptionError
-from experiments.mutants.chosen_tests import Timings, test_files
+from experiments.mutants.chosen_tests import Timings, imported, test_files
 from experiments.mutants.report import TOO_LONG, write_report
 from experiments.mutants.sample import PARTS, part_of, sample
 from experiments.mutants.warm import BROKEN, TestRun, WarmPython, warm_python
 
 ROOT = Path(__file__).parents[2]
+COMPILED = re.compile(r"\b(compiled|jitable)\b")
 NO_TESTS = 5  # pytest's exit where all are left out
 NOT_RUN = TestRun(0, 0.0, "no test is quick enough")
 
@@ -56,10 +58,10 @@ class MutantsConfig:
     """Try once more, with the tests of now, those that survived."""
     plain: float = 20.0
     """Seconds of CPU that a test file may take as plain Python."""
-    plain_together: float = 25.0
-    """The same of all of them together."""
+    together: float = 25.0
+    """Seconds of CPU that a mutant's test files may take together."""
     compiled: float = 40.0
-    """Seconds of CPU that the other files may take, together, compiled; none is tried where it is zero."""
+    """The same of those that take too long as plain Python, compiled; none is tried where it is zero."""
     limit: float = 150.0
     """Seconds of CPU of one mutant's tests."""
 
@@ -127,14 +129,14 @@ class Trial:
         module = module_of(item, self.tree)
         result = WorkResult(WorkerOutcome.NO_TEST, None, TestOutcome.SURVIVED)
         for files in test_files(self.tree, module):
-            if has_compiled_functions(module):
-                result = self._tried(item, self.plain, files, self.config.plain_together)
-                files = [file for file in files if self.plain.seconds(file) is None]
-            if result.test_outcome == TestOutcome.SURVIVED and files and self.config.compiled > 0.0:
-                self.compiled.measure(files)
+            first = self.plain if is_compiled(module) else self.compiled
+            result = self._tried(item, first, files, self.config.together)
+            slow = [file for file in files if first.seconds(file) is None]
+            if result.test_outcome == TestOutcome.SURVIVED and is_compiled(module) and slow and self.config.compiled:
+                self.compiled.measure(slow)
                 copy_caches(self.tree, self.caches)
                 with caches_put_back(self.tree, self.caches):
-                    result = self._tried(item, self.compiled, files, self.config.compiled)
+                    result = self._tried(item, self.compiled, slow, self.config.compiled)
             if result.test_outcome != TestOutcome.SURVIVED:
                 break
         return result
@@ -147,6 +149,9 @@ class Trial:
         before = path.stat()
         try:
             with use_mutation(path, operator, mutation.occurrence) as (original, mutant):
+                Path(cache_from_source(str(path))).unlink(missing_ok=True)
+                if not is_compiled(module_of(item, self.tree)):
+                    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # so that no cache counts as stale
                 run = timings.python.run(timings.arguments(files), self.config.limit) if files else NOT_RUN
         finally:
             os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
@@ -158,10 +163,11 @@ class Trial:
 
 
 @cache
-def has_compiled_functions(module: str) -> bool:
-    """Whether a module of the package has functions that numba compiles."""
-    text = (ROOT / "drift_drake" / f"{module}.py").read_text(encoding="utf-8")
-    return re.search(r"\b(compiled|jitable)\b", text) is not None
+def is_compiled(module: str) -> bool:
+    """Whether a module of the package has functions that numba compiles, or names that such a module imports."""
+    files = [file for file in (ROOT / "drift_drake").rglob("*.py") if COMPILED.search(file.read_text(encoding="utf-8"))]
+    dotted = f"drift_drake.{module.replace('/', '.')}"
+    return ROOT / "drift_drake" / f"{module}.py" in files or any(dotted in imported(file) for file in files)
 
 
 def copy_caches(source: Path, target: Path) -> None:

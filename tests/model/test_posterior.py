@@ -166,6 +166,15 @@ def test_the_density_of_a_sample_is_the_predictions_normal_density(prior: Poster
         assert density == pytest.approx(expected + 0.5 * np.sum(np.log(2.0 * np.pi * noise)), rel=1e-9)
 
 
+def test_a_belief_of_a_mean_and_a_precision_holds_their_product() -> None:
+    generator = np.random.default_rng(17)
+    mean, factor = generator.normal(size=(4, 16)), generator.normal(size=(64, 64))
+    precision = factor @ factor.T + np.eye(64)
+    belief = from_precision(mean, precision, SIGMA)
+    np.testing.assert_allclose(belief.q.ravel(), precision @ (mean.ravel() / SCALE), rtol=1e-9)
+    np.testing.assert_allclose(belief.covariance @ precision, np.eye(64), atol=1e-8)
+
+
 def test_recursion_equals_batch_regression_after_thousands_of_updates(prior: Posterior) -> None:
     generator = np.random.default_rng(3)
     phi = correlated_features(3_000, generator)

@@ -1,7 +1,6 @@
 """Whether recordings agree, and what is said where they do not."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -98,17 +97,6 @@ def test_estimates_that_recordings_disagree_about_are_named_with_the_recording()
 def test_one_recording_is_said_to_be_one() -> None:
     assert differences(1, {}, {}) == [ALONE]
     assert differences(2, {}, {}) == []
-
-
-def test_windows_are_of_the_piece_that_their_time_lies_in() -> None:
-    """Runs of 30 s and 12 s: ten seconds or more a piece, the first one in three; a run without windows has none."""
-    runs = [SimpleNamespace(name=name, starts=np.arange(0, rows + 1, 50), period=0.01)
-            for name, rows in (("long", 3000), ("short", 1200))]  # fmt: skip
-    runs.append(SimpleNamespace(name="empty", starts=np.arange(0), period=0.01))
-    names, piece = pieces(SimpleNamespace(runs=runs))
-    assert names == ["long from 0 to 10 s", "long from 10 to 20 s", "long from 20 to 30 s", "short"]
-    expected = [*np.minimum(runs[0].starts * 0.01 // 10.0, 2).astype(int), *[3] * len(runs[1].starts)]
-    np.testing.assert_array_equal(piece, expected)
 
 
 def test_an_interval_is_as_wide_as_recordings_differ_and_the_parameter_not_identified(identified) -> None:

@@ -15,6 +15,7 @@ import subprocess
 import tarfile
 import tempfile
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 
 import pygraphviz
@@ -71,9 +72,16 @@ class Tree:
 
     def naming(self, word: str) -> set[str]:
         """Modules that have a word as a name, a keyword, an attribute or a whole string."""
+        return {name for name, words in self.words.items() if word in words}
+
+    @cached_property
+    def words(self) -> dict[str, set[str]]:
+        """By module what it has as a name, a keyword, an attribute or a whole string."""
         keys = ("id", "attr", "arg", "value")
-        trees = self.trees.items()
-        return {name for name, tree in trees if any(getattr(n, k, None) == word for n in ast.walk(tree) for k in keys)}
+        values = {
+            name: [getattr(n, k, None) for n in ast.walk(tree) for k in keys] for name, tree in self.trees.items()
+        }
+        return {name: {value for value in found if isinstance(value, str)} for name, found in values.items()}
 
     def functions(self) -> list[int]:
         """Lengths of all functions [lines]."""

@@ -1,11 +1,17 @@
 """From evidences to probabilities: Occam, unknown, the ambiguity set."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
+from drift_drake.diagnosis.another_day.constants import PRIORS
 from drift_drake.diagnosis.shared.posterior import (
     PosteriorConstants,
     implausibility,
+    log_prior,
     make_posterior,
     probabilities_of,
     read_constants,
@@ -56,6 +62,35 @@ def test_deviations_far_beyond_tolerance_speak_for_unknown():
     assert implausibility(fitted((), theta), PosteriorConstants()) == 0.0
     theta[6] = 15.0  # tolerances of friction
     assert implausibility(fitted((), theta), PosteriorConstants()) > 80.0
+
+
+@pytest.mark.parametrize("constants", [PosteriorConstants(), read_constants(), PRIORS])
+@pytest.mark.parametrize("catalogue", [2, CATALOGUE])
+def test_the_priors_of_all_that_excludes_each_other_sum_to_one(constants, catalogue):
+    """Those of another day were fitted one by one, and sum to a little more."""
+    pairs = math.comb(catalogue, 2)
+    known = sum(count * math.exp(log_prior(effects, catalogue, constants))
+                for effects, count in enumerate((1, catalogue, pairs)))  # fmt: skip
+    assert known + constants.prior_unknown == pytest.approx(1.0, abs=0.04 if constants is PRIORS else 1e-12)
+    assert constants.prior_pair < constants.prior_single < 1.5 * constants.prior_none
+
+
+def test_evidence_counts_by_bayes_rule_and_unknown_pays_its_cost():
+    """Odds by hand: evidence over the temperature, times priors; unknown has what is unexplained, less its cost."""
+    c = PosteriorConstants(temperature=2.0, unknown_cost=3.0, unknown_share=0.01)
+    p = probabilities_of({(): 1.0, ("aero_drag",): 9.0}, 5.0, 10, c)
+    assert p["aero_drag"] / p["none"] == pytest.approx(math.exp(8.0 / 2.0) * (0.4 / 10) / 0.3)
+    assert p["unknown"] / p["none"] == pytest.approx(math.exp((9.0 + 5.0 - 3.0 - 0.08 - 1.0) / 2.0) * 0.15 / 0.3)
+    less = probabilities_of({(): 1.0, ("aero_drag",): 9.0}, -5.0, 10, c)
+    assert less["unknown"] / less["none"] == pytest.approx(math.exp((9.0 - 3.0 - 0.08 - 1.0) / 2.0) * 0.15 / 0.3)
+
+
+def test_a_deviation_is_implausible_by_the_ratio_of_two_normal_densities():
+    theta = np.zeros(12)
+    theta[3], theta[5] = 4.0, -7.0
+    fit = dataclasses.replace(fitted((), theta), exactness=1.0)
+    expected = sum(norm.logpdf(n, 0.0, 10.0) - norm.logpdf(n) for n in (4.0, -7.0))
+    assert implausibility(fit, PosteriorConstants()) == pytest.approx(expected)
 
 
 def test_the_shipped_constants_can_be_read():

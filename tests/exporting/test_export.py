@@ -1,13 +1,14 @@
 """Exports read back by the tools that they are for, and the command's words."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 import yaml
 
 from drift_drake.cli import main
-from drift_drake.exporting.vehicles import commonroad_data, mjcf
+from drift_drake.exporting.vehicles import commonroad_data, mjcf, write_commonroad
 from drift_drake.logs.importing.formats.files import read_topics
 from drift_drake.logs.table import read_run, write_run
 from drift_drake.vehicle.effects import Effects, make_effects
@@ -39,6 +40,9 @@ def test_mcap_comes_back_and_its_pose_turns_with_the_car(folder):
     assert set(topics) == {"/state", "/command", "/pose"}
     np.testing.assert_array_equal(topics["/state"]["/state.r"], run.r)
     np.testing.assert_array_equal(topics["/command"]["/command.delta_cmd"], run.delta_cmd)
+    for name in ("x", "y"):
+        np.testing.assert_array_equal(topics["/pose"][f"/pose.pose.position.{name}"], getattr(run, name))
+    assert not np.any(topics["/pose"]["/pose.pose.position.z"])
     half = [topics["/pose"][f"/pose.pose.orientation.{axis}"] for axis in "zw"]
     np.testing.assert_allclose(2.0 * np.arctan2(*half), run.psi, atol=1e-9)
 
@@ -68,9 +72,68 @@ def test_commonroad_reads_the_file_and_turns_alike(tmp_path):
     assert rates[5] == pytest.approx(expected, rel=1e-6)
 
 
-def test_mujoco_loads_the_model_which_weighs_and_drives_as_the_file_says():
+def test_commonroads_numbers_are_the_files():
+    """By the names' definitions: the whole car's stiffness per load, acceleration by the weaker of engine and tyres."""
+    car = VehicleParameters()
+    weight = 1650.0 * 9.81
+    stiffness = (1.4e5 + 2.2e5) / weight
+    assert commonroad_data(car, Effects()) == {
+        "l": pytest.approx(1.23 + 1.24 + 0.92 + 0.84), "w": pytest.approx(1.84),
+        "steering": {"min": -0.66, "max": 0.66},
+        "longitudinal": {"a_max": pytest.approx(450.0 * 10.6 / 0.337 / 1650.0)},
+        "m": 1650.0, "a": 1.23, "b": 1.24, "I_z": 2350.0, "I_y_w": pytest.approx(10.0), "R_w": 0.337, "h_s": 0.0,
+        "tire": {"p_dx1": 1.0, "p_dy1": 1.0, "p_kx1": pytest.approx(stiffness), "p_ky1": pytest.approx(-stiffness)},
+    }  # fmt: skip
+    strong = commonroad_data(car.replace(torque_max=2000.0, friction=0.7), Effects())
+    assert strong["longitudinal"]["a_max"] == pytest.approx(0.7 * 9.81)
+
+
+def test_commonroads_file_says_each_axles_stiffness_per_load_and_keeps_the_order(tmp_path):
+    write_commonroad(VehicleParameters(), Effects(), tmp_path / "car.yaml")
+    text = (tmp_path / "car.yaml").read_text()
+    front, rear = (float(word) for word in re.findall(r"(\d+\.\d+)\s+at the", text))
+    weight = 1650.0 * 9.81
+    assert front == pytest.approx(1.4e5 / (weight * 1.24 / 2.47), rel=1e-3)
+    assert rear == pytest.approx(2.2e5 / (weight * 1.23 / 2.47), rel=1e-3)
+    assert [*yaml.safe_load(text)][:3] == ["l", "w", "steering"]
+
+
+def test_mujocos_wheels_are_where_the_axles_are_and_spin_with_the_axles_inertia():
     mujoco = pytest.importorskip("mujoco", reason="no MuJoCo on this machine: pip install mujoco")
     car = VehicleParameters()
+    model = mujoco.MjModel.from_xml_string(mjcf(car, Effects()))
+    places = {name: model.body(name).pos for name in ("front_left", "front_right", "rear_left", "rear_right")}
+    expected = {"front_left": (1.23, 0.78), "front_right": (1.23, -0.78), "rear_left": (-1.24, 0.78),
+                "rear_right": (-1.24, -0.78)}  # fmt: skip
+    for name, (x, y) in expected.items():
+        # The centre of gravity is at one and a half wheel radii, a wheel's centre at one.
+        np.testing.assert_allclose(places[name], [x, y, -0.5 * 0.337], atol=1e-6)
+        assert model.body(name).mass[0] == pytest.approx(0.015 * 1650.0)
+        spin = model.body(name).inertia
+        disc = 0.5 * 0.015 * 1650.0 * 0.337**2
+        assert spin == pytest.approx([0.6 * disc, disc, 0.6 * disc])
+    axle = sum(model.dof_armature[model.joint(f"rear_{side}_spin").dofadr[0]] + disc for side in ("left", "right"))
+    assert axle == pytest.approx(car.rear_axle_inertia, rel=1e-6)
+    assert model.dof_armature[model.joint("front_left_spin").dofadr[0]] == 0.0
+    np.testing.assert_allclose(model.actuator_ctrlrange, [[-0.66, 0.66], [-50.0, 450.0]])
+    assert model.actuator("tau").gear[0] == 10.6
+    body = model.body("car").inertia
+    # A rigid body's, longer than wide, wider than high: none of the three is larger than the two others together.
+    assert body[0] < body[1] < body[2] < body[0] + body[1]
+    shell = model.geom("shell")
+    np.testing.assert_allclose(2.0 * shell.size[:2], [1.23 + 1.24 + 0.92 + 0.84, 1.84], atol=1e-5)
+    assert shell.pos[0] == pytest.approx(0.5 * (1.23 + 0.92 - 1.24 - 0.84))
+    # The steering's servo turns a wheel alone at 105 rad/s, critically damped, whatever the car's size.
+    servo = model.actuator("delta")
+    assert -servo.biasprm[2] == pytest.approx(2.0 * np.sqrt(servo.gainprm[0] * 0.6 * disc), rel=1e-4)
+    assert np.sqrt(servo.gainprm[0] / (0.6 * disc)) == pytest.approx(105.4, abs=0.1)
+    flat = mujoco.MjModel.from_xml_string(mjcf(car.replace(friction=0.4), Effects()))
+    assert flat.geom("ground").friction[0] == flat.geom("rear_left").friction[0] == 0.4
+
+
+@pytest.mark.parametrize("car", [VehicleParameters(), VehicleParameters(front_axle_distance=1.7, yaw_inertia=2900.0)])
+def test_mujoco_loads_the_model_which_weighs_and_drives_as_the_file_says(car):
+    mujoco = pytest.importorskip("mujoco", reason="no MuJoCo on this machine: pip install mujoco")
     model = mujoco.MjModel.from_xml_string(mjcf(car, Effects()))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from drift_drake.diagnosis.another_day.left_out import asked_in_turn
 from drift_drake.estimation.baseline import learn_normal
@@ -20,6 +21,7 @@ from drift_drake.identification.agreement import (
     with_differences,
 )
 from drift_drake.identification.by_prediction import ALONE, differences
+from drift_drake.identification.calibration import Parameter
 from drift_drake.identification.command import row
 from drift_drake.identification.report import report_html
 
@@ -42,6 +44,37 @@ def test_recordings_that_differ_by_more_disagree_however_many_there_are() -> Non
         found = agreement(pulls_of([1.0, -1.0] * (count // 2)), np.array([0.01]))
         assert found.disagreed[0]
         assert np.sqrt(found.apart[0]) == pytest.approx(1.0, rel=0.2)  # as one differs from another, not as their mean
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_recordings_differ_by_more_than_chance_as_a_test_of_variances_says(count) -> None:
+    """At one in a hundred: the sample variance over that of one recording is chi-squared over its degrees."""
+    asked = np.random.default_rng(count).normal(size=count)
+    variance = np.var(asked, ddof=1)
+    limit = chi2.isf(0.01, count - 1) / (count - 1)
+    for factor, disagreed in ((0.98, True), (1.02, False)):
+        of_one = factor * variance / limit
+        left = CALIBRATED * of_one / count  # of the mean
+        assert left < variance
+        found = agreement(pulls_of(asked), np.array([left]))
+        # Leaving one out of K moves the mean by a little less than what it asks for beyond it.
+        scale = found.apart[0] / variance
+        found = agreement(pulls_of(asked), np.array([left * scale]))
+        assert bool(found.disagreed[0]) is disagreed
+
+
+def test_an_interval_of_what_cannot_be_negative_stays_so_and_others_may_cross_zero() -> None:
+    size = Parameter("-", 0.0, 0.3, 0.0, 0.6, 0.15, 5.0, 1.0, "effect")
+    signed = dataclasses.replace(size, estimate=0.1, low=-0.2, high=0.4)
+    found = Agreement(np.full(2, 0.2**2), np.array([True, True]), np.array([0, 0]))
+    wider, _ = with_differences({"one": size, "other": signed}, found, ["monday"], np.ones(2))
+    more = 1.96 * (0.25 - 0.15)  # a deviation of 0.15 and one of 0.2 are 0.25 together
+    assert wider["one"].deviation == pytest.approx(0.25)
+    assert (wider["one"].low, wider["one"].high) == pytest.approx((0.0, 0.6 + more))
+    assert (wider["other"].low, wider["other"].high) == pytest.approx((-0.2 - more, 0.4 + more))
+    capped = dataclasses.replace(signed, prior=0.2)
+    wider, _ = with_differences({"one": size, "other": capped}, found, ["monday"], np.ones(2))
+    assert wider["other"].deviation == 0.2  # no more than was unknown before
 
 
 def test_the_recording_that_pulls_the_most_is_named() -> None:

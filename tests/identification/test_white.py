@@ -1,7 +1,10 @@
 """Whether innovations are white: of the true car they are, of a wrong or another kind of car they are not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from drift_drake.benchmarks.compiled_cases import make_case
 from drift_drake.benchmarks.truths import Truth
@@ -49,6 +52,36 @@ def test_a_filter_that_diverges_is_not_white(nominal_runs, monkeypatch):
     found = whiteness(nominal_runs, VehicleParameters(), Effects(), None)
     assert found == Whiteness(float("inf"), 1.0)
     assert not found.may_be_white
+
+
+def test_numbers_are_those_of_known_innovations(nominal_runs, monkeypatch):
+    """White noise of variance 4, and a first-order recursion of correlation 0.6, in place of a filter's innovations."""
+    from drift_drake.identification import whiteness as module
+
+    rng = np.random.default_rng(2)
+
+    def put_in(recursion):
+        def filtered(problem, *_args):
+            innovations = []
+            for run in problem.runs:
+                e = np.zeros((len(run.counted), len(run.used)))
+                for row in range(1, len(e)):
+                    noise = np.sqrt(1.0 - recursion**2) * rng.standard_normal(e.shape[1])
+                    e[row] = recursion * e[row - 1] + 2.0 * noise
+                innovations.append(e)
+            return SimpleNamespace(innovations=innovations)
+
+        return filtered
+
+    for recursion in (0.0, 0.6):
+        monkeypatch.setattr(module, "filter_case", put_in(recursion))
+        found = whiteness(nominal_runs, VehicleParameters(), Effects(), None)
+        assert found.mean_square == pytest.approx(4.0, rel=0.25)
+        assert found.correlation == pytest.approx(recursion if recursion else 0.1, abs=0.12)
+
+
+def test_a_median_of_squares_is_that_of_a_normal():
+    assert chi2.median(1) == pytest.approx(0.4549, abs=1e-4)
 
 
 def test_far_from_white_no_fit_by_likelihood_is_tried():

@@ -30,6 +30,13 @@ def test_what_is_mirrored_and_what_is_not():
         to_iso8855("r", values, "enu")
 
 
+def test_components_along_and_across_are_those_of_a_turned_frame():
+    """Against complex numbers: a vector of the fixed frame, turned back by the heading."""
+    psi, x, y = np.random.default_rng(0).normal(size=(3, 50))
+    turned = (x + 1j * y) * np.exp(-1j * psi)
+    np.testing.assert_allclose(to_body(psi, x, y), [turned.real, turned.imag], atol=1e-14)
+
+
 def test_motion_of_the_centre_from_that_of_another_point():
     h, t = 1e-3, np.arange(0.0, 2.0, 1e-3)
     psi = 0.3 + 0.8 * t + 0.2 * np.sin(3.0 * t)

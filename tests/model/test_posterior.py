@@ -6,6 +6,7 @@ import pytest
 from learnt_models import sample_theta
 from scipy.linalg import block_diag
 from scipy.spatial import distance
+from scipy.stats import multivariate_normal
 
 from drift_drake.model.posterior import (
     Posterior,
@@ -18,6 +19,7 @@ from drift_drake.model.posterior import (
     state_blocks,
     update,
     update_all,
+    update_and_density,
     weighed,
 )
 
@@ -147,6 +149,30 @@ def test_updates_are_the_joint_regression_of_all_states(prior: Posterior, weight
     blocks = from_precision(prior.mean, np.linalg.inv(block_diag(*state_blocks(prior.covariance))), SIGMA)
     without = update_all(blocks, SIGMA, phi, y, weight)
     assert np.abs((without.mean - together.mean) / SIGMA[:, None]).max() > 0.3  # what the coupling tells
+
+
+@pytest.mark.parametrize("weight", [np.ones(4), WEIGHT])
+def test_the_density_of_a_sample_is_the_predictions_normal_density(prior: Posterior, weight: np.ndarray) -> None:
+    """Of all four states at once, by SciPy, but for the noise's own density, which is the same for every belief."""
+    generator = np.random.default_rng(10)
+    mean, covariance = joint(prior)
+    noise = SIGMA**2 / weight
+    for _ in range(3):
+        phi = correlated_features(1, generator)
+        y = np.einsum("if,if->i", phi[0], prior.mean) + 3.0 * SIGMA * generator.normal(size=4)
+        rows = design(phi)
+        expected = multivariate_normal(rows @ mean, rows @ covariance @ rows.T + np.diag(noise)).logpdf(y)
+        density = update_and_density(prior, SIGMA, phi[0], y, weight)[1]
+        assert density == pytest.approx(expected + 0.5 * np.sum(np.log(2.0 * np.pi * noise)), rel=1e-9)
+
+
+def test_a_belief_of_a_mean_and_a_precision_holds_their_product() -> None:
+    generator = np.random.default_rng(17)
+    mean, factor = generator.normal(size=(4, 16)), generator.normal(size=(64, 64))
+    precision = factor @ factor.T + np.eye(64)
+    belief = from_precision(mean, precision, SIGMA)
+    np.testing.assert_allclose(belief.q.ravel(), precision @ (mean.ravel() / SCALE), rtol=1e-9)
+    np.testing.assert_allclose(belief.covariance @ precision, np.eye(64), atol=1e-8)
 
 
 def test_recursion_equals_batch_regression_after_thousands_of_updates(prior: Posterior) -> None:

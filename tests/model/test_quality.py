@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from drift_drake.model.bayesian_step import residual
 from drift_drake.model.checkpoint import BayesianModel
@@ -11,6 +12,7 @@ from drift_drake.model.command_lag import lagged_commands
 from drift_drake.model.features import features, network_inputs
 from drift_drake.model.posterior import state_blocks, update
 from drift_drake.model.quality import (
+    GAUSSIAN_COVERAGE,
     adapted,
     choose_sample_weight,
     deviation_coverage,
@@ -19,6 +21,7 @@ from drift_drake.model.quality import (
     mean_nll,
     quality_by_points,
     rollout_errors,
+    rollout_summary,
     split_vehicle,
     standardized_errors,
     step_model,
@@ -92,6 +95,20 @@ def test_a_right_model_is_calibrated_and_adaptation_takes_its_error_to_the_noise
     rollout = rollout_errors(step_model(random_model, adapted(random_model, split.adaptation)), split.judged, 1, 1)
     np.testing.assert_allclose(rollout[:, :4], error, rtol=0, atol=1e-10)
     assert result["100"]["nll"] == pytest.approx(mean_nll(error, deviation))
+
+
+def test_a_gaussians_coverage_is_the_normal_distributions() -> None:
+    assert pytest.approx(norm.cdf([1.0, 2.0, 3.0]) - norm.cdf([-1.0, -2.0, -3.0]), abs=1e-4) == GAUSSIAN_COVERAGE
+
+
+def test_summaries_are_over_the_rollouts_by_state() -> None:
+    errors = np.array([[3.0, 0.0], [-4.0, 1.0], [0.0, -2.0], [0.0, 3.0]])
+    found = rollout_summary([errors[:1], errors[1:]])
+    assert found["rms"] == pytest.approx([2.5, np.sqrt(3.5)])
+    assert found["median"] == pytest.approx([1.5, 1.5])
+    assert mean_nll(np.array([[1.0, 2.0]]), np.array([[2.0, 0.5]])) == pytest.approx(
+        0.25 + 16.0 + 2.0 * np.log(2.0) + 2.0 * np.log(0.5)
+    )
 
 
 def test_coverage_counts() -> None:

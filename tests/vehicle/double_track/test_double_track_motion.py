@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from drift_drake.vehicle.bicycle import motion
 from drift_drake.vehicle.catalogue import CATALOGUE, OFF_THE_MOTION
@@ -14,6 +15,7 @@ from drift_drake.vehicle.double_track.motion import (
     double_track_motion,
     ground_wrench,
     road_wheel_angles,
+    roll_acceleration,
     roll_arm_moment,
     settled_states,
     sprung_mass,
@@ -71,6 +73,40 @@ def test_wheel_loads_carry_the_weight_and_the_roll_moment(car):
     assert across == pytest.approx(car.mass * a_y * car.cg_height + arm * g * roll, rel=1e-12)
     along = (left_rear + right_rear) * p.rear_axle_distance - (left_front + right_front) * p.front_axle_distance
     assert along == pytest.approx(car.mass * a_x * car.cg_height, rel=1e-12)
+
+
+@pytest.mark.parametrize("car", CARS.values())
+def test_a_car_rolls_as_far_as_its_springs_carry_the_moment_about_the_road(car):
+    """Statics of the whole car: the side force at its height and the weight that the roll moves aside, on four wheels.
+
+    The wheels' loads are those of the springs' deflection; where they balance those moments, nothing turns the body.
+    """
+    p, roll, g = car.constants(), 0.02, car.gravity
+    unsprung = car.front_unsprung_mass + car.rear_unsprung_mass
+    a, b = car.front_axle_distance, car.rear_axle_distance
+    axis = (car.front_roll_center * b + car.rear_roll_center * a) / (a + b)
+    arm = car.mass * car.cg_height - unsprung * car.wheel_radius - (car.mass - unsprung) * axis
+
+    def out_of_balance(a_y):
+        left_front, right_front, left_rear, right_rear = wheel_loads(p, roll, 0.0, 0.0, a_y)
+        across = (right_front - left_front) * p.front_track / 2.0 + (right_rear - left_rear) * p.rear_track / 2.0
+        return across - car.mass * a_y * car.cg_height - arm * g * roll
+
+    a_y = brentq(out_of_balance, 0.1, 20.0, xtol=1e-12)
+    still = OwnStates(*np.zeros(len(OwnStates._fields)))._replace(roll=roll)
+    assert roll_acceleration(still, a_y, p) == pytest.approx(0.0, abs=1e-8)
+    assert roll_acceleration(still, 1.2 * a_y, p) == pytest.approx(0.2 * arm * a_y / car.roll_inertia)
+    damping = -car.roll_damping * 0.5 / car.roll_inertia
+    assert roll_acceleration(still._replace(roll_rate=0.5), a_y, p) == pytest.approx(damping)
+
+
+@pytest.mark.parametrize("car", CARS.values())
+def test_settled_states_carry_their_own_roll_and_go_on_as_they_are(car):
+    p, command = car.constants(), (0.03, 60.0)
+    own = settled_states(0.3, 15.0, -0.02, 15.2, *command, p, NONE)
+    _, rates = double_track_motion(0.3, 15.0, -0.02, 15.2, 0.0, own, *command, p, NONE)
+    assert own.roll > 0.005
+    assert rates.roll_rate == pytest.approx(0.0, abs=0.02)
 
 
 def test_a_lifting_wheel_leaves_its_load_to_the_other():

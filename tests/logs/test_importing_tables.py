@@ -15,7 +15,7 @@ from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import look, mapping_text
 from drift_drake.logs.importing.mapping import InvalidMappingError, mapping_from_dict
 from drift_drake.logs.importing.recording import read_recording
-from drift_drake.logs.importing.units import factor
+from drift_drake.logs.units.conversion import factor
 
 SIGNALS = ("r", "v", "ay", "delta_cmd")
 UNITS = {

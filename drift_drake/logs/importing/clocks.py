@@ -13,7 +13,7 @@ from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import bracketed, concepts, fit, stated_unit
-from drift_drake.logs.importing.spelling import PACKED, unit_of
+from drift_drake.logs.units.spelling import PACKED, unit_of
 
 STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
          "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip

@@ -33,8 +33,8 @@ from drift_drake.logs.importing.evidence import (
 )
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
-from drift_drake.logs.importing.spelling import DIMENSIONS, unit_of
-from drift_drake.logs.importing.units import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.logs.units.conversion import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.logs.units.spelling import DIMENSIONS, unit_of
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
               "delta_cmd", "tau_cmd")  # fmt: skip

@@ -9,9 +9,9 @@ import re
 import unicodedata
 from typing import NamedTuple
 
-from drift_drake.logs.importing.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
-from drift_drake.logs.importing.units import dimensions_of
 from drift_drake.logs.importing.vocabulary import WORDS
+from drift_drake.logs.units.conversion import dimensions_of
+from drift_drake.logs.units.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 
 
 class Rule(NamedTuple):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.averaging import averaging
+from drift_drake.logs.screening.averaging import PerWindow, averaging
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -34,7 +34,7 @@ WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
 @dataclasses.dataclass(frozen=True)
-class Windows:
+class Windows(PerWindow):
     """Means and changes over windows [windows], in the columns' units, changes per second of the log's clock.
 
     Columns that a run lacks are NaN. turning: rate of the heading `psi`; course: rate of the direction of travel;
@@ -58,10 +58,6 @@ class Windows:
     delta_cmd: np.ndarray
     tau_cmd: np.ndarray
 
-    def where(self, kept: np.ndarray) -> "Windows":
-        """The windows [windows] (bool) that are kept."""
-        return Windows(*(getattr(self, field.name)[kept] for field in dataclasses.fields(self)))
-
     def corrected(self, column: str, factor: float) -> "Windows":
         """As if the column (`t`: the clock) had not been too large by the factor."""
         fields, scale = (RATES, factor) if column == "t" else (FIELDS[column], 1.0 / factor)
@@ -78,8 +74,7 @@ def windows_of(runs: Sequence[Run]) -> Windows:
         windows_of_columns({name: run.column(name) for name in columns}, run.period, index)
         for index, run in enumerate(runs)
     ]
-    names = [field.name for field in dataclasses.fields(Windows)]
-    return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Windows.joined(parts)
 
 
 def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, index: int = 0) -> Windows:

@@ -7,7 +7,7 @@ import dataclasses
 import re
 from collections import Counter
 
-from drift_drake.logs.importing.spelling import is_stated, meanings
+from drift_drake.logs.units.spelling import is_stated, meanings
 
 HEAD = 1 << 18  # bytes that are looked at
 MOST_LINES = 600

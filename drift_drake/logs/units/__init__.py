@@ -1,0 +1,1 @@
+"""Units as files spell them, what they measure, and their conversion to SI and ISO 8855."""

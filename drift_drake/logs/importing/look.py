@@ -98,7 +98,7 @@ def _summary(topic: Topic) -> TopicSummary:
     if clock is not None:
         t = seconds(topic, clock)
         t = t[np.isfinite(t)]
-        rate, span = rate_of(t), float(t[-1] - t[0])
+        rate, span = rate_of(t), float(t[-1] - t[0]) if len(t) else 0.0
     columns = []
     for name in topic.table.columns:
         values = pd.to_numeric(topic.table[name], errors="coerce").to_numpy(dtype=float)
@@ -110,7 +110,10 @@ def _summary(topic: Topic) -> TopicSummary:
 
 def _described(topic: TopicSummary) -> list[str]:
     clock = f"{topic.rate:.4g} Hz, {topic.span:.1f} s by {topic.clock}" if topic.clock else "no clock found"
-    lines = [f"# {topic.name or 'table'}: {topic.rows} rows, {clock}"]
+    if topic.clock and not topic.rate:
+        clock = f"no two times by {topic.clock}"
+    rows = "1 row" if topic.rows == 1 else f"{topic.rows} rows"
+    lines = [f"# {topic.name or 'table'}: {rows}, {clock}"]
     for column in topic.columns[:MOST_LISTED]:
         extent = "no numbers"
         if column.low is not None and column.high is not None:

@@ -16,8 +16,8 @@ from drift_drake.logs.importing.known import (
     wrong_position,
 )
 from drift_drake.logs.table import COLUMNS
-from drift_drake.logs.units.conversion import FRAMES, QUANTITIES, dimensions_of, units_of
-from drift_drake.logs.units.spelling import DIMENSIONS, PACKED, unit_of
+from drift_drake.logs.wording.conversion import FRAMES, QUANTITIES, dimensions_of, units_of
+from drift_drake.logs.wording.spelling import DIMENSIONS, PACKED, unit_of
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")

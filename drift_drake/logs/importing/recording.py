@@ -20,8 +20,8 @@ from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.names import stated_unit
 from drift_drake.logs.importing.position import projected
 from drift_drake.logs.plausible import ABSURD, LARGEST
-from drift_drake.logs.units.conversion import dimension, dimensions_of, factor, to_iso8855
-from drift_drake.logs.units.spelling import PACKED, unit_of
+from drift_drake.logs.wording.conversion import dimension, dimensions_of, factor, to_iso8855
+from drift_drake.logs.wording.spelling import PACKED, unit_of
 
 Rows = NDArray[np.int64]
 

@@ -1,1 +1,0 @@
-"""Units as files spell them, what they measure, and their conversion to SI and ISO 8855."""

@@ -102,7 +102,8 @@ def _run(folder: Path, arguments: Sequence[str], heard: Sequence[Path], longest:
         signal.alarm(0)
         for number, path in enumerate(heard, 1):
             os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
-        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", closefd=False, errors="backslashreplace")  # noqa: SIM115  (as Python opens it)
         space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (space + MEMORY, space + MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

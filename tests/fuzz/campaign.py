@@ -2,12 +2,14 @@
 
     python tests/fuzz/campaign.py --trials 10000
 
-Trials are numbered, and those that are done are in FOLDER/trials.csv: ended and given again, it goes on. An input that is
-answered in a way that none was before is kept in FOLDER/corpus, and spoilt further by later trials. A trial that ended in
-a traceback, a warning, a crash, a hang (20 s of processor time) or more than 2 GB is kept whole in FOLDER/findings.
+Trials are numbered, and those that are done are in FOLDER/trials.csv: ended and given again, it goes on. An input that
+is answered in a way that none was before is kept in FOLDER/corpus, and spoilt further by later trials. A trial that
+ended in a traceback, a warning, a crash, a hang (20 s of processor time) or more than 2 GB is kept whole in
+FOLDER/findings.
 """
 
 import argparse
+import ast
 import contextlib
 import csv
 import gc
@@ -26,8 +28,9 @@ HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "logs"), str(HERE.parents[1])]
 
 from as_command import Ended, command, warm  # noqa: E402
+from campaign_place import Place  # noqa: E402
 from campaign_seeds import make_seeds  # noqa: E402
-from campaign_trials import TRIALS, Place  # noqa: E402
+from campaign_trials import TRIALS  # noqa: E402
 from forked_reader import read_by_copies  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
@@ -43,11 +46,14 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=HERE.parents[1] / "build" / "fuzz")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", type=int, help="trials to do again; they are not written down")
+    parser.add_argument("--findings", action="store_true", help="try the kept findings again, and nothing else")
     given = parser.parse_args()
     folder = given.folder.resolve()
     seeds, table = folder / "seeds", folder / "trials.csv"
     make_seeds(seeds)
     warmed(seeds)
+    if given.findings:
+        return findings_again(folder)
     done = _done(table)
     numbers = given.only or [number for number in range(given.trials) if number not in done]
     heard = _heard(folder / "corpus")
@@ -76,13 +82,19 @@ def warmed(seeds: Path) -> None:
         os.rename("case/full.csv", "case/run_0.csv")
         os.remove("case/few.csv")
         car, quick = ("--vehicle", str(seeds / "vehicle" / "plain.yaml")), ("--effects", "steering_lag", "--quiet")
+        recording, mapping = seeds / "recording.csv", seeds / "mapping" / "full.yaml"
         for words in (
-            ("check", "case", *car, "--workers", "1"), ("diagnose", "case", *car, *quick, "--workers", "1", "--json", "a.json"),
-            ("watch", "case/run_0.csv", *car), ("replay", "case/run_0.csv", *car), ("plan-next", "a.json", *car),
-            ("simulate", "slalom", *car, "--duration", "1", "--out", "s.csv"), ("identify", "case", *car, *quick, "--json", "i.json"),
-            ("import", "--look", str(seeds / "recording.csv")), ("import", "--look", str(seeds / "recordings" / "drive.npz")),
-            ("import", str(seeds / "recording.csv"), "--mapping", str(seeds / "mapping" / "full.yaml"), "--out", "out"),
-        ):  # fmt: skip
+            ("check", "case", *car, "--workers", "1"),
+            ("diagnose", "case", *car, *quick, "--workers", "1", "--json", "a.json"),
+            ("watch", "case/run_0.csv", *car),
+            ("replay", "case/run_0.csv", *car),
+            ("plan-next", "a.json", *car),
+            ("simulate", "slalom", *car, "--duration", "1", "--out", "s.csv"),
+            ("identify", "case", *car, *quick, "--json", "i.json"),
+            ("import", "--look", str(recording)),
+            ("import", "--look", str(seeds / "recordings" / "drive.npz")),
+            ("import", str(recording), "--mapping", str(mapping), "--out", "out"),
+        ):
             with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
                 code = drift_drake(words)
             if code:
@@ -124,6 +136,22 @@ def tried(folder: Path, seeds: Path, seed: int, number: int, heard: set[str]) ->
     return rows
 
 
+def findings_again(folder: Path) -> int:
+    """Tries the kept findings again; returns how many still end badly."""
+    bad = 0
+    for kept in sorted((folder / "findings").glob("*/how.txt")):
+        first = kept.read_text(errors="replace").splitlines()[0]
+        if not first.startswith("("):  # a plug-in's, in a fresh Python
+            continue
+        now = folder / "now"
+        shutil.rmtree(now, ignore_errors=True)
+        shutil.copytree(kept.parent, now)
+        ended = command(now, *ast.literal_eval(first))
+        bad += bool(ended.flaw)
+        print(f"{kept.parent.name}: {first[:100]}: {ended.flaw or 'ends well'}", flush=True)
+    return bad
+
+
 def _keep(place: Place, ended: Ended, heard: set[str]) -> None:
     """Keeps what was answered in a new way: other words but names and numbers."""
     last = (ended.said.strip().splitlines() or [""])[-1]
@@ -162,8 +190,11 @@ def summary(table: Path) -> str:
         flaws = Counter(row["flaw"] for row in of_kind if row["flaw"])
         slowest, most = max(float(row["seconds"]) for row in of_kind), max(int(row["megabytes"]) for row in of_kind)
         taken = sum(row["code"] in ("0", "3") for row in of_kind)
-        lines.append(f"{kind:<14}{len({row['trial'] for row in of_kind}):>6} trials, {len(of_kind):>6} commands, {taken:>6} taken, "
-                     f"slowest {slowest:.1f} s, most {most} MB, flaws: {dict(flaws) or 'none'}")  # fmt: skip
+        tried = len({row["trial"] for row in of_kind})
+        lines.append(
+            f"{kind:<14}{tried:>6} trials, {len(of_kind):>6} commands, {taken:>6} taken, slowest {slowest:.1f} s, "
+            f"most {most} MB, flaws: {dict(flaws) or 'none'}"
+        )
     lines.append(f"{len({row['trial'] for row in rows})} trials, {sum(bool(row['flaw']) for row in rows)} flaws")
     return "\n".join(lines)
 

@@ -17,7 +17,7 @@ REPORT = {"mapping": {"trust": ["v"]}, "runs": [{"std": {"v": 0.1, "r": 0.01}}]}
 
 
 def make_seeds(folder: Path) -> None:
-    """Folders `recordings`, `mapping`, `report`, `log`, `vehicle`, `answer`, `calibration`; frames.dbc, recording.csv."""
+    """Folders `recordings`, `mapping`, `report`, `log`, `vehicle`, `answer`, `calibration`, and two files."""
     structures = {
         "mapping": {"full": MAPPING, "preset": {"clocks": {"logger": {"column": "time", "unit": "ms"}}, "signals": {
             "r": {"column": "yaw", "unit": "deg/s"}, "v": {"column": "speed", "unit": "km/h"}}}},
@@ -57,7 +57,10 @@ def _recordings(folder: Path) -> None:
     r, v, angle = 0.3 * np.sin(3.0 * t), 10.0 + t, 0.05 * np.cos(t)
     write_vbo(place / "lap.vbo", 36000.0 + t, 48.0 + 1e-5 * t, 11.0 + 1e-5 * t, v, 0.1 * t, r, angle)
     fields = {"timestamp": "uint64_t", "x": "float", "q": "float[4]"}
-    write_ulog(place / "flight.ulg", {"rates": (fields, [(int(1e6 * a), b, 1.0, 0.0, 0.0, 0.0) for a, b in zip(t, r)])})
+    write_ulog(
+        place / "flight.ulg",
+        {"rates": (fields, [(int(1e6 * a), b, 1.0, 0.0, 0.0, 0.0) for a, b in zip(t, r, strict=True)])},
+    )
     write_xrk(place / "kart.xrk", [("Speed", 11, 20, [int(a) for a in v]), ("Yaw", 6, 20, [int(10 * a) for a in r])])
     (folder / "frames.dbc").write_text(DBC)
     if find_spec("can") and find_spec("cantools"):

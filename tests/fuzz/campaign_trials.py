@@ -3,22 +3,17 @@
 A trial yields the words of a command and is sent how it ended.
 """
 
-import json
 import os
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Generator
-from pathlib import Path
+from collections.abc import Callable
 from random import Random
 
 import yaml
-from as_command import Ended
-from hostile import NUMBERS, TEXTS, junk, scalar, spoilt_bytes, spoilt_table, spoilt_tree
+from campaign_place import Place, Trial, dumped
+from campaign_plug_ins import plug_ins
+from hostile import NUMBERS, TEXTS, junk, scalar, spoilt_bytes, spoilt_table
 from table_dialects import CLOCKS, drive, texts
 from test_fuzz import COMMANDS, PATHS
 
-Trial = Generator[tuple[str | Path, ...], Ended, None]
 SI = {"r": "rad/s", "v": "m/s", "delta_cmd": "rad", "ay": "m/s^2", "ax": "m/s^2", "psi": "rad", "omega_r": "m/s"}
 NAMES = {
     "r": ["yaw_rate", "Gierrate", "gyro_z", "r", "/imu.angular_velocity.z", "Vitesse de lacet"],
@@ -48,48 +43,6 @@ UNITS = [
 ]
 CLOCK_NAMES = ["time", "t", "Zeit", "timestamp", "Time [s]", "utc", "elapsed"]
 QUICK = ("--effects", "steering_lag", "aero_drag", "--workers", "1", "--quiet")
-
-
-class Place:
-    """A trial's folder, the good inputs, and those of earlier trials that were answered in a way of their own."""
-
-    def __init__(self, folder: Path, seeds: Path, corpus: Path) -> None:
-        self.folder, self.seeds, self.corpus = folder, seeds, corpus
-        self.subjects: list[tuple[str, Path]] = []
-
-    def put(self, name: str, content: bytes, kind: str = "") -> str:
-        """Writes a file; kind: of what a trial is about, kept if its answer is a new one."""
-        path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-        if kind:
-            self.subjects.append((kind, path))
-        return name
-
-    def start(self, rng: Random, kind: str) -> Path:
-        """A good input, or an earlier trial's."""
-        kept = sorted((self.corpus / kind).glob("*")) if rng.random() < 0.4 else []
-        return rng.choice(kept or sorted(path for path in (self.seeds / kind).rglob("*") if path.is_file()))
-
-    def structure(self, rng: Random, kind: str) -> bytes:
-        """Plain data spoilt by structure, or by bytes."""
-        content = self.start(rng, kind).read_bytes()
-        if rng.random() < 0.3:
-            return spoilt_bytes(rng, content)
-        try:
-            data = yaml.safe_load(content)
-        except (yaml.YAMLError, ValueError, RecursionError):
-            return spoilt_bytes(rng, content)
-        return dumped(spoilt_tree(rng, data), kind)
-
-    def good(self, kind: str, name: str) -> bytes:
-        return (self.seeds / kind / name).read_bytes()
-
-
-def dumped(data: object, kind: str) -> bytes:
-    as_json = kind in ("answer", "calibration", "report")
-    text = json.dumps(data) if as_json else yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-    return text.encode("utf-8", "surrogatepass")
 
 
 def tables(rng: Random, place: Place) -> Trial:
@@ -173,6 +126,9 @@ def mappings(rng: Random, place: Place) -> Trial:
     yield ("import", "recording.csv", "--mapping", "m.yaml", "--out", "out")
 
 
+FUNCTIONS = ["sin", "cos", "tan", "exp", "log", "sqrt", "abs", "min", "where", "arctan2", "eval"]
+
+
 def expression(rng: Random, depth: int = 4) -> str:
     """Of the mapping's columns, numbers, functions and signs; some are no expression."""
     if depth == 0 or rng.random() < 0.2:
@@ -180,11 +136,19 @@ def expression(rng: Random, depth: int = 4) -> str:
             ["wheel_angle", "ratio", "r", "v", "gyro", "t", "q", "pi", "", str(rng.choice(NUMBERS)), "1.5"]
         )
     one, two = expression(rng, depth - 1), expression(rng, depth - 1)
-    return rng.choice([
-        f"{one} {rng.choice(['+', '-', '*', '/', '**', '%', '//', '<', ',', 'and', '^', '@'])} {two}", f"({one})", f"-{one}",
-        f"{rng.choice(['sin', 'cos', 'tan', 'exp', 'log', 'sqrt', 'abs', 'min', 'where', 'arctan2', 'eval', 'where'])}({one})",
-        f"arctan2({one}, {two})", f"where({one} > 0, {one}, {two})", f"{one}[0]", f"{one}.real", f"({one}" * rng.choice([1, 1, 150]),
-    ])  # fmt: skip
+    return rng.choice(
+        [
+            f"{one} {rng.choice(['+', '-', '*', '/', '**', '%', '//', '<', ',', 'and', '^', '@'])} {two}",
+            f"({one})",
+            f"-{one}",
+            f"{rng.choice(FUNCTIONS)}({one})",
+            f"arctan2({one}, {two})",
+            f"where({one} > 0, {one}, {two})",
+            f"{one}[0]",
+            f"{one}.real",
+            f"({one}" * rng.choice([1, 1, 150]),
+        ]
+    )
 
 
 def formulas(rng: Random, place: Place) -> Trial:
@@ -237,10 +201,13 @@ def answers(rng: Random, place: Place) -> Trial:
     place.put("car.yaml", place.good("vehicle", "plain.yaml"))
     place.put("answer.json", place.structure(rng, "answer"), "answer")
     car = ("--vehicle", "car.yaml")
-    yield rng.choice([
-        ("apply", "answer.json", *car, "--out", "new.yaml"), ("apply", "answer.json", *car, "--out", "new.yaml", "--force"),
-        ("plan-next", "answer.json", *car, "--out", "plan.csv"),
-    ])  # fmt: skip
+    yield rng.choice(
+        [
+            ("apply", "answer.json", *car, "--out", "new.yaml"),
+            ("apply", "answer.json", *car, "--out", "new.yaml", "--force"),
+            ("plan-next", "answer.json", *car, "--out", "plan.csv"),
+        ]
+    )
 
 
 def calibrations(rng: Random, place: Place) -> Trial:
@@ -279,45 +246,17 @@ def command_lines(rng: Random, place: Place) -> Trial:
     yield tuple(word for word in words if not word.startswith(("..", "/")))
 
 
-PLUGIN = "from drift_drake import Effect\ndef force(r, v, beta, omega_r, psi, car, magnitude):\n    {body}\n{before}\nE = Effect({fields})\n"
-BODIES = ["return 0.0, magnitude * car.mass, 0.0", "return 0.0, 1.0", "return magnitude / r, 0.0, 0.0", "return 'a', 0.0, 0.0", "pass",
-          "return 1e309, 0.0, 0.0", "raise ValueError('no')", "import os\n    return 0.0, 0.0, 0.0", "return car.nothing, 0.0, 0.0",
-          "return (magnitude + 1j, 0.0, 0.0)", "while magnitude != 0.0:\n        pass\n    return 0.0, 0.0, 0.0"]  # fmt: skip
-BEFORE = ["", "", "", "import sys; sys.exit(0)", "print('hello')", "1 / 0", "raise SystemExit('x')", "import nothing_at_all", "raise BaseException",
-          "raise RecursionError", "import warnings; warnings.warn('w')", "x = ("]  # fmt: skip
-
-
-def plug_ins(rng: Random, place: Place) -> Trial:
-    """In a fresh Python, which sees the plug-in; a command of the campaign's own only where that went well."""
-    fields = {"unit": "'m/s^2'", "low": "-1.0", "high": "1.0", "change": "'c'", "force": "force"}
-    for name in rng.sample(sorted(fields), rng.choice([0, 0, 1, 2])):
-        fields[name] = rng.choice(
-            ["None", "float('nan')", "float('inf')", "'a'", "0", "1e400", "5.0", "()", "force", "10**400"]
-        )
-    name = rng.choice(
-        ["side", "side", "side", "lambda", "none", "unknown", "mass", "steering_lag", "a b", "ü", "x" * 300, "1a"]
-    )
-    source = PLUGIN.format(
-        body=rng.choice(BODIES), before=rng.choice(BEFORE), fields=", ".join(f"{k}={v}" for k, v in fields.items())
-    )
-    place.put("plug/evil-0.1.dist-info/METADATA", b"Metadata-Version: 2.1\nName: evil\nVersion: 0.1\n")
-    place.put("plug/evil-0.1.dist-info/entry_points.txt", f"[drift_drake.effects]\n{name} = evil_plugin:E\n".encode())
-    place.put("plug/evil_plugin.py", source.encode(), "plug_in")
-    path = os.pathsep.join([str(place.folder / "plug"), *filter(None, [os.environ.get("PYTHONPATH")])])
-    begun = time.monotonic()
-    try:
-        done = subprocess.run([sys.executable, "-m", "drift_drake", "effects", "--json", "-"], cwd=place.folder, capture_output=True,
-                              text=True, timeout=120, env=os.environ | {"PYTHONPATH": path})  # fmt: skip
-        ended = Ended(done.returncode, done.stdout + done.stderr, time.monotonic() - begun)
-    except subprocess.TimeoutExpired as error:
-        ended = Ended(-9, str(error.stderr), 120.0, hung=True)
-    if not ended.flaw and ended.code == 0 and not done.stdout.startswith("{"):
-        ended = Ended(1, "standard output is not free: " + ended.said[:300], ended.seconds)
-    yield ended  # type: ignore[misc]
-
-
 TRIALS: dict[Callable[[Random, Place], Trial], float] = {
-    tables: 20, kept_tables: 5, recordings: 24, mappings: 10, formulas: 6, logs: 16, vehicles: 6, answers: 6, calibrations: 3,
-    command_lines: 3.5, plug_ins: 0.5,
-}  # fmt: skip
+    tables: 20,
+    kept_tables: 5,
+    recordings: 24,
+    mappings: 10,
+    formulas: 6,
+    logs: 16,
+    vehicles: 6,
+    answers: 6,
+    calibrations: 3,
+    command_lines: 3.5,
+    plug_ins: 0.5,
+}
 """Each with its share [%]."""

@@ -1,4 +1,4 @@
-"""The process that reads foreign files, as a copy of the command's process in place of a fresh Python: a fuzz is fast."""
+"""The process that reads foreign files, as a copy of the command's process: a fresh Python takes half a second."""
 
 import contextlib
 import os

@@ -345,3 +345,19 @@ def test_numbers_that_no_unit_allows_are_raw_counts(tmp_path):
 def test_a_table_with_one_time_is_looked_at(tmp_path):
     (tmp_path / "one.csv").write_text("time,speed,yaw_rate\n1.0,2.0,3.0\n")
     assert "# table: 1 row, " in mapping_text(look(tmp_path / "one.csv"))
+
+
+def test_numbers_that_nothing_measures(tmp_path):
+    """An integer of 400 digits, numbers whose squares overflow, and times that go back and stand still."""
+    columns = drive()
+    rows = [[f"{t:.2f}", f"{r:.6f}", f"{v:.4f}", f"{d:.6f}"] for t, r, v, d in
+            zip(*(columns[key] for key in ("t", "r", "v", "delta_cmd")), strict=True)]  # fmt: skip
+    rows[7][1], rows[8][2], rows[9][3] = "1" + 400 * "0", "1e300", "-1e200"
+    rows[3:6] = [["0.05", *rows[3][1:]], ["0.02", *rows[4][1:]], ["0.05", *rows[5][1:]]]
+    path = tmp_path / "endless.csv"
+    path.write_text("\n".join(["time,yaw_rate,speed,steering_angle", *map(",".join, rows), ""]))
+    found = look(path)
+    assert not found.missing
+    speed = next(column for column in found.topics[0].columns if column.name == "speed")
+    assert speed.high < 100.0
+    import_recordings([path], mapping_from_dict(found.mapping))

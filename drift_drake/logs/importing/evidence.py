@@ -96,7 +96,7 @@ def derivative(a: Trace, turns: bool = False) -> Trace:
     """Rate of change; of an angle that wraps (`turns`) too."""
     there = np.isfinite(a.values) & np.isfinite(a.t)
     t, values = a.t[there], a.values[there]
-    fresh = np.diff(t, prepend=-np.inf) > 0.0
+    fresh = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0.0
     t, values = t[fresh], values[fresh]
     if len(t) < LEAST:
         return Trace(a.t[:0], a.t[:0], None)

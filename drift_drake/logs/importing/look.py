@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import yaml
 
 from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds, with_numbers
@@ -16,6 +15,7 @@ from drift_drake.logs.importing.guess import NEEDED, guessed_mapping
 from drift_drake.logs.importing.known import untold
 from drift_drake.logs.importing.names import is_handwheel
 from drift_drake.logs.importing.recording import topics_of
+from drift_drake.logs.numbers import as_numbers, without_endless
 
 MOST_LISTED = 60
 
@@ -101,7 +101,7 @@ def _summary(topic: Topic) -> TopicSummary:
         rate, span = rate_of(t), float(t[-1] - t[0]) if len(t) else 0.0
     columns = []
     for name in topic.table.columns:
-        values = pd.to_numeric(topic.table[name], errors="coerce").to_numpy(dtype=float)
+        values = without_endless(as_numbers(topic.table[name]).to_numpy(dtype=float))
         seen = values[np.isfinite(values)]
         low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
         columns.append(Column(name, topic.units.get(name, ""), low, high))

@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from drift_drake.logs.numbers import as_numbers
 from drift_drake.logs.wording.words import pieces
 
 ROLES = {
@@ -39,7 +40,7 @@ def as_wide(table: pd.DataFrame, times: list[str]) -> tuple[pd.DataFrame, dict[s
     if signal is None or value is None or time is None or not is_numeric_dtype(table[time]):
         return None
     names = table[signal].astype("string").str.strip()
-    numbers = pd.to_numeric(table[value], errors="coerce")
+    numbers = as_numbers(table[value])
     count = names.nunique()
     if not 1 <= count <= min(MOST_SIGNALS, len(table) // FEWEST_ROWS) or numbers.notna().mean() < NUMBERS:
         return None

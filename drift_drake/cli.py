@@ -5,6 +5,7 @@ when its command is given, and imports in turn what is slow to import once its o
 """
 
 import difflib
+import io
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -56,6 +57,8 @@ COMMANDS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names in a file may hold what no encoding has
     return ended_well(lambda: _run(words), "drift-drake: ", "files are as they were before, or complete")
 
 

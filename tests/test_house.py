@@ -31,3 +31,14 @@ def test_no_class_is_defined_twice() -> None:
 def test_no_room_rests_on_the_benchmarks() -> None:
     inside = PACKAGE / "benchmarks"
     assert not [path for path in FILES if inside not in path.parents and "drift_drake.benchmarks" in path.read_text()]
+
+
+def test_no_two_folders_import_each_other() -> None:
+    imported: dict[Path, set[Path]] = {}
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{PACKAGE.name}."):
+                module = PACKAGE.parent.joinpath(*node.module.split("."))
+                imported.setdefault(path.parent, set()).add(module if module.is_dir() else module.parent)
+    pairs = [(one, other) for one, others in imported.items() for other in others if one != other]
+    assert not [(one, other) for one, other in pairs if one in imported.get(other, ())]

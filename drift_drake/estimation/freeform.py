@@ -33,6 +33,7 @@ from drift_drake.estimation.regression import SENSORS, Regression, Responses, eq
 from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED
 from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
 
+FUNCTIONS = 20  # of the state, and the commands (`state_functions`)
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in, of the reference car; by weight and size of others
 PULSE = 0.5  # [s] width of a pulse

@@ -9,7 +9,7 @@ import numpy as np
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.freeform import FORCE_CHANNELS
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
 from drift_drake.estimation.normal import Normal, normal_from_data
 from drift_drake.estimation.problem import Everyday
 from drift_drake.identification.driving import Driving
@@ -225,8 +225,9 @@ def _everyday(data: Mapping[str, Any]) -> Everyday:
     forces = {
         name: [named_number(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
     }
-    if len({len(weights) for weights in forces.values()}) != 1:
-        raise ValueError("everyday.forces has other numbers of weights for one channel than for another")
+    for name, weights in forces.items():
+        if len(weights) != FUNCTIONS:
+            raise ValueError(f"everyday.forces has {len(weights)} weights for {name}, expected {FUNCTIONS}")
     offsets = {str(name): named_number(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
     unknown = sorted(set(offsets) - set(CHANNELS)) + sorted(set(data["forces"]) - set(FORCE_CHANNELS))
     if unknown:

@@ -15,7 +15,7 @@ from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.apart import read_guarded
 from drift_drake.logs.plausible import implausible
 from drift_drake.plain_files import check_file, number, parse_json, read_text
-from drift_drake.safe_files import write_table
+from drift_drake.safe_files import write_columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -172,11 +172,8 @@ def check_names(path: Path, names: Sequence[str]) -> None:
 
 def write_run(run: Run, path: str | Path) -> None:
     """Writes one run as CSV (nine digits); absent columns are left out."""
-    import pandas as pd
-
     columns = {name: run.column(name) for name in COLUMNS}
-    table = pd.DataFrame({name: values for name, values in columns.items() if values is not None})
-    write_table(table, path, index=False, float_format="%.9g")
+    write_columns({name: values for name, values in columns.items() if values is not None}, path)
 
 
 def read_case(folder: str | Path) -> list[Run]:
@@ -239,10 +236,11 @@ def _recorded_name(path: Path) -> str:
 
 
 def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:
-    import pandas as pd
 
-    numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float)
-    bad = np.flatnonzero(~np.isfinite(numbers))
+    from drift_drake.logs.numbers import as_numbers, without_endless  # slow to import
+
+    numbers = as_numbers(values).to_numpy(dtype=float)
+    bad = np.flatnonzero(np.isnan(without_endless(numbers)))
     if len(bad):
         row = int(bad[0])
         found = values.iloc[row]

@@ -30,12 +30,15 @@ BAD = re.compile(rb"Traceback \(most recent call last\)|Warning:|Fatal Python er
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """How a command ended: its exit code (negative: the signal), what it said, and what it took."""
+    """How a command ended: its exit code (negative: the signal), what it said, and what it took; printed: standard
+    output alone; memory: the most that it or a process of its had [bytes]."""
 
     code: int
     said: str
     seconds: float
     hung: bool = False
+    printed: str = ""
+    memory: int = 0
 
     @property
     def flaw(self) -> str:
@@ -44,7 +47,9 @@ class Ended:
             return f"it took more than {LONGEST} s"
         if self.code < 0:
             return f"it was ended by {signal.Signals(-self.code).name}"
-        found = BAD.search(self.said.encode())
+        if self.memory > MEMORY or "too little memory" in self.said:
+            return f"it took more than {MEMORY >> 30} GB, or wanted to"
+        found = BAD.search(self.said.encode(errors="replace"))
         if found:
             return f"it said {found[0].decode()}"
         return "" if self.code in (0, 2, 3) else f"its exit code is {self.code}"
@@ -62,7 +67,7 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
     Args:
         killed_after: [s] after which it is killed (-9), if it has not ended; longest: [s] of processor time.
     """
-    arguments, heard = [str(word) for word in words], folder / ".said"
+    arguments, heard = [str(word) for word in words], (folder / ".printed", folder / ".said")
     begun = time.monotonic()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of 3.12 on: threads are not copied
@@ -72,28 +77,33 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
     with contextlib.suppress(OSError):  # whichever of the two comes first; it may have ended already
         os.setpgid(child, child)
     end, hung = begun + (BESIDE * longest if killed_after is None else killed_after), False
-    while (ended := os.waitpid(child, os.WNOHANG))[0] == 0:
+    while (ended := os.wait4(child, os.WNOHANG))[0] == 0:
         if time.monotonic() > end:
             hung = killed_after is None
             os.killpg(child, signal.SIGKILL)
-            ended = os.waitpid(child, 0)
+            ended = os.wait4(child, 0)
             break
         time.sleep(0.002)
-    said = heard.read_text(errors="replace") if heard.exists() else ""
-    heard.unlink(missing_ok=True)
-    return Ended(os.waitstatus_to_exitcode(ended[1]), said, time.monotonic() - begun, hung)
+    seconds = time.monotonic() - begun
+    with contextlib.suppress(OSError):  # what it began and left
+        os.killpg(child, signal.SIGKILL)
+    printed, said = (path.read_text(errors="replace") if path.exists() else "" for path in heard)
+    for path in heard:
+        path.unlink(missing_ok=True)
+    code, memory = os.waitstatus_to_exitcode(ended[1]), 1024 * ended[2].ru_maxrss
+    return Ended(code, printed + said, seconds, hung, printed, memory)
 
 
-def _run(folder: Path, arguments: Sequence[str], heard: Path, longest: float) -> None:
+def _run(folder: Path, arguments: Sequence[str], heard: Sequence[Path], longest: float) -> None:
     """The copy: runs the command and ends."""
     code = 1
     try:
         os.setpgid(0, 0)
         signal.alarm(0)
-        out = os.open(heard, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        for number in (1, 2):
-            os.dup2(out, number)
-        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+        for number, path in enumerate(heard, 1):
+            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", closefd=False, errors="backslashreplace")  # noqa: SIM115  (as Python opens it)
         space = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (space + MEMORY, space + MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -22,7 +22,7 @@ from drift_drake.diagnosis.answers.answer import read_answer
 from drift_drake.diagnosis.answers.apply import Apply, run_apply
 from drift_drake.diagnosis.next_drive.foresight import beliefs_of
 from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.freeform import FORCE_CHANNELS
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.partial import DRIVING, partial_effects
 from drift_drake.estimation.problem import NUISANCES
@@ -70,7 +70,9 @@ UNKNOWN = ANSWER | {
 }  # fmt: skip
 CALIBRATION: dict[str, Any] = {
     "trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
-    "everyday": {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "row_weight": 0.3},
+    "everyday": {
+        "forces": {name: [0.1] * FUNCTIONS for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "row_weight": 0.3,
+    },
 }  # fmt: skip
 NAMES = ("aero_drag", "steering_lag")
 SCORES = len(NAMES) + len(partial_effects(NAMES))

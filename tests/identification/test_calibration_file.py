@@ -5,7 +5,7 @@ import json
 import pytest
 
 from drift_drake.cli import BAD_INPUT, main
-from drift_drake.estimation.freeform import FORCE_CHANNELS
+from drift_drake.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
 from drift_drake.identification.calibration import CarTrust, InvalidCalibrationError, read_trust
 from drift_drake.logs.table import write_run
 from drift_drake.run_folder import to_json
@@ -23,7 +23,7 @@ def test_what_identify_writes_can_be_read(identified, tmp_path):
 
 
 def test_forces_are_read_if_there_are_any(tmp_path):
-    forces = {name: [1.0] for name in FORCE_CHANNELS}
+    forces = {name: [1.0] * FUNCTIONS for name in FORCE_CHANNELS}
     data = {"trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
             "everyday": {"forces": forces, "offsets": {"r": 0.5}, "row_weight": 0.3}}  # fmt: skip
     path = tmp_path / "car.json"
@@ -31,6 +31,14 @@ def test_forces_are_read_if_there_are_any(tmp_path):
     assert read_trust(path).everyday.row_weight == 0.3
     path.write_text(json.dumps(data | {"everyday": None}))
     assert read_trust(path) == CarTrust(2.0, 0.5, 0.1, None)
+
+
+def test_weights_of_other_functions_are_refused(tmp_path):
+    path = tmp_path / "car.json"
+    everyday = {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {}, "row_weight": 0.3}
+    path.write_text(json.dumps({"trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1, "everyday": everyday}))
+    with pytest.raises(InvalidCalibrationError, match=f"has 2 weights for {FORCE_CHANNELS[0]}, expected {FUNCTIONS}"):
+        read_trust(path)
 
 
 @pytest.mark.parametrize(("text", "says"), [("{", "not JSON"), ("{}", "no trust"), ("[]", "no trust"), (None, "read")])

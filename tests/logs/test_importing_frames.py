@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.logs.importing.units import MIRRORED, PlanarMotion, at_centre_of_gravity, to_body, to_iso8855
+from drift_drake.logs.wording.conversion import MIRRORED, PlanarMotion, at_centre_of_gravity, to_body, to_iso8855
 
 
 @pytest.mark.parametrize("frame", ["ned", "sae"])

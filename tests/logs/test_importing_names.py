@@ -8,7 +8,7 @@ from importing_bench import rows
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.guess import guessed_mapping
 from drift_drake.logs.importing.names import LIMIT, RULES, fit, is_handwheel
-from drift_drake.logs.importing.units import factor
+from drift_drake.logs.wording.conversion import factor
 
 MEANT = {
     "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"

@@ -1,5 +1,7 @@
 """Text tables of every dialect, unit and clock: a look maps them, and the drive comes back."""
 
+import itertools
+
 import numpy as np
 import pytest
 import yaml
@@ -15,7 +17,7 @@ from drift_drake.logs.importing.importer import import_recordings
 from drift_drake.logs.importing.look import look, mapping_text
 from drift_drake.logs.importing.mapping import InvalidMappingError, mapping_from_dict
 from drift_drake.logs.importing.recording import read_recording
-from drift_drake.logs.importing.units import factor
+from drift_drake.logs.wording.conversion import factor
 
 SIGNALS = ("r", "v", "ay", "delta_cmd")
 UNITS = {
@@ -246,3 +248,116 @@ def test_seconds_of_the_day_go_on_at_midnight(tmp_path):
     cells["time"] = texts((86392.0 + exact["t"]) % 86400.0)
     (tmp_path / "drive.csv").write_text(table(cells))
     assert_the_drive(tmp_path / "drive.csv")
+
+
+HEADERS = {
+    "names": ["Time", "Yaw Rate", "Vehicle Speed", "Steering Angle"],
+    "units": ["s", "deg/s", "km/h", "deg"],
+    "sensors": ["", "IMU_7", "CAN_2", "POT_1"],
+    "numbers": ["CH1", "CH2", "CH3", "CH4"],
+    "types": ["double", "float", "float", "float"],
+}
+
+
+@pytest.mark.parametrize("others", [("sensors",), ("numbers",), ("types", "numbers"), ()])
+def test_lines_of_names_units_and_sensors_stand_in_any_order(tmp_path, others):
+    columns = drive()
+    rows = np.column_stack(
+        [columns["t"], np.degrees(columns["r"]), 3.6 * columns["v"], np.degrees(columns["delta_cmd"])]
+    )
+    body = "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows)
+    for number, order in enumerate(itertools.permutations(["names", "units", *others])):
+        path = tmp_path / f"{number}.csv"
+        path.write_text("\n".join([*(",".join(HEADERS[line]) for line in order), body, ""]))
+        found = look(path).mapping
+        assert {key: line["column"] for key, line in found["signals"].items()} == dict(
+            zip(("r", "v", "delta_cmd"), HEADERS["names"][1:], strict=True)
+        ), order
+        assert [line["unit"] for line in found["signals"].values()] == HEADERS["units"][1:], order
+
+
+@pytest.mark.parametrize("order", ["row by row", "signal by signal", "at their own times"])
+@pytest.mark.parametrize("stated", ["column", "name"])
+def test_a_row_for_each_reading(tmp_path, order, stated):
+    """Long format: time, signal, value."""
+    columns = drive()
+    late = {"yaw_rate": 0.0, "speed": 0.003, "steering_angle": 0.006} if order == "at their own times" else {}
+    readings = [
+        (t + late.get(name, 0.0), name, unit, size * value)
+        for name, key, unit, size in (
+            ("yaw_rate", "r", "deg/s", np.degrees(1.0)),
+            ("speed", "v", "km/h", 3.6),
+            ("steering_angle", "delta_cmd", "rad", 1.0),
+        )
+        for t, value in zip(columns["t"], columns[key], strict=True)
+    ]
+    if order != "signal by signal":
+        readings.sort(key=lambda reading: reading[0])
+    texts = [
+        f"{t:.3f};{name};{unit};{value:.7f}" if stated == "column" else f"{t:.3f};{name} [{unit}];;{value:.7f}"
+        for t, name, unit, value in readings
+    ]
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join(["Timestamp;Signal;Unit;Value", *texts, "1.0;Gear;;D", ""]))
+    found = look(path).mapping
+    assert {key: line["unit"] for key, line in found["signals"].items()} == {
+        "r": "deg/s",
+        "v": "km/h",
+        "delta_cmd": "rad",
+    }
+    (run,), _ = import_recordings([path], mapping_from_dict(found))
+    inside = slice(50, -50)
+    expected = np.interp(run.t + columns["t"][0], columns["t"], columns["r"])
+    np.testing.assert_allclose(run.r[inside], expected[inside], atol=0.02)
+
+
+def test_a_wide_table_with_a_column_of_texts_stays_as_it_is(tmp_path):
+    columns = drive()
+    lines = ["time,speed,gear,message"] + [
+        f"{t:.2f},{v:.4f},D,ok" for t, v in zip(columns["t"], columns["v"], strict=True)
+    ]
+    (tmp_path / "wide.csv").write_text("\n".join(lines) + "\n")
+    (topic,) = read_topics(tmp_path / "wide.csv")
+    assert list(topic.table.columns) == ["time", "speed", "gear", "message"]
+
+
+def test_numbers_that_no_unit_allows_are_raw_counts(tmp_path):
+    columns = drive()
+    lines = ["time [s],speed [km/h],yaw_rate [rad/s],steering_angle [rad]"] + [
+        f"{t:.2f},{360.0 * v:.0f},{r:.6f},{d:.6f}"
+        for t, v, r, d in zip(*(columns[key] for key in ("t", "v", "r", "delta_cmd")), strict=True)
+    ]
+    path = tmp_path / "raw.csv"
+    path.write_text("\n".join(lines) + "\n")
+    found = look(path)
+    assert found.mapping["signals"]["v"]["unit"] == "?"
+    assert any("raw counts" in note for note in found.notes)
+    found.mapping["signals"]["v"]["unit"] = "km/h"
+    with pytest.raises(
+        InvalidRecordingError, match="read as km/h already: give the factor of its raw counts as its 'scale'"
+    ):
+        import_recordings([path], mapping_from_dict(found.mapping))
+    found.mapping["signals"]["v"]["scale"] = 0.01
+    (run,), _ = import_recordings([path], mapping_from_dict(found.mapping))
+    assert abs(float(np.mean(run.v)) - float(np.mean(columns["v"]))) < 0.1
+
+
+def test_a_table_with_one_time_is_looked_at(tmp_path):
+    (tmp_path / "one.csv").write_text("time,speed,yaw_rate\n1.0,2.0,3.0\n")
+    assert "# table: 1 row, " in mapping_text(look(tmp_path / "one.csv"))
+
+
+def test_numbers_that_nothing_measures(tmp_path):
+    """An integer of 400 digits, numbers whose squares overflow, and times that go back and stand still."""
+    columns = drive()
+    rows = [[f"{t:.2f}", f"{r:.6f}", f"{v:.4f}", f"{d:.6f}"] for t, r, v, d in
+            zip(*(columns[key] for key in ("t", "r", "v", "delta_cmd")), strict=True)]  # fmt: skip
+    rows[7][1], rows[8][2], rows[9][3] = "1" + 400 * "0", "1e300", "-1e200"
+    rows[3:6] = [["0.05", *rows[3][1:]], ["0.02", *rows[4][1:]], ["0.05", *rows[5][1:]]]
+    path = tmp_path / "endless.csv"
+    path.write_text("\n".join(["time,yaw_rate,speed,steering_angle", *map(",".join, rows), ""]))
+    found = look(path)
+    assert not found.missing
+    speed = next(column for column in found.topics[0].columns if column.name == "speed")
+    assert speed.high < 100.0
+    import_recordings([path], mapping_from_dict(found.mapping))

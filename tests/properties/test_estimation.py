@@ -19,8 +19,8 @@ from drift_drake.diagnosis.shared.posterior import make_posterior, read_constant
 from drift_drake.estimation.filter_state import CHANNELS
 from drift_drake.estimation.fit import cost_of, fit
 from drift_drake.estimation.problem import NUISANCES, Problem, filter_case, make_problem
-from drift_drake.logs.importing.units import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
+from drift_drake.logs.wording.conversion import MIRRORED
 from drift_drake.vehicle.catalogue import CATALOGUE
 from drift_drake.vehicle.parameters import VehicleParameters
 

@@ -5,7 +5,6 @@ import re
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from pandas.api.types import is_numeric_dtype
 
@@ -13,7 +12,8 @@ from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import bracketed, concepts, fit, stated_unit
-from drift_drake.logs.importing.spelling import PACKED, unit_of
+from drift_drake.logs.numbers import as_numbers, without_endless
+from drift_drake.logs.wording.spelling import PACKED, unit_of
 
 STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
          "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip
@@ -35,14 +35,14 @@ def with_numbers(topic: Topic) -> Topic:
     found = {}
     for column, values in topic.table.items():
         if not is_numeric_dtype(values):
-            numbers = pd.to_numeric(values, errors="coerce")
+            numbers = as_numbers(values)
             if numbers.notna().sum() > FEWEST * values.notna().sum():
                 found[str(column)] = numbers
     return dataclasses.replace(topic, table=topic.table.assign(**found)) if found else topic
 
 
 def numbers_of_column(topic: Topic, column: str) -> Array:
-    return np.asarray(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
+    return without_endless(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
 
 
 def clock_of(topic: Topic) -> str | None:
@@ -126,9 +126,10 @@ def seconds(topic: Topic, column: str) -> Array:
 
 
 def rate_of(t: Array) -> float:
-    """Readings a second of a clock [n] [s]."""
+    """Readings a second of a clock [n] [s]; 0 where it does not advance."""
     steps = np.diff(t[np.isfinite(t)])
-    return float(1.0 / np.median(steps[steps > 0.0]))
+    steps = steps[steps > 0.0]
+    return float(1.0 / np.median(steps)) if len(steps) else 0.0
 
 
 def read_together(topic: Topic, columns: Sequence[str]) -> list[list[str]]:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drift_drake.arrays import Array
-from drift_drake.logs.importing.spelling import DIMENSIONS
-from drift_drake.logs.importing.units import QUANTITIES, factor
+from drift_drake.logs.wording.conversion import QUANTITIES, dimension, factor
+from drift_drake.logs.wording.spelling import DIMENSIONS
 
 LIKE = 0.85  # correlation from which two signals are believed to be of one motion
 EXACT = math.log(1.08)  # of a ratio to one, within which units fit
@@ -22,6 +22,7 @@ LEAST = 30  # readings
 RADII, LARGE = (0.015, 0.6), 0.15  # [m] of wheels, from the smallest models on, and of cars that one sits in
 FAST = 4.0  # [m/s]
 WHEELBASES = (0.1, 8.0)  # [m] of vehicles; times the steering ratio, 10 to 20, of the steering wheel's angle
+BEYOND = {"speed": 150.0, "angular rate": 50.0, "acceleration": 100.0}  # [SI] no vehicle's middle reading is
 ROLLS = math.log(1.06)  # of a wheel's speed to the car's, over most of a drive
 
 
@@ -36,6 +37,15 @@ class Trace:
     def si(self) -> "Trace":
         size = factor(self.unit) if self.unit not in (None, "?") else 1.0
         return Trace(self.t, self.values * size, self.unit)
+
+
+def is_raw(trace: Trace) -> bool:
+    """Whether numbers cannot be in the unit that is stated: counts of a bus whose factor is not applied."""
+    if trace.unit in (None, "?"):
+        return False
+    values = np.abs(trace.si().values)
+    seen = values[np.isfinite(values)]
+    return bool(len(seen)) and float(np.median(seen)) > BEYOND.get(dimension(trace.unit), np.inf)
 
 
 def likeness(a: Trace, b: Trace) -> float:
@@ -86,7 +96,7 @@ def derivative(a: Trace, turns: bool = False) -> Trace:
     """Rate of change; of an angle that wraps (`turns`) too."""
     there = np.isfinite(a.values) & np.isfinite(a.t)
     t, values = a.t[there], a.values[there]
-    fresh = np.diff(t, prepend=-np.inf) > 0.0
+    fresh = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0.0
     t, values = t[fresh], values[fresh]
     if len(t) < LEAST:
         return Trace(a.t[:0], a.t[:0], None)

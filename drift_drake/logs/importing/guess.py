@@ -24,6 +24,7 @@ from drift_drake.logs.importing.evidence import (
     Trace,
     better,
     derivative,
+    is_raw,
     likeness,
     ratio,
     steering_unit,
@@ -33,8 +34,8 @@ from drift_drake.logs.importing.evidence import (
 )
 from drift_drake.logs.importing.formats.topics import Topic
 from drift_drake.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
-from drift_drake.logs.importing.spelling import DIMENSIONS, unit_of
-from drift_drake.logs.importing.units import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.logs.wording.conversion import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.logs.wording.spelling import DIMENSIONS, unit_of
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
               "delta_cmd", "tau_cmd")  # fmt: skip
@@ -212,6 +213,12 @@ def _units(
             text = stated.text if stated else ""
             sentences.append(
                 f"The unit '{text}' of {c.column} is not known: write one of {', '.join(units_of(key))} for '?'."
+            )
+        if key != "omega_r" and is_raw(signals(c)):  # a wheel may turn that fast
+            units[key] = "?"
+            sentences.append(
+                f"{c.column} cannot be in {c.unit}, as the file says, with these numbers: of raw counts, write the "
+                "unit for '?' and add 'scale: FACTOR' to its line."
             )
         if c.unit is None and QUANTITIES[key] == "acceleration" and is_in_g(c.column):
             units[key] = "g"

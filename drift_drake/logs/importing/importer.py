@@ -217,8 +217,17 @@ def _run(piece: Piece, mapping: RecorderMapping, sentences: Sequence[str]) -> Ru
         present = {key: piece.columns[key] for key in COLUMNS if key in piece.columns}
         return Run(name=piece.name, trusted=mapping.trust, recording="", **present)
     except InvalidLogError as error:
-        said = " ".join([f"{error}.", *sentences]).removesuffix(".")
+        said = " ".join([f"{_not_raw(str(error), mapping)}.", *sentences]).removesuffix(".")
         raise InvalidRecordingError(f"{piece.path}: {said}") from None
+
+
+def _not_raw(said: str, mapping: RecorderMapping) -> str:
+    """What is said of a column that is too large, where its unit is not what is wrong."""
+    what, _, guess = said.partition("; it looks like ")
+    for key, signal in mapping.signals.items():
+        if f"column {key} reaches" in what and guess.startswith(f"{signal.unit},"):
+            return f"{what}; it is read as {signal.unit} already: give the factor of its raw counts as its 'scale'"
+    return said
 
 
 def _report(piece: Piece, run: Run, sentences: list[str]) -> RunReport:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import yaml
 
 from drift_drake.logs.importing.clocks import clock_of, rate_of, seconds, with_numbers
@@ -16,6 +15,7 @@ from drift_drake.logs.importing.guess import NEEDED, guessed_mapping
 from drift_drake.logs.importing.known import untold
 from drift_drake.logs.importing.names import is_handwheel
 from drift_drake.logs.importing.recording import topics_of
+from drift_drake.logs.numbers import as_numbers, without_endless
 
 MOST_LISTED = 60
 
@@ -98,10 +98,10 @@ def _summary(topic: Topic) -> TopicSummary:
     if clock is not None:
         t = seconds(topic, clock)
         t = t[np.isfinite(t)]
-        rate, span = rate_of(t), float(t[-1] - t[0])
+        rate, span = rate_of(t), float(t[-1] - t[0]) if len(t) else 0.0
     columns = []
     for name in topic.table.columns:
-        values = pd.to_numeric(topic.table[name], errors="coerce").to_numpy(dtype=float)
+        values = without_endless(as_numbers(topic.table[name]).to_numpy(dtype=float))
         seen = values[np.isfinite(values)]
         low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
         columns.append(Column(name, topic.units.get(name, ""), low, high))
@@ -110,7 +110,10 @@ def _summary(topic: Topic) -> TopicSummary:
 
 def _described(topic: TopicSummary) -> list[str]:
     clock = f"{topic.rate:.4g} Hz, {topic.span:.1f} s by {topic.clock}" if topic.clock else "no clock found"
-    lines = [f"# {topic.name or 'table'}: {topic.rows} rows, {clock}"]
+    if topic.clock and not topic.rate:
+        clock = f"no two times by {topic.clock}"
+    rows = "1 row" if topic.rows == 1 else f"{topic.rows} rows"
+    lines = [f"# {topic.name or 'table'}: {rows}, {clock}"]
     for column in topic.columns[:MOST_LISTED]:
         extent = "no numbers"
         if column.low is not None and column.high is not None:

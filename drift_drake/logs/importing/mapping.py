@@ -15,9 +15,9 @@ from drift_drake.logs.importing.known import (
     missing_quantities,
     wrong_position,
 )
-from drift_drake.logs.importing.spelling import DIMENSIONS, PACKED, unit_of
-from drift_drake.logs.importing.units import FRAMES, QUANTITIES, dimensions_of, units_of
 from drift_drake.logs.table import COLUMNS
+from drift_drake.logs.wording.conversion import FRAMES, QUANTITIES, dimensions_of, units_of
+from drift_drake.logs.wording.spelling import DIMENSIONS, PACKED, unit_of
 from drift_drake.plain_files import LARGEST_YAML, parse_yaml, read_text
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")

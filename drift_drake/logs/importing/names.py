@@ -4,14 +4,13 @@ A quantity's name has the words of one of its ways and no other word that speaks
 `desired_yaw_rate`, `yaw_rate_offset` and `yaw_acceleration` are not. Words that are not known count against a name.
 """
 
-import functools
 import re
-import unicodedata
 from typing import NamedTuple
 
-from drift_drake.logs.importing.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
-from drift_drake.logs.importing.units import dimensions_of
-from drift_drake.logs.importing.vocabulary import WORDS
+from drift_drake.logs.wording.conversion import dimensions_of
+from drift_drake.logs.wording.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
+from drift_drake.logs.wording.vocabulary import WORDS
+from drift_drake.logs.wording.words import LONGEST, pieces, pieces_of_compound
 
 
 class Rule(NamedTuple):
@@ -63,7 +62,6 @@ DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to
 IN_WORDS = ("kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs", "dps",
             "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
-LONGEST = 200  # characters of a name that is read
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
@@ -74,44 +72,6 @@ class Stated(NamedTuple):
 
     text: str
     sure: bool
-
-
-@functools.lru_cache(maxsize=8192)
-def pieces(name: str) -> tuple[str, ...]:
-    """The words of a name in lower case, without accents, cut at signs, capitals and digits, and compounds apart."""
-    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss"))
-    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
-    found: list[str] = []
-    for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", plain):
-        word = word.lower()
-        if found and found[-1] + word in WORDS and (len(found[-1]) == 1 or len(word) == 1):
-            found[-1] += word  # v_x, g-force, gLat
-        elif found and (found[-1], word) == ("g", "force"):
-            found[-1] = "gforce"
-        else:
-            found += _apart(word)
-    return tuple(found)
-
-
-@functools.lru_cache(maxsize=8192)
-def _apart(word: str) -> list[str]:
-    """The words of a compound, as few as will do; itself where it is none of known words."""
-    if word in WORDS or word.isdigit() or len(word) > 60:
-        return [word]
-    best: list[list[str] | None] = [[]] + [None] * len(word)
-    for end in range(1, len(word) + 1):
-        for start in range(end):
-            before, part = best[start], word[start:end]
-            known = (len(part) > 2 and part in WORDS) or (end == len(word) and start > 2 and part in (*"xyz", *CORNERS))
-            if before is None or not (known or (part == "s" and len(before) > 0)):
-                continue
-            cut = before if part == "s" else [*before, part]
-            if best[end] is None or len(cut) < len(best[end] or []):
-                best[end] = cut
-    return best[-1] or [word]
-
-
-CORNERS = ("fl", "fr", "rl", "rr", "vl", "vr", "hl", "hr")
 
 
 def concepts(name: str) -> tuple[set[str], int, int]:
@@ -176,7 +136,7 @@ def suffixed(name: str, kinds: tuple[str, ...]) -> tuple[str, Stated | None]:
     last = parts[-1].lower() if parts else ""
     for text in IN_WORDS:
         rest = last.removesuffix(text)
-        if rest not in ("", last) and all(word in WORDS for word in _apart(rest)):
+        if rest not in ("", last) and all(word in WORDS for word in pieces_of_compound(rest)):
             return name[: -len(text)], Stated(text, False)
     return name, None
 

@@ -10,8 +10,8 @@ from drift_drake.logs.clock_offset import estimate_offset
 from drift_drake.logs.importing.mapping import Align, Clock, RecorderMapping
 from drift_drake.logs.importing.recording import Readings, Recording
 from drift_drake.logs.importing.stretches import LARGEST_GAP, Stretch
-from drift_drake.logs.importing.units import QUANTITIES, dimension
 from drift_drake.logs.screening.unit_mistakes import mistakes
+from drift_drake.logs.wording.conversion import QUANTITIES, dimension
 
 ALIKE = 0.7  # correlation below which an offset is not believed
 ABSOLUTE = 1e8  # [s] since 1970: the clock tells the date

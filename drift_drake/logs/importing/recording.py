@@ -19,9 +19,10 @@ from drift_drake.logs.importing.known import POSITION
 from drift_drake.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.logs.importing.names import stated_unit
 from drift_drake.logs.importing.position import projected
-from drift_drake.logs.importing.spelling import PACKED, unit_of
-from drift_drake.logs.importing.units import dimension, dimensions_of, factor, to_iso8855
+from drift_drake.logs.numbers import MEASURABLE, as_numbers
 from drift_drake.logs.plausible import ABSURD, LARGEST
+from drift_drake.logs.wording.conversion import dimension, dimensions_of, factor, to_iso8855
+from drift_drake.logs.wording.spelling import PACKED, unit_of
 
 Rows = NDArray[np.int64]
 
@@ -249,7 +250,7 @@ def numbers_of(path: Path, values: "pd.Series[Any]", first_line: int = 2) -> tup
     Raises:
         InvalidRecordingError: more than a few readings are no numbers.
     """
-    numbers = pd.to_numeric(values, errors="coerce")
+    numbers = as_numbers(values)
     text = np.flatnonzero(numbers.isna() & values.notna())
     if len(text) > max(1, MOST_BAD * len(values)):
         row = int(text[0])
@@ -258,7 +259,7 @@ def numbers_of(path: Path, values: "pd.Series[Any]", first_line: int = 2) -> tup
             f"{len(text)} of {len(values)} rows; numbers or nothing belong there"
         )
     out = np.array(numbers, dtype=float)
-    infinite = np.flatnonzero(np.isinf(out))
+    infinite = np.flatnonzero(np.abs(out) > MEASURABLE)
     out[infinite] = np.nan
     return out, {int(row): repr(values.iloc[row]) for row in [*text, *infinite]}
 

@@ -14,8 +14,8 @@ from drift_drake.logs.importing.mapping import DERIVABLE, RecorderMapping
 from drift_drake.logs.importing.position import path_motion
 from drift_drake.logs.importing.recording import Readings
 from drift_drake.logs.importing.smoothing import SHORTEST, smooth
-from drift_drake.logs.importing.units import PlanarMotion, at_centre_of_gravity, to_body
 from drift_drake.logs.noise import without_jumps
+from drift_drake.logs.wording.conversion import PlanarMotion, at_centre_of_gravity, to_body
 
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken

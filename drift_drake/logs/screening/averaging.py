@@ -1,6 +1,8 @@
 """Averages and changes of columns over short windows: noise and sensors' lags matter little to them."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -32,6 +34,22 @@ class Averaging:
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Weighted as the change of its integral is [windows], of values [rows]."""
         return self.change((np.cumsum(values) - 0.5 * values) * self.period)
+
+
+class PerWindow:
+    """For dataclasses whose fields are arrays with a value for each window."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The windows of all parts, one after another."""
+        return cls(*(np.concatenate(values) for values in zip(*(part._arrays() for part in parts), strict=True)))
+
+    def where(self, kept: np.ndarray) -> Self:
+        """The windows [windows] (bool) that are kept."""
+        return type(self)(*(values[kept] for values in self._arrays()))
+
+    def _arrays(self) -> list[np.ndarray]:
+        return [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]
 
 
 def averaging(rows: int, period: float) -> Averaging:

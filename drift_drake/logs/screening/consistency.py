@@ -120,8 +120,7 @@ def _kinds(vehicle: VehicleParameters | None, length: float | None) -> tuple[dic
 def _windows(runs: Sequence[Columns], periods: Sequence[float]) -> Windows:
     parts = [windows_of_columns(columns, period, index)
              for index, (columns, period) in enumerate(zip(runs, periods, strict=True))]  # fmt: skip
-    names = [field.name for field in dataclasses.fields(Windows)]
-    return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Windows.joined(parts)
 
 
 def _take_out(runs: Sequence[dict[str, np.ndarray]], doubt: Suspicion) -> None:

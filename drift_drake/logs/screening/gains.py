@@ -141,6 +141,6 @@ def _inflated(squares: Any, count: int, used: int) -> Any:
 
 def _quantile(blocks: np.ndarray, used: int) -> float:
     """Of Student's distribution: standard errors to an interval's end."""
-    from scipy.stats import t as student  # slow to import
+    from scipy.special import stdtrit  # slow to import
 
-    return float(student.ppf(1.0 - ERRORS, max(len(np.unique(blocks)) - used, 1)))
+    return -float(stdtrit(max(len(np.unique(blocks)) - used, 1), ERRORS))

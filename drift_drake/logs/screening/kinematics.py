@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.averaging import Averaging, averaging
+from drift_drake.logs.screening.averaging import Averaging, PerWindow, averaging
 from drift_drake.logs.screening.relations import MOVING, continuous
 from drift_drake.logs.table import COLUMNS, Run
 
@@ -17,7 +17,7 @@ BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 
 
 @dataclasses.dataclass(frozen=True)
-class Kinematics:
+class Kinematics(PerWindow):
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
     r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
@@ -53,10 +53,6 @@ class Kinematics:
     moved: np.ndarray
     slid: np.ndarray
 
-    def where(self, kept: np.ndarray) -> "Kinematics":
-        """The windows [windows] (bool) that are kept."""
-        return Kinematics(*(getattr(self, field.name)[kept] for field in dataclasses.fields(self)))
-
     def lag(self, values: np.ndarray) -> np.ndarray:
         """What a small delay adds to values [windows]: their slope from window to window of a run, zero at gaps."""
         out = np.zeros(len(values))
@@ -80,8 +76,7 @@ def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest
     for index, (columns, period) in enumerate(zip(runs, periods, strict=True)):
         parts.append(_of_run(columns, period, index, blocks, slowest))
         blocks += len(np.asarray(columns["v"]))
-    names = [field.name for field in dataclasses.fields(Kinematics)]
-    return Kinematics(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Kinematics.joined(parts)
 
 
 def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Kinematics:

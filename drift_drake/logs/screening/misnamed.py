@@ -133,6 +133,9 @@ def no_speed(m_all: Kinematics) -> list[Suspicion]:
     Args:
         m_all: windows of any speed.
     """
+    usual = float(np.median(np.abs(m_all.v))) if len(m_all.v) else np.inf
+    if usual > NEARLY_ZERO:
+        return []
     asked: list[tuple[Bounds, str]] = []
     across = gain(m_all.ay, m_all.r, m_all.spin[:, None], m_all.block)
     if across is not None:
@@ -142,9 +145,6 @@ def no_speed(m_all: Kinematics) -> list[Suspicion]:
         found = mean(values[known], m_all.block[known]) if known.any() else None
         if found is not None:
             asked.append((found, words))
-    usual = float(np.median(np.abs(m_all.v))) if len(m_all.v) else np.inf
-    if usual > NEARLY_ZERO:
-        return []
     for found, words in asked:
         if max(SLOWER * usual, NEARLY_ZERO) < found.low and found.high < FASTEST:
             sentence = (

@@ -5,12 +5,11 @@ catalogue can do to it is its tolerance.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.logs.screening.averaging import averaging
+from drift_drake.logs.screening.averaging import PerWindow, averaging
 from drift_drake.logs.table import Run
 from drift_drake.vehicle.effect import wheelbase
 from drift_drake.vehicle.parameters import VehicleParameters
@@ -34,7 +33,7 @@ WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
 @dataclasses.dataclass(frozen=True)
-class Windows:
+class Windows(PerWindow):
     """Means and changes over windows [windows], in the columns' units, changes per second of the log's clock.
 
     Columns that a run lacks are NaN. turning: rate of the heading `psi`; course: rate of the direction of travel;
@@ -58,10 +57,6 @@ class Windows:
     delta_cmd: np.ndarray
     tau_cmd: np.ndarray
 
-    def where(self, kept: np.ndarray) -> "Windows":
-        """The windows [windows] (bool) that are kept."""
-        return Windows(*(getattr(self, field.name)[kept] for field in dataclasses.fields(self)))
-
     def corrected(self, column: str, factor: float) -> "Windows":
         """As if the column (`t`: the clock) had not been too large by the factor."""
         fields, scale = (RATES, factor) if column == "t" else (FIELDS[column], 1.0 / factor)
@@ -78,8 +73,7 @@ def windows_of(runs: Sequence[Run]) -> Windows:
         windows_of_columns({name: run.column(name) for name in columns}, run.period, index)
         for index, run in enumerate(runs)
     ]
-    names = [field.name for field in dataclasses.fields(Windows)]
-    return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Windows.joined(parts)
 
 
 def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, index: int = 0) -> Windows:
@@ -97,8 +91,8 @@ def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, 
     first_course = np.arctan2(y[ends[1]] - y[ends[0]], x[ends[1]] - x[ends[0]])
     last_course = np.arctan2(y[ends[3]] - y[ends[2]], x[ends[3]] - x[ends[2]])
     turned = np.angle(np.exp(1j * (last_course - first_course)))
-    steps = [np.append(np.arange(start, start + width, part), start + width) for start in starts]
-    path = [sum(np.hypot(x[b] - x[a], y[b] - y[a]) for a, b in itertools.pairwise(rows)) for rows in steps]
+    at = starts[:, None] + np.append(np.arange(0, width, part), width)
+    path = np.sum(np.hypot(np.diff(x[at]), np.diff(y[at])), axis=1)
     mean, change = over.mean, over.change
     speed = mean(v)
     found = Windows(
@@ -106,7 +100,7 @@ def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, 
         r=mean(column("r")),
         turning=change(continuous(column("psi"))),
         course=turned / (length - part * period),
-        moved=np.array(path, dtype=float) / length,
+        moved=path / length,
         v=speed,
         gain=change(v),
         beta=mean(column("beta")),
@@ -254,16 +248,30 @@ def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) ->
         measured, expected = measured[chosen], expected[chosen]
     if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
         return None
-    from scipy.stats import spearmanr, theilslopes  # slow to import
-
-    likeness = float(spearmanr(measured, expected).statistic)
+    likeness = float(np.corrcoef(_ranks(measured), _ranks(expected))[0, 1])
     if abs(likeness) < least_likeness:
         return None
-    there = float(theilslopes(measured, expected).slope)
-    back = float(theilslopes(expected, measured).slope)
+    there, back = _theil_sen(measured, expected), _theil_sen(expected, measured)
     if there * back <= 0.0:
         return None
     return float(np.sqrt(there / back)), float(np.sign(there)), abs(likeness)
+
+
+# As `spearmanr` and `theilslopes` of scipy.stats have them, which takes half a second to import.
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Of values [n], from 1; the mean of theirs for equal ones."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[place])
+
+
+def _theil_sen(values: np.ndarray, of: np.ndarray) -> float:
+    """The median of the slopes of all pairs [n]."""
+    first, second = np.triu_indices(len(of), 1)
+    step = of[second] - of[first]
+    apart = step != 0.0
+    return float(np.median((values[second] - values[first])[apart] / step[apart]))
 
 
 def _ratio(measured: np.ndarray, expected: np.ndarray) -> tuple[float, float, float] | None:

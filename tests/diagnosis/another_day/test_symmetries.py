@@ -9,8 +9,8 @@ from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
 from drift_drake.estimation.normal import Normal
 from drift_drake.estimation.partial import DRIVING, partial_effects
 from drift_drake.estimation.windows import HORIZONS, PREDICTED
-from drift_drake.logs.importing.units import MIRRORED
 from drift_drake.logs.table import COLUMNS, Run
+from drift_drake.logs.wording.conversion import MIRRORED
 from drift_drake.vehicle.effects import Effects
 
 ODD = ("steering_offset", "gyro_bias", "sideslip_bias", "road_bank")  # effects that a mirror turns the sign of

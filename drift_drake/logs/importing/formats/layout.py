@@ -7,7 +7,8 @@ import dataclasses
 import re
 from collections import Counter
 
-from drift_drake.logs.importing.spelling import is_stated, meanings
+from drift_drake.logs.wording.spelling import is_stated, meanings
+from drift_drake.logs.wording.words import speaks_of
 
 HEAD = 1 << 18  # bytes that are looked at
 MOST_LINES = 600
@@ -201,12 +202,16 @@ def _names_and_units(above: list[tuple[str, list[str]]], width: int) -> tuple[tu
     rows = [[*row, *[""] * width][:width] for _, row in above]
     if not rows:
         return tuple(f"column {k}" for k in range(1, width + 1)), ()
-    below = [row for row in rows[1:] if any(is_stated(cell) and meanings(cell) for cell in row)]
-    units = max(below, key=_share_of_units, default=[])
-    names = max((row for row in rows if row is not units), key=lambda row: len(set(row) - {""}))
-    if units and 3.0 * _share_of_units(units) < 1.0:
+    # Of two rows of the same letters (`t`, `v`, `g`) the lower one has the units.
+    units = max(rows[:0:-1] + rows[:1] if len(rows) > 1 else [], key=_share_of_units, default=[])
+    if 3.0 * _share_of_units(units) < 1.0:
         units = []
-    return tuple(names), tuple(units)
+    return tuple(max((row for row in rows if row is not units), key=_likely_names)), tuple(units)
+
+
+def _likely_names(row: list[str]) -> tuple[int, int]:
+    """How many cells speak of something (not of a sensor or a bus alone), and how many differ."""
+    return sum(bool(speaks_of(cell) - {"source"}) for cell in set(row)), len(set(row) - {""})
 
 
 def _share_of_units(row: list[str]) -> float:

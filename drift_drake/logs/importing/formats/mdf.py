@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.logs.importing.formats.topics import LONGEST_ARRAY, Topic
+from drift_drake.logs.numbers import as_numbers
 
 DATA_FRAMES = "CAN_DataFrame"  # the channel of a group of raw frames that carry data
 FRAMES = ("CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "CAN_OverloadFrame", "LIN_Frame")
@@ -120,7 +121,7 @@ def _numbers(signal: Any) -> tuple[np.ndarray, str]:
             invalid = invalid | np.isin(samples, list(texts))
         samples = np.asarray(conversion.convert(samples, ignore_value2text_conversions=True))
     if texts and samples.dtype.kind == "O":
-        samples = pd.to_numeric(pd.Series(samples), errors="coerce").to_numpy(dtype=float)
+        samples = as_numbers(pd.Series(samples)).to_numpy(dtype=float)
     if invalid.any():
         samples = _without(samples, invalid)
     if not len(samples) or not invalid.all():

@@ -12,6 +12,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, OTHERWISE, Layout, layout_of
+from drift_drake.logs.importing.formats.long_tables import as_wide
 from drift_drake.logs.importing.formats.times import with_times
 from drift_drake.logs.importing.formats.topics import Topic
 
@@ -50,6 +51,9 @@ def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[st
     unique = [name if names.count(name) == 1 else f"{name} (column {number})" for number, name in enumerate(names, 1)]
     table.columns = pd.Index(unique)
     table, times = with_times(table)
+    if (wide := as_wide(table, times)) is not None:
+        table, units_of_signals = wide
+        return Topic("", table, units_of_signals | dict.fromkeys(times, "s"), first_line)
     stated = {name: unit for name, unit in zip(unique, units, strict=False) if unit}
     return Topic("", table, stated | dict.fromkeys(times, "s"), first_line)
 

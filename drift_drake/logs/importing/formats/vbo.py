@@ -14,6 +14,7 @@ import pandas as pd
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.topics import Topic
+from drift_drake.logs.numbers import as_numbers
 
 COLUMNS = ["sats", "time", "lat", "long", "velocity", "heading", "height"]  # where a file names none
 STANDARD = (  # channels that have no line among the units: their names in [header]
@@ -109,7 +110,7 @@ def _table(rows: list[str], names: list[str]) -> tuple[pd.DataFrame, list[str]]:
     )  # fmt: skip
     if decimal == ",":
         table = table.apply(lambda column: column.str.replace(",", ".", regex=False))
-    numbers = {name: table[name] if name == "time" else pd.to_numeric(table[name], errors="coerce") for name in table}
+    numbers = {name: table[name] if name == "time" else as_numbers(table[name]) for name in table}
     return pd.DataFrame(numbers), names
 
 
@@ -138,7 +139,7 @@ def seconds_of_day(times: "pd.Series[Any]") -> Array:
     if times.str.contains(":", na=False).any():
         t = np.array(pd.to_timedelta(times, errors="coerce").dt.total_seconds(), dtype=float)
     else:
-        t = np.array(pd.to_numeric(times, errors="coerce"), dtype=float)
+        t = np.array(as_numbers(times), dtype=float)
         with np.errstate(invalid="ignore"):
             packed = (t % 100.0 < 60.0) & (t // 100.0 % 100.0 < 60.0) & (t < 240000.0)
         if np.mean(packed[np.isfinite(t)]) > PACKED:

@@ -19,8 +19,17 @@ REPORT = {"mapping": {"trust": ["v"]}, "runs": [{"std": {"v": 0.1, "r": 0.01}}]}
 def make_seeds(folder: Path) -> None:
     """Folders `recordings`, `mapping`, `report`, `log`, `vehicle`, `answer`, `calibration`, and two files."""
     structures = {
-        "mapping": {"full": MAPPING, "preset": {"clocks": {"logger": {"column": "time", "unit": "ms"}}, "signals": {
-            "r": {"column": "yaw", "unit": "deg/s"}, "v": {"column": "speed", "unit": "km/h"}, "delta_cmd": {"column": "s", "unit": "mrad"}}}},
+        "mapping": {
+            "full": MAPPING,
+            "small": {
+                "clocks": {"logger": {"column": "time", "unit": "ms"}},
+                "signals": {
+                    "r": {"column": "yaw", "unit": "deg/s"},
+                    "v": {"column": "speed", "unit": "km/h"},
+                    "delta_cmd": {"column": "s", "unit": "mrad"},
+                },
+            },
+        },
         "report": {"small": REPORT},
         "vehicle": {"coupe": VEHICLE, "plain": {k: v for k, v in VEHICLE.items() if k not in ("tyre", "effects")}},
     }  # fmt: skip

@@ -98,7 +98,10 @@ def test_a_first_look_prints_a_mapping_that_works(tmp_path, capsys, kind):
 
 def test_a_look_at_a_table_reads_units_off_its_names():
     t = 1e3 * topics()["imu"][0]
-    table = pd.DataFrame({"time_ms": t, "yaw_rate_deg_s": t, "speed [km/h]": t, "steering_angle_deg": t, "note": "a"})
+    read = 0.01 * t  # as a vehicle's may be
+    table = pd.DataFrame(
+        {"time_ms": t, "yaw_rate_deg_s": read, "speed [km/h]": read, "steering_angle_deg": read, "note": "a"}
+    )
     content, missing, _ = guessed_mapping([topics_of_arrays({"a": t})[0].__class__("", table)])
     assert not missing
     assert content["clocks"] == {"recorder": {"column": "time_ms", "unit": "ms"}}

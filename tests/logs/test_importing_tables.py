@@ -298,7 +298,7 @@ def test_a_row_for_each_reading(tmp_path, order, stated):
         for t, name, unit, value in readings
     ]
     path = tmp_path / "long.csv"
-    path.write_text("\n".join(["Timestamp;Signal;Unit;Value", *texts, "1.0;Gear;;D", ""]))
+    path.write_text("\n".join(["Timestamp;Signal;Unit;Value", *texts, "1.0;Gear;;D", "1.0;Timestamp;;1.0", ""]))
     found = look(path).mapping
     assert {key: line["unit"] for key, line in found["signals"].items()} == {
         "r": "deg/s",

@@ -45,7 +45,7 @@ def is_raw(trace: Trace) -> bool:
         return False
     values = np.abs(trace.si().values)
     seen = values[np.isfinite(values)]
-    return bool(len(seen)) and float(np.median(seen)) > BEYOND.get(dimension(trace.unit), np.inf)
+    return bool(len(seen)) and float(np.median(seen)) > BEYOND.get(dimension(trace.unit) or "", np.inf)
 
 
 def likeness(a: Trace, b: Trace) -> float:

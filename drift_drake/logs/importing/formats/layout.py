@@ -206,7 +206,8 @@ def _names_and_units(above: list[tuple[str, list[str]]], width: int) -> tuple[tu
     units = max(rows[:0:-1] + rows[:1] if len(rows) > 1 else [], key=_share_of_units, default=[])
     if 3.0 * _share_of_units(units) < 1.0:
         units = []
-    return tuple(max((row for row in rows if row is not units), key=_likely_names)), tuple(units)
+    names = max([row for row in rows if row is not units], key=_likely_names)
+    return tuple(names), tuple(units)
 
 
 def _likely_names(row: list[str]) -> tuple[int, int]:

@@ -1,13 +1,12 @@
 """Tables in long format, a row for each reading (time, signal, value), to columns."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.logs.numbers import as_numbers
-from drift_drake.logs.wording.words import pieces
+from drift_drake.logs.wording.words import LONGEST, pieces
 
 ROLES = {
     "signal": (
@@ -33,10 +32,11 @@ def as_wide(table: pd.DataFrame, times: list[str]) -> tuple[pd.DataFrame, dict[s
     Returns:
         None of a table of any other kind.
     """
-    words = {name: set(pieces(str(name))) for name in table.columns}
-    signal = next((n for n in table if words[n] & SIGNALS and not is_numeric_dtype(table[n])), None)
-    value = next((n for n in table if n != signal and words[n] & VALUES), None)
-    time = next((n for n in table if n not in (signal, value) and (n in times or words[n] & TIMES)), None)
+    columns = [str(name) for name in table.columns]
+    words = {name: set(pieces(name[:LONGEST])) for name in columns}
+    signal = next((n for n in columns if words[n] & SIGNALS and not is_numeric_dtype(table[n])), None)
+    value = next((n for n in columns if n != signal and words[n] & VALUES), None)
+    time = next((n for n in columns if n not in (signal, value) and (n in times or words[n] & TIMES)), None)
     if signal is None or value is None or time is None or not is_numeric_dtype(table[time]):
         return None
     names = table[signal].astype("string").str.strip()
@@ -49,12 +49,12 @@ def as_wide(table: pd.DataFrame, times: list[str]) -> tuple[pd.DataFrame, dict[s
     # Twice at one time: the later one is what was known then.
     wide = long.drop_duplicates(["time", "signal"], keep="last").pivot(index="time", columns="signal", values="value")
     out = wide.reset_index().rename(columns={"time": time})
-    out.columns = pd.Index([str(name) for name in out.columns])
-    unit = next((n for n in table if n not in (signal, value, time) and words[n] & UNITS), None)
+    out.columns = pd.Index([time, *(f"{name} (signal)" if name == time else str(name) for name in out.columns[1:])])
+    unit = next((n for n in columns if n not in (signal, value, time) and words[n] & UNITS), None)
     return out, {} if unit is None else _units(names[kept], table[unit][kept])
 
 
 def _units(names: "pd.Series[Any]", units: "pd.Series[Any]") -> dict[str, str]:
     """The first unit that stands beside each signal."""
-    stated: Mapping[Any, Any] = units.astype("string").str.strip().groupby(names.to_numpy()).first()
+    stated: Any = units.astype("string").str.strip().groupby(names.to_numpy()).first()
     return {str(name): str(unit) for name, unit in stated.items() if isinstance(unit, str) and unit}

@@ -13,7 +13,7 @@ import numpy as np
 
 from drift_drake.errors import DriftDrakeError
 from drift_drake.logs.apart import read_guarded
-from drift_drake.logs.plausible import implausible
+from drift_drake.logs.plausible import ABSURD, implausible
 from drift_drake.plain_files import check_file, number, parse_json, read_text
 from drift_drake.safe_files import write_columns
 
@@ -338,7 +338,7 @@ def stated_noise(folder: str | Path) -> dict[str, float]:
         whole = _import_report(folder)
         for report in whole["runs"] if whole else []:
             for name, value in report["std"].items():
-                levels.setdefault(str(name), []).append(number(value, lambda level: level >= 0.0))
+                levels.setdefault(str(name), []).append(number(value, lambda level: 0.0 <= level < ABSURD))
     except (ValueError, KeyError, TypeError, AttributeError):
         raise _no_report(import_report_path(folder)) from None
     return {name: float(np.median(values)) for name, values in levels.items()}

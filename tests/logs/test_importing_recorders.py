@@ -80,6 +80,15 @@ def test_a_vbo_is_imported_as_it_is_guessed(tmp_path, capsys):
     assert "r turns against the course" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("time", ["1" + 400 * "0", "1e400", "100010.00", "-"])
+def test_a_vbo_whose_times_stand_still_or_are_none_is_looked_at(tmp_path, time):
+    rows = [f"12 {time if i % 3 else f'1000{10 + 0.1 * i:05.2f}'} 2900.{i:02d} -0600.{i:02d} 50 90" for i in range(40)]
+    (tmp_path / "a.vbo").write_text(
+        "\n".join(["[column names]", "sats time lat long velocity heading", "[data]", *rows])
+    )
+    assert main(["import", "--look", str(tmp_path / "a.vbo")]) == 0
+
+
 def test_other_makers_vbo_has_degrees_and_standing_receivers_no_position(tmp_path):
     rows = ["0 10.00 0.00000 0.00000 50 90 30"]
     rows += [f"12 {10 + 0.1 * i:.2f} 28.40000 -81.40000 50 90 30" for i in range(1, 9)]

@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.logs.cases import case_folders
 from drift_drake.logs.importing.formats.files import read_topics
-from drift_drake.logs.table import InvalidLogError, Run, read_case, read_run, write_run
+from drift_drake.logs.table import InvalidLogError, Run, read_case, read_run, stated_noise, write_run
 
 ROWS = 80
 
@@ -176,3 +176,9 @@ def test_a_clock_in_milliseconds_is_guessed():
     data = columns()
     with pytest.raises(InvalidLogError, match=r"too coarse.*it looks like milliseconds, convert t"):
         Run(name="slow", **data | {"t": 1000.0 * data["t"]})
+
+
+def test_a_stated_noise_that_nothing_has_is_refused(tmp_path):
+    (tmp_path / "import.json").write_text('{"mapping": {}, "runs": [{"std": {"v": 1e18}}]}')
+    with pytest.raises(InvalidLogError, match="is no report of 'drift-drake import'"):
+        stated_noise(tmp_path)

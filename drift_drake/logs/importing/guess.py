@@ -177,8 +177,9 @@ def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> dict[str,
     if len(halves) == 2 and halves[0].topic is halves[1].topic:
         (t, north, _), (_, east, _) = (dataclasses.astuple(signals(half)) for half in halves)
         seen = np.isfinite(t) & np.isfinite(north) & np.isfinite(east)
-        steps = METRES * np.hypot(np.diff(north[seen]), np.diff(east[seen]))
-        if not np.any(steps) or np.median(steps[steps > 0.0] / np.diff(t[seen])[steps > 0.0]) < FASTEST:
+        steps, lasting = METRES * np.hypot(np.diff(north[seen]), np.diff(east[seen])), np.diff(t[seen])
+        moved = (steps > 0.0) & (lasting > 0.0)
+        if not moved.any() or np.median(steps[moved] / lasting[moved]) < FASTEST:
             return {key: c for key, c in found.items() if key not in ("x", "y")}
     return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}
 

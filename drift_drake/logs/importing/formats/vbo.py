@@ -14,7 +14,7 @@ import pandas as pd
 
 from drift_drake.arrays import Array
 from drift_drake.logs.importing.formats.topics import Topic
-from drift_drake.logs.numbers import as_numbers
+from drift_drake.logs.numbers import as_numbers, without_endless
 
 COLUMNS = ["sats", "time", "lat", "long", "velocity", "heading", "height"]  # where a file names none
 STANDARD = (  # channels that have no line among the units: their names in [header]
@@ -139,7 +139,7 @@ def seconds_of_day(times: "pd.Series[Any]") -> Array:
     if times.str.contains(":", na=False).any():
         t = np.array(pd.to_timedelta(times, errors="coerce").dt.total_seconds(), dtype=float)
     else:
-        t = np.array(as_numbers(times), dtype=float)
+        t = without_endless(np.array(as_numbers(times), dtype=float))
         with np.errstate(invalid="ignore"):
             packed = (t % 100.0 < 60.0) & (t // 100.0 % 100.0 < 60.0) & (t < 240000.0)
         if np.mean(packed[np.isfinite(t)]) > PACKED:

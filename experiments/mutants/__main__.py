@@ -130,7 +130,7 @@ class Trial:
         result = WorkResult(WorkerOutcome.NO_TEST, None, TestOutcome.SURVIVED)
         for files in test_files(self.tree, module):
             first = self.plain if is_compiled(module) else self.compiled
-            result = self._tried(item, first, files, self.config.together)
+            before, result = result, self._tried(item, first, files, self.config.together)
             slow = [file for file in files if first.seconds(file) is None]
             if result.test_outcome == TestOutcome.SURVIVED and is_compiled(module) and slow and self.config.compiled:
                 self.compiled.measure(slow)
@@ -139,6 +139,8 @@ class Trial:
                     result = self._tried(item, self.compiled, slow, self.config.compiled)
             if result.test_outcome != TestOutcome.SURVIVED:
                 break
+            if result.output == NOT_RUN.output and before.output:
+                result = before
         return result
 
     def _tried(self, item: WorkItem, timings: Timings, files: list[Path], budget: float) -> WorkResult:

@@ -1,5 +1,6 @@
 """The report: killed, survived and equivalent mutants by part, and each survivor's change."""
 
+import re
 from pathlib import Path
 
 import pandas as pd
@@ -38,25 +39,29 @@ def write_report(work: WorkDB, tree: Path, path: Path) -> str:
         if outcome == "killed" and result.output == TOO_LONG:
             outcome = "too long"
         why = known.get((module, before, after), "")
-        if outcome == "survived" and why:
+        if outcome == "survived" and not re.search(r"\d passed", result.output or ""):
+            outcome = "no test"
+        if outcome in ("survived", "no test") and why:
             outcome = "equivalent"
         line = item.mutations[0].start_pos[0]
         rows.append((part_of(module), outcome, f"{module}:{line}", before, after, why))
     columns = ["part", "outcome", "place", "before", "after", "why"]
     frame = pd.DataFrame(rows, columns=columns)
-    kinds = ["killed", "too long", "survived", "equivalent"]
+    kinds = ["killed", "too long", "no test", "survived", "equivalent"]
     counts = frame.groupby(["part", "outcome"]).size().unstack(fill_value=0).reindex(columns=kinds, fill_value=0)
     counts = counts.reindex([part for part in PARTS if part in counts.index])
     counts.loc["all"] = counts.sum()
     judged = counts["killed"] + counts["survived"]
     share = (100.0 * counts["survived"] / judged.where(judged > 0, 1)).round(1)
-    head = "| part | killed | too long | survived | equivalent | survived, % |\n|---|---|---|---|---|---|\n"
+    head = (
+        "| part | killed | too long | no test | survived | equivalent | survived, % |\n|---|---|---|---|---|---|---|\n"
+    )
     table = head + "".join(
         f"| {part} | " + " | ".join(str(counts.loc[part, kind]) for kind in kinds) + f" | {share[part]} |\n"
         for part in counts.index
     )
     text = table
-    for outcome in ("survived", "too long", "equivalent"):
+    for outcome in ("survived", "no test", "too long", "equivalent"):
         text += f"\n## {outcome}\n\n"
         for _, row in frame[frame["outcome"] == outcome].sort_values("place").iterrows():
             text += f"- {row['place']}\n  - `{row['before']}`\n  + `{row['after']}`\n" + (

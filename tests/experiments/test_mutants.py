@@ -67,12 +67,12 @@ def test_the_report_counts_by_part_and_names_survivors(tree: Path, monkeypatch: 
     with use_db(tree / "session", WorkDB.Mode.open) as work:
         for i, (item, outcome) in enumerate(zip(work.work_items, outcomes, strict=True)):
             diff = DIFF.replace("a - b", "a * b") if i == 3 else DIFF
-            output = report.TOO_LONG if i == 1 else "1 failed"
+            output = report.TOO_LONG if i == 1 else "1 failed, 2 passed"
             work.set_result(item.job_id, work_item.WorkResult(work_item.WorkerOutcome.NORMAL, output, outcome, diff))
         known = {("logs/importing/units", "return a + b", "return a * b"): "for a reason"}
         monkeypatch.setattr(report, "equivalents", lambda: known)
         table = write_report(work, tree, tree / "report.md")
-    assert "| import | 1 | 1 | 1 | 1 | 50.0 |" in table
+    assert "| import | 1 | 1 | 0 | 1 | 1 | 50.0 |" in table
     text = (tree / "report.md").read_text()
     assert "for a reason" in text
     assert "`return a - b`" in text

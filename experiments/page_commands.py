@@ -29,6 +29,7 @@ FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"^\n((?: {4}.*\n)+)", re.MULTILINE)
 INLINE = re.compile(r"`(python -m [^`]+)`", re.DOTALL)
 PLACEHOLDER = re.compile(r"(?<![\w./])[A-Z]{3,}(?![\w.])")
+MADE_BEFORE = re.compile(r"\bruns/\S+: no such file")  # by another command, which takes longer than it is given
 UNFINISHED = re.compile(r"\.\.\.| \| ")  # of a command that is named, not given
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 WAITED = 20  # [s] for a command that is interrupted
@@ -118,7 +119,7 @@ def judged(command: Command, code: int | None, output: str, error: str) -> Resul
     last = error.strip().splitlines()[-1] if error.strip() else output.strip().splitlines()[-1:] or "no output"
     if code != 0:
         asked = [word for word in PLACEHOLDER.findall(command.text) if word in error]
-        if code == 2 and (asked or "make the drives with `python -m" in error):
+        if code == 2 and (asked or MADE_BEFORE.search(error)):
             return Result("not checked", str(last))
         return Result("false", f"exit code {code}: {last}")
     printed = output.splitlines()

@@ -80,7 +80,8 @@ def test_what_a_commands_end_says_of_its_page() -> None:
     assert judged(command, 0, "total 4\n", "") == ("false", "does not print: total 3")
     assert judged(command, None, "", "").verdict == "still working"
     assert judged(command, 2, "", "warning\nDATA: no such folder").verdict == "not checked"
-    assert judged(command, 2, "", "held_out.npz: make the drives with `python -m x`").verdict == "not checked"
+    assert judged(command, 2, "", "runs/drives/held_out.npz: no such file; make it").verdict == "not checked"
+    assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "false"
     assert judged(command, 2, "", "no first guess led to a plan") == (
         "false", "exit code 2: no first guess led to a plan",
     )  # fmt: skip

@@ -51,7 +51,7 @@ def test_each_rung_of_the_papers_model_adds_to_the_one_before() -> None:
     steps = [switched(rung.name) for rung in ladder() if rung.learnt == "paper"]
     added = [{key: now[key] for key in now if before.get(key) != now[key]} for before, now in pairwise(steps)]
     assert added == [
-        {"bounded": True, "ends_straight": True},
+        {"bounded": True, "ends_straight": True, "alpha": 8.0, "only_converged": False},  # the bounds bear more weight
         {"fixed_alpha": False},
         {"objective_later": "drifts"},
         {"path_step": "trapezoid"},

@@ -126,7 +126,7 @@ def answered(answer: Answer) -> dict[str, Any]:
 def digest(table: pd.DataFrame) -> str:
     """SHA-256 of a table's columns and bytes."""
     numbers = np.ascontiguousarray(table.to_numpy(dtype=float))
-    return hashlib.sha256(",".join(map(str, table)).encode() + numbers.tobytes()).hexdigest()
+    return hashlib.sha256(",".join(map(str, table.columns)).encode() + numbers.tobytes()).hexdigest()
 
 
 def sources() -> str:

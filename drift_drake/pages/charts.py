@@ -18,6 +18,7 @@ GRID = "#e6e6e6"
 VEIL = "rgba(255,255,255,0.8)"  # behind a word that lies on lines
 NORMAL = "#b5b5b5"  # what is normal for a car
 TALL, LOW = 150, 80  # [px] of a panel of values, and of one of what is left over
+ROW, MANY = 18, 25  # [px] of a name on an axis; names from which they are small
 FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
 MARGIN = {"l": 48, "r": 12, "t": 34, "b": 40}
 HEAT = "YlOrBr"
@@ -111,7 +112,8 @@ def heat_map(
     """Coloured cells [x, y] with a text in each.
 
     Args:
-        x, y: edges or names of the cells; labels: title, x and y axis, colour bar; top: of the colours.
+        x, y: edges or names of the cells; labels: title, x and y axis, colour bar; top: of the colours; height: of the
+            axes [px] at least: names are not closer than they are high.
     """
     title, x_title, y_title, of_colours = labels
     cells = go.Heatmap(
@@ -125,8 +127,13 @@ def heat_map(
     figure.update_xaxes(title_text=x_title)
     figure.update_yaxes(title_text=y_title)
     if isinstance(x[0], str):
-        figure.update_xaxes(tickangle=-90, automargin=True, nticks=len(x))
-    return finished(figure, height, legend=False, ticks=len(y) if isinstance(y[0], str) else 6)
+        # As many names as the catalogue has stand closer than text of the page's size.
+        figure.update_xaxes(
+            tickangle=-90, automargin=True, nticks=len(x), tickfont={"size": 12 if len(x) < MANY else 9}
+        )
+    named = isinstance(y[0], str)
+    height = max(height, ROW * len(y)) if named else height
+    return finished(figure, height, legend=False, ticks=len(y) if named else 6)
 
 
 def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:

@@ -12,10 +12,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from drift_drake.errors import OutputError
-from drift_drake.safe_files import alone_in, remove_left_behind, replacing, try_outputs, write_text, writing_together
+from drift_drake.safe_files import (
+    alone_in,
+    remove_left_behind,
+    replacing,
+    try_outputs,
+    write_columns,
+    write_table,
+    write_text,
+    writing_together,
+)
 
 
 def test_a_file_is_written_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -23,6 +34,18 @@ def test_a_file_is_written_and_nothing_else_is_left(tmp_path: Path) -> None:
     write_text(tmp_path / "new" / "a.txt", "two\n")
     assert (tmp_path / "new" / "a.txt").read_text() == "two\n"
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("name", ["run_0.csv", "run_0.csv.gz"])
+def test_columns_of_numbers_are_the_text_that_pandas_writes(tmp_path: Path, name: str) -> None:
+    numbers = np.random.default_rng(0).normal(size=25_000) * 10.0 ** np.resize(np.arange(-12, 12), 25_000)
+    columns = {"t": np.arange(25_000.0), "v": numbers, "r": np.where(numbers > 0.0, numbers, np.nan)}
+    write_columns(columns, tmp_path / "own" / name)
+    write_table(pd.DataFrame(columns), tmp_path / "pandas" / name, index=False, float_format="%.9g")
+    one, other = (
+        pd.read_csv(tmp_path / folder / name, dtype=str, keep_default_na=False) for folder in ("own", "pandas")
+    )
+    pd.testing.assert_frame_equal(one, other)
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])

@@ -173,15 +173,16 @@ def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
-    return predicted(stretches, Known(normal.expected, normal.left_open), spread_of(normal), normal.scale)
+    model = spread_of(normal, normal.names, normal.everyday)
+    return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
 
 
-def spread_of(normal: Normal) -> Spread:
-    """How scores of a calibrated car scatter."""
-    stretch = variances_of_stretches(normal.names, len(normal.expected))
-    recording = np.zeros(len(normal.expected))
-    recording[: len(normal.names)] = normal.everyday**2
-    return Spread(normal.covariance, normal.information, normal.ratio, normal.blocks, stretch, recording)
+def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarray) -> Spread:
+    """How scores scatter, by what a baseline shows of the effects `names` and what varies by itself, in units [n]."""
+    scores = len(shown.information)
+    recording = np.concatenate([everyday, np.zeros(scores - len(names))]) ** 2
+    return Spread(shown.covariance, shown.information, shown.ratio, shown.blocks, variances_of_stretches(names, scores),
+                  recording)  # fmt: skip
 
 
 def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
@@ -254,11 +255,14 @@ class Seen(NamedTuple):
     information: np.ndarray  # diagonal of a block's information [m]
     ratio: float  # of that scatter to the one that the information tells of
     blocks: int
+    slipping: float  # mean of `slipping_of`
+    score: np.ndarray  # of the blocks [blocks, m]
 
 
 def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
     """What a day of calibration shows, under the calibrated car."""
-    stretches = stretches_of(day, scales, precision, float(np.mean(slipping_of(day))))
+    slipping = float(np.mean(slipping_of(day)))
+    stretches = stretches_of(day, scales, precision, slipping)
     score, stretch = block_scores(day, day.errors, scales, precision), np.zeros(day.blocks, dtype=int)
     stretch[day.block] = day.stretch
     scatter = np.atleast_2d(np.cov((score / np.sqrt(stretches.harder[stretch])[:, None]).T))
@@ -267,7 +271,7 @@ def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
     diagonal = np.diag(stretches.information.sum(axis=0))
     shown = diagonal > TINY * diagonal.max()
     ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
-    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score))
+    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score), slipping, score)
 
 
 class Learnt(NamedTuple):
@@ -293,18 +297,17 @@ def learn_normal(
     scales = robust_scales(day.errors)
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
-    seen, score = seen_of(day, scales, precision), block_scores(day, day.errors, scales, precision)
-    total = seen.stretches.information.sum(axis=0)
-    between = np.concatenate([everyday, np.zeros(len(total) - n)])
-    model = Spread(*seen[1:], variances_of_stretches(tuple(names), len(total)), between**2)
+    seen = seen_of(day, scales, precision)
+    total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, everyday)
     before = with_partial(left, len(total))
     known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
     distances = np.array([part.distance for part in apart])
-    unknown, recording, pulled = parameters_left_open(day, score[:, :n], total[:n, :n], prior, everyday, names, steps)
+    unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, everyday, names,
+                                                      steps)  # fmt: skip
     offset = np.median(day.errors, axis=0)
     normal = Normal(
         names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, slipping=float(np.mean(slipping_of(day))), blocks=seen.blocks,
+        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
         left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
         left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,

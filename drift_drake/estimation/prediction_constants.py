@@ -1,7 +1,7 @@
 """Constants of the inference by prediction: each with what it is, its unit and where it was set.
 
 Set on the days of double-track, brush and multi-body cars of `experiments.other_worlds` and on two cars of others' open
-simulators, six calibrations of four runs and 40 days without an effect, by the likelihood of those days' scores
+simulators, eleven calibrations of four runs and 82 days without an effect, by the likelihood of those days' scores
 (`python -m experiments.other_worlds.constants` prints what halving and doubling each does). What a car's own recordings
 tell (`baseline.scale_of`) replaces what such a population says.
 """

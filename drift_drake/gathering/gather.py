@@ -13,7 +13,6 @@ from drift_drake.control.plan import DT
 from drift_drake.control.sqp import LineSearchSqp
 from drift_drake.control.tracking import Tracked, TrackingController, tracking_gains
 from drift_drake.gathering.config import (
-    FEASIBLE,
     GatheringConfig,
     curvature_along,
     lane,
@@ -22,7 +21,6 @@ from drift_drake.gathering.config import (
     problem_data,
 )
 from drift_drake.gathering.plan import (
-    CONVERGED,
     Trajectory,
     info_ocp,
     information_cost,
@@ -30,6 +28,7 @@ from drift_drake.gathering.plan import (
     information_gained,
     round_alpha,
     sqp_options,
+    usable,
 )
 from drift_drake.model.checkpoint import BayesianModel
 from drift_drake.model.lag_bank import learn_with_lags
@@ -97,8 +96,7 @@ def plan_rest(
     problem = info_ocp(model, belief, config, alpha, along=along)
     problem.set(lane_data(config, s=along)._replace(x_init=x, u_init=u))
     found = LineSearchSqp(problem, sqp_options(config)).solve(problem.stack(x_guess, u_guess))
-    unusable = found.status != CONVERGED if config.only_converged else found.failed
-    if unusable or found.primal_residual >= FEASIBLE:
+    if not usable(found, config.only_converged):
         return plan
     states, inputs, _ = problem.unstack(found.z)
     told = information_cost(model, belief, config.objective, alpha).information(states[:-1], inputs[:-1], inputs[1:])

@@ -109,6 +109,12 @@ def _first_guesses(
     return guesses
 
 
+def usable(result: SqpResult, only_converged: bool) -> bool:
+    """Whether a solution is one to drive: feasible, and of the least cost where that is asked for."""
+    ended = result.status == CONVERGED if only_converged else not result.failed
+    return ended and result.primal_residual < FEASIBLE
+
+
 def _best(solver: LineSearchSqp, guesses: list[Array], only_converged: bool) -> SqpResult:
     """The solution from the guess that leads furthest in `TRIAL` iterations; from the next one where it fails."""
     most = solver.options.max_iterations
@@ -117,8 +123,7 @@ def _best(solver: LineSearchSqp, guesses: list[Array], only_converged: bool) -> 
         result = trial
         if trial.status == "iterations" and most > TRIAL:
             result = solver.solve(trial.z, trial.y, most - TRIAL)
-        usable = result.status == CONVERGED if only_converged else not result.failed
-        if usable and result.primal_residual < FEASIBLE:
+        if usable(result, only_converged):
             return result
     if only_converged:
         raise InfeasiblePlanError(

@@ -138,7 +138,7 @@ def fit_by_prediction(
     everyday = between_recordings(seen, vehicle) / steps
     left = left_of(prior, np.isin(seen, fit.names))
     learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
-    found = asked_in_turn(learnt.left_out, learnt.normal.names, steps, car)
+    found = asked_in_turn(learnt, car)
     none = np.array([one.probabilities[NONE] for one in found])
     learnt = learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none))
     return PredictionFit(

@@ -54,8 +54,9 @@ def forecast(
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
     left = left_of(prior, np.isin(seen, own))
     learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
-    found = asked_in_turn(learnt.left_out, learnt.normal.names, steps, vehicle)
-    return Forecast(left_open(day, learnt, own, found), outlook(day, learnt.normal, left, vehicle))
+    return Forecast(
+        left_open(day, learnt, own, asked_in_turn(learnt, vehicle)), outlook(day, learnt.normal, left, vehicle)
+    )
 
 
 def linearly_calibrated(day: Day, prior: np.ndarray) -> Day:

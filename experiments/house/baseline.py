@@ -16,6 +16,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -81,13 +82,13 @@ def items(kinds: tuple[Kind, ...]) -> Iterator[Item]:
         yield "counts", lambda: dict(counts(Tree(ROOT), "diagnosis/command"))
     if "own" in kinds:
         for i, tier in enumerate(tier_list(OWN_CASES)):
-            yield f"own_{i:02d}_{tier}", lambda i=i, tier=tier: own_case(i, tier)  # type: ignore[misc]
+            yield f"own_{i:02d}_{tier}", partial(own_case, i, tier)
     if "shared" in kinds and (SHARED / "cases").is_dir():
         for folder in sorted((SHARED / "cases").iterdir()):
-            yield f"shared_{folder.name}", lambda folder=folder: shared_case(folder)  # type: ignore[misc]
+            yield f"shared_{folder.name}", partial(shared_case, folder)
     if "drives" in kinds:
         for vehicle in range(VEHICLES):
-            yield f"drive_{vehicle:02d}", lambda vehicle=vehicle: drift(vehicle)  # type: ignore[misc]
+            yield f"drive_{vehicle:02d}", partial(drift, vehicle)
     if "plans" in kinds:
         yield "plans", lambda: benchmark_mpc.run(PLANS)["horizons"]
 

@@ -24,6 +24,7 @@ IMPORTED = (
     "pydrake.all", "matplotlib.pyplot", "filelock", "osqp", "threadpoolctl",
     "asyncio", "multiprocessing.pool", "concurrent.futures.process", "lazy_loader", "plotly.graph_objects",
 )  # fmt: skip
+SERVING = "import sys; sys.path.insert(0, {!r}); import warm; warm.serve()"
 WALL = 20.0  # times a limit of CPU, after which a run hangs
 
 BROKEN = 99  # exit of a run that did not come as far as pytest
@@ -48,7 +49,7 @@ class WarmPython:
 
     def __init__(self, tree: Path, environment: dict[str, str]) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__))], cwd=tree, env=environment, text=True,
+            [sys.executable, "-c", SERVING.format(str(Path(__file__).parent))], cwd=tree, env=environment, text=True,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE,
         )  # fmt: skip
 
@@ -82,7 +83,7 @@ def warm_python(tree: Path, environment: dict[str, str]) -> Iterator[WarmPython]
         warm.close()
 
 
-def _serve() -> None:
+def serve() -> None:
     """Answers requests, a line each, until there are no more."""
     for name in IMPORTED:
         with contextlib.suppress(ImportError):
@@ -133,7 +134,3 @@ def _run_here(request: dict[str, Any], output: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
-
-
-if __name__ == "__main__":
-    _serve()

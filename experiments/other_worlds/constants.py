@@ -42,7 +42,7 @@ AS_ODDS = ("OF_PARTIAL", "HALF", "OPEN", "SURE_OF_NONE", "THRESHOLDS")
 NOT_SEEN = {
     "CALIBRATED": "intervals of parameters", "MODEL_FORM": "intervals of parameters", "SECOND": "pairs",
     "WORTH_A_PAIR": "pairs", "STANDS_FOR": "intervals of magnitudes", "OF_SCATTER": "intervals of magnitudes",
-    "NAMED": "what a sentence names", "PRIORS.prior_pair": "pairs",
+    "PRIORS.prior_pair": "pairs",
 }  # fmt: skip
 """Constants that decide nothing to first order, and what they decide instead."""
 LEAST_P = 1e-4  # probability of the truth below which a day costs no more
@@ -123,12 +123,8 @@ def learnt(world: KeptWorld, regular: float) -> tuple[Spread, Known, float]:
         regular: times `REGULAR`, that the scores are projected with.
     """
     seen = world.baseline[regular]
-    m = seen.stretches.scores.shape[1]
-    recording = np.zeros(m)
-    recording[: len(world.names)] = world.everyday**2
-    spread = Spread(seen.covariance, seen.information, seen.ratio, seen.blocks,
-                    baseline.variances_of_stretches(world.names, m), recording)  # fmt: skip
-    before = baseline.with_partial(baseline.left_of(world.prior, world.fitted), m)
+    spread = baseline.spread_of(seen, world.names, world.everyday)
+    before = baseline.with_partial(baseline.left_of(world.prior, world.fitted), len(seen.information))
     known = baseline.known_from(seen.stretches, spread, before)
     apart = baseline.left_out(seen.stretches, spread, before)
     return spread, known, baseline.scale_of(np.array([part.distance for part in apart]))

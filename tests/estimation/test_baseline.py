@@ -249,7 +249,10 @@ def test_blocks_scatter_more_where_tyres_slip_more_and_a_baseline_as_it_does_on_
     windows = np.bincount(day.stretch)
     assert np.sum(windows * np.log(some.harder)) / windows.sum() == pytest.approx(0.0, abs=1e-6)
     harder = some._replace(harder=4.0 * some.harder)
-    known, model = Known(np.zeros(len(normal.expected)), np.zeros_like(normal.left_open)), spread_of(normal)
+    known, model = (
+        Known(np.zeros(len(normal.expected)), np.zeros_like(normal.left_open)),
+        spread_of(normal, normal.names, normal.everyday),
+    )
     model = model._replace(stretch=0.0 * model.stretch, recording=0.0 * model.recording)
     one, other = (predicted(part, known, model).covariance for part in (some, harder))
     np.testing.assert_allclose(other, 4.0 * one, rtol=1e-9)

@@ -51,7 +51,8 @@ def world():
     rng = np.random.default_rng(0)
     own = some_stretches(rng, 4)
     total = own.information.sum(axis=0)
-    seen = Seen(own, total / own.blocks.sum(), np.diag(total) / own.blocks.sum(), 1.0, int(own.blocks.sum()))
+    seen = Seen(own, total / own.blocks.sum(), np.diag(total) / own.blocks.sum(), 1.0, int(own.blocks.sum()), 0.0,
+                np.zeros((0, SCORES)))  # fmt: skip
     truths = (("none", 0.0), ("none", 0.0), ("friction_level", -4.0))
     days = [KeptDay(str(i), truth, False, dict.fromkeys(REGULARS, some_stretches(rng, 4, off)))
             for i, (truth, off) in enumerate(truths)]  # fmt: skip
@@ -104,7 +105,7 @@ def test_the_table_has_two_rows_a_constant(world):
     lines = constants_text(found).splitlines()
     assert sum(line.startswith("| SCALE |") for line in lines) == 2
     assert any(line.startswith("| THRESHOLDS | 0.001 ") and "| 2 (odds) |" in line for line in lines)
-    assert "- NAMED: what a sentence names" in lines
+    assert "- SECOND: pairs" in lines
 
 
 def test_what_is_learnt_is_what_a_calibration_learns():

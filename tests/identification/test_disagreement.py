@@ -129,7 +129,7 @@ def asked_of(other_car, effect: str = "", size: float = 0.0, runs: int = 4):
         day = dataclasses.replace(day, errors=day.errors - off)
     prior = np.ones(len(n.names))
     learnt = learn_normal(day, n.names, n.units, prior, n.everyday, 0.5 * prior)
-    return day, asked_in_turn(learnt.left_out, n.names, n.units, car.vehicle)
+    return day, asked_in_turn(learnt, car.vehicle)
 
 
 def test_a_recording_with_a_gap_is_odd_and_named_and_none_is_where_nothing_changed(other_car) -> None:

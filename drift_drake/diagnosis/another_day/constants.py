@@ -1,6 +1,7 @@
 """Constants of the posterior over changes from a calibrated baseline: each with what it is, its unit, where it was set.
 
-Set on the validation worlds that `estimation.prediction_constants` names, and on thirteen strange faults on each.
+Set on the validation worlds that `estimation.prediction_constants` names, and on thirteen strange faults on each, to
+first order.
 """
 
 import numpy as np
@@ -21,7 +22,6 @@ STANDS_FOR = {"command": 0.03, "actuator": 0.03, "sensor": 0.03, "motion": 0.1}
 tyres are not the equations'."""
 OF_SCATTER = 1.0  # by which magnitudes scatter, relative to what scores say
 THRESHOLDS = {0.001: 0.05, 0.01: 0.25, 0.05: 0.5, 0.1: 0.6, 0.2: 0.7}
-"""By false-alarm rate the probability of none below which there is a gap: lower than its quantiles on validation days
-without an effect (26 days: 0.19 at 0.01, 0.76 at 0.05), since logs that tell nothing leave it at 0.72."""
+"""By false-alarm rate the probability of none below which there is a gap. Of 30 validation days without an effect one
+is below 0.5, the next at 0.69; logs that tell nothing leave it at 0.72. Other rates' are no quantiles: too few days."""
 SURE_OF_NONE = 0.8  # probability of none from which there is no gap; below it is undecided
-NAMED = 0.1  # probability from which a rival is named

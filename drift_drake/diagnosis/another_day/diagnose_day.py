@@ -138,13 +138,12 @@ def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hyp
         return {}
     signals, driving = left_in(search, h)
     rest = h.left_over or none.left_over
-    like = rest.like if rest is not None else None
     return {
         "probability": found.something_else if found.verdict != UNKNOWN else found.probabilities[UNKNOWN],
         "share": 1.0 - max(shrinks.estimate, 0.0),
         "signals": signals,
         "driving": driving,
-        "like": str(like) if like is not None else "",
+        "like": str(rest.like) if rest is not None else "",
     }
 
 

@@ -3,8 +3,6 @@
 To first order: what a magnitude takes off the scores is its column of the information. No window is predicted anew.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from drift_drake.diagnosis.another_day.constants import PRIORS
@@ -12,25 +10,23 @@ from drift_drake.diagnosis.another_day.hypotheses import Hypothesis, unusual
 from drift_drake.diagnosis.another_day.left_over import left_over
 from drift_drake.diagnosis.another_day.ranking import DayRanked, ranked
 from drift_drake.diagnosis.shared.ranges import range_of
-from drift_drake.estimation.baseline import LeftOut, Scatter, scale_of
+from drift_drake.estimation.baseline import Learnt, Scatter, scale_of
 from drift_drake.vehicle.parameters import VehicleParameters
 
 GRID = 81  # magnitudes of an effect
 
 
-def asked_in_turn(
-    parts: Sequence[LeftOut], names: tuple[str, ...], units: np.ndarray, vehicle: VehicleParameters
-) -> list[DayRanked]:
-    """What each recording says relative to the others, at the scale of scatter that these show.
+def asked_in_turn(learnt: Learnt, vehicle: VehicleParameters) -> list[DayRanked]:
+    """What each recording of a baseline says relative to the others, at the scale of scatter that these show.
 
     Args:
-        names, units: of the effects [n]; vehicle: the calibrated car.
+        learnt: what the baseline shows; vehicle: the calibrated car.
     """
-    distances, out = np.array([part.distance for part in parts]), []
-    for k, part in enumerate(parts):
-        scatter = part.at(scale_of(np.delete(distances, k)))
+    normal, out = learnt.normal, []
+    for k, part in enumerate(learnt.left_out):
+        scatter = part.at(scale_of(np.delete(normal.left_out, k)))
         scores = part.stretches.scores.sum(axis=0) - scatter.mean
-        out.append(ranked_to_first_order(scores, scatter, names, units, vehicle))
+        out.append(ranked_to_first_order(scores, scatter, normal.names, normal.units, vehicle))
     return out
 
 

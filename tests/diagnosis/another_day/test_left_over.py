@@ -1,5 +1,7 @@
 """What a hypothesis leaves over: evidence against closed forms and quadrature."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -77,7 +79,9 @@ def test_a_recording_like_the_others_has_no_gap_and_an_odd_one_has():
         for x in draws
     ]
     units = np.array([0.01, 0.05])
-    found = np.array([one.probabilities["none"] for one in asked_in_turn(parts, NAMES, units, VehicleParameters())])
+    normal = SimpleNamespace(names=NAMES, units=units, left_out=np.array([part.distance for part in parts]))
+    asked = asked_in_turn(SimpleNamespace(left_out=parts, normal=normal), VehicleParameters())
+    found = np.array([one.probabilities["none"] for one in asked])
     assert int(np.argmin(found)) == 3
     assert found[3] < 0.05
     assert np.all(np.delete(found, 3) > 0.4)

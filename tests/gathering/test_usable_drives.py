@@ -26,6 +26,13 @@ def test_short_logs_are_asked_whole() -> None:
     assert asked_parts(runs, CAR) == (runs, [])
 
 
+def test_two_drives_that_are_logged_to_their_last_moment_are_asked_whole() -> None:
+    """As gathering logs them: 451 rows in 4.5 s."""
+    runs = [drive("a", 4.51, 12.0), drive("b", 4.51, 12.0)]
+    assert [len(run) for run in runs] == [451, 451]
+    assert asked_parts(runs, CAR) == (runs, [])
+
+
 @pytest.mark.parametrize("seconds", [20.0, 96.0, 3600.0])
 def test_of_long_logs_so_many_seconds_are_asked_and_it_is_said(seconds: float) -> None:
     parts, said = asked_parts([drive("a", seconds, 12.0)], CAR)

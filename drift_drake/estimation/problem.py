@@ -247,8 +247,10 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
             run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
             problem.noise**2, problem.process, banked, e, k, w,
         )  # fmt: skip
-        # The whitening matrices are inverse Cholesky factors of the innovations' covariances.
-        logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
+        # The whitening matrices are inverse Cholesky factors of the innovations' covariances; zero where the filter has
+        # lost the car, whose innovations are no numbers then.
+        with np.errstate(divide="ignore"):
+            logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
         if run.trace is not None:
             e += run.trace
         gains.append(k)

@@ -79,7 +79,7 @@ def test_a_vehicle_is_driven_in_every_way_until_enough_samples_are_there(tmp_pat
     runs = read_case(folder)
     assert len(runs) == len(about["drives"])
     for run in runs:
-        assert all(run.column(name) is not None for name in COLUMNS)
+        assert [name for name in COLUMNS if run.column(name) is None] == ["bank"]  # of the road, which is level
         np.testing.assert_allclose(np.diff(run.t), 0.01, atol=1e-8)
     for run, drive in zip(runs, samples.drives(), strict=True):
         np.testing.assert_allclose(drive.x[0, 1], run.column("v")[DECIMATION], rtol=1e-6)

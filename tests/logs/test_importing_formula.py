@@ -1,5 +1,7 @@
 """What formulas may be, and that they may be nothing else."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -39,6 +41,20 @@ def test_names():
 def test_what_is_not_allowed(formula, message):
     with pytest.raises(InvalidFormulaError, match=message):
         names_in(formula)
+
+
+def test_the_longest_sum_is_a_formula():
+    assert names_in("+".join(500 * ["s"])) == {"s"}
+
+
+def test_nesting_is_limited_whatever_the_interpreter_allows():
+    before = sys.getrecursionlimit()
+    sys.setrecursionlimit(10_000)
+    try:
+        with pytest.raises(InvalidFormulaError, match="nested too deep"):
+            names_in(990 * "-" + "1")
+    finally:
+        sys.setrecursionlimit(before)
 
 
 def test_unknown_names():

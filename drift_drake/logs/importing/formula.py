@@ -20,6 +20,7 @@ UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.USub: operator.neg, 
 FUNCTION_NAMES = "abs arctan arctan2 cos exp hypot maximum minimum sign sin sqrt tan tanh"
 FUNCTIONS: dict[str, np.ufunc] = {name: getattr(np, name) for name in FUNCTION_NAMES.split()}
 LONGEST = 1000  # characters of a formula
+DEEPEST = 500  # parts within one another: of the longest sum
 SHOWN = 100  # of them in a message
 
 
@@ -35,6 +36,8 @@ def names_in(formula: str) -> set[str]:
     """
     tree = _parsed(formula)
     try:
+        if _depth(tree) > DEEPEST:  # whatever depth the interpreter allows
+            raise RecursionError
         _value(tree, None, formula)
     except (RecursionError, OverflowError):
         raise InvalidFormulaError(
@@ -75,6 +78,15 @@ def _parsed(formula: str) -> ast.expr:
         raise InvalidFormulaError(
             f"'{_start(formula)}' is no formula; write one like '0.5 * tanh(2 * steering)'"
         ) from None
+
+
+def _depth(tree: ast.expr) -> int:
+    """Parts within one another, operators not counted."""
+    count, level = 0, [tree]
+    while level:
+        count, level = count + 1, [part for node in level for part in ast.iter_child_nodes(node)
+                                   if isinstance(part, ast.expr)]  # fmt: skip
+    return count
 
 
 def _value(node: ast.expr, values: Mapping[str, Any] | None, formula: str) -> Any:

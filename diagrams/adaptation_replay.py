@@ -11,7 +11,7 @@ from typing import Annotated
 import matplotlib
 
 from diagrams.command import run_command
-from drift_drake.arrays import Array
+from drift_drake.common.arrays import Array
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -22,17 +22,17 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.logs.table import InvalidLogError, Run, read_run
-from drift_drake.model.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
-from drift_drake.model.bayesian_step import residual
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.command_lag import TIME_STEP, CommandLag, lagged_commands
-from drift_drake.model.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
-from drift_drake.model.posterior import covariance_norms, state_norms
-from drift_drake.pictures.graph import draw_graph
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_arrays, write_figure
-from drift_drake.simulation.runner import add_logger
+from drift_drake.car.log.table import InvalidLogError, Run, read_run
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_arrays, write_figure
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, MEASURED_COUNT, BayesianAdapter
+from drift_drake.drive.learnt.bayesian_step import residual
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.command_lag import TIME_STEP, CommandLag, lagged_commands
+from drift_drake.drive.learnt.features import FEATURE_COUNT, MEAN_COUNT, STATE_COUNT, features, network_inputs
+from drift_drake.drive.learnt.posterior import covariance_norms, state_norms
+from drift_drake.drive.loop.runner import add_logger
+from drift_drake.view.pictures.graph import draw_graph
 
 STATES = ("r", "v", "beta", "omega_r")
 COMMANDS = ("delta_cmd", "tau_cmd")

@@ -5,7 +5,7 @@ python -m diagrams.closed_loop --graph    # draws the diagram
 """
 
 from diagrams.command import run_command
-from drift_drake.simulation.drive_command import ClosedLoopConfig, main
+from drift_drake.cli.drive_run import ClosedLoopConfig, main
 
 if __name__ == "__main__":
     run_command(main, ClosedLoopConfig)

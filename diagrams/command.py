@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from drift_drake.interruption import ended_at_once, leave_ends_to_the_system
+from drift_drake.common.interruption import ended_at_once, leave_ends_to_the_system
 
 NAME = next((word for word in sys.orig_argv if word.startswith(("diagrams.", "experiments."))), "experiments")
 COUNTS = ("vehicles", "noise_seeds", "workers", "threads", "repeats", "loops", "cars", "cases", "seeds", "samples")
@@ -27,7 +27,7 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
     """
     import tyro
 
-    from drift_drake.interruption import ended_well
+    from drift_drake.common.interruption import ended_well
 
     def run() -> int:
         if options is None:
@@ -51,7 +51,7 @@ def check_whole_numbers(config: Any) -> None:
     Raises:
         InvalidOptionError: names the option.
     """
-    from drift_drake.errors import InvalidOptionError
+    from drift_drake.common.errors import InvalidOptionError
 
     for field in dataclasses.fields(config):
         value, least = getattr(config, field.name), int(field.name in COUNTS)

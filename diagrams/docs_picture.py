@@ -8,8 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from diagrams.command import run_command
-from drift_drake.pictures.graph import draw_graph
-from drift_drake.simulation.drive_command import ClosedLoopConfig, build
+from drift_drake.cli.drive_run import ClosedLoopConfig, build
+from drift_drake.view.pictures.graph import draw_graph
 
 PICTURE = Path(__file__).parents[1] / "docs" / "closed_loop.png"
 DEPTH = 1  # the car is opened, its sensors are a block: wider pictures are not legible on a page

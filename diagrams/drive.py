@@ -1,4 +1,4 @@
-"""Draws the diagram of a drive (`drift_drake.simulation.drive`), here that of an LQR hold.
+"""Draws the diagram of a drive (`drift_drake.drive.loop.drive`), here that of an LQR hold.
 
 python -m diagrams.drive
 """
@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver
-from drift_drake.pictures.graph import draw_graph
-from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.run_folder import make_run_folder
-from drift_drake.simulation.drive import Drive
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder
+from drift_drake.drive.loop.drive import Drive
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver
+from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from drift_drake.view.pictures.graph import draw_graph
 
 
 def main(out: Path | None = None) -> None:

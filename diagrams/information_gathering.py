@@ -9,17 +9,17 @@ import dataclasses
 from pathlib import Path
 
 from diagrams.command import run_command
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.gathering.choice import ask
-from drift_drake.gathering.config import Recipe
-from drift_drake.gathering.gather import execution, learn_drives, taught
-from drift_drake.gathering.identified import runs_of
-from drift_drake.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.pictures.graph import draw_graph
-from drift_drake.run_folder import make_run_folder
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder
+from drift_drake.drive.gathering.config import Recipe
+from drift_drake.drive.gathering.gather import execution, learn_drives, taught
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from drift_drake.gap.choose.choice import ask
+from drift_drake.gap.choose.identified import runs_of
+from drift_drake.view.pictures.graph import draw_graph
 
 
 @dataclasses.dataclass(frozen=True)

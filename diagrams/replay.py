@@ -12,14 +12,14 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.pictures.graph import draw_graph
-from drift_drake.pictures.overhead import overhead
-from drift_drake.pictures.time_series import side_by_side
-from drift_drake.playback.play import compare, describe, drawn, prepare, write_replay
-from drift_drake.playback.side_by_side import Played
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure, write_table
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure, write_table
+from drift_drake.view.pictures.graph import draw_graph
+from drift_drake.view.pictures.overhead import overhead
+from drift_drake.view.pictures.time_series import side_by_side
+from drift_drake.view.playback.play import compare, describe, drawn, prepare, write_replay
+from drift_drake.view.playback.side_by_side import Played
 
 
 @dataclasses.dataclass(frozen=True)

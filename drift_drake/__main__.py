@@ -2,7 +2,7 @@
 
 import sys
 
-from drift_drake.interruption import ended_at_once, leave_ends_to_the_system, stand_in_for_closed_streams
+from drift_drake.common.interruption import ended_at_once, leave_ends_to_the_system, stand_in_for_closed_streams
 
 
 def main() -> int:
@@ -11,8 +11,8 @@ def main() -> int:
     if closed is not None:
         return closed
     with ended_at_once():
-        from drift_drake import cli
-    code = cli.main()
+        from drift_drake.cli.main import main as cli
+    code = cli()
     leave_ends_to_the_system()
     return code
 

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 
 from drift_drake import BayesianModel, Posterior, Run, learn, load_model, read_run, samples_from_log
-from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.model.quality import standardized_errors
-from drift_drake.model.samples import Samples
+from drift_drake.cli.demo import SAMPLE_LOG
+from drift_drake.drive.learnt.quality import standardized_errors
+from drift_drake.drive.learnt.samples import Samples
 
 
 def samples_of(run: Run) -> Samples:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from drift_drake import CATALOGUE, Answer, VehicleParameters, corrected_vehicle, diagnose, read_case, write_vehicle
-from drift_drake.demo.command import SAMPLE_LOG
+from drift_drake.cli.demo import SAMPLE_LOG
 
 
 def main(

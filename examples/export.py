@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from drift_drake import VehicleParameters, make_effects, read_run
-from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.exporting.logs import columns_of
-from drift_drake.exporting.vehicles import write_commonroad, write_mujoco
+from drift_drake.cli.demo import SAMPLE_LOG
+from drift_drake.view.exporting.logs import columns_of
+from drift_drake.view.exporting.vehicles import write_commonroad, write_mujoco
 
 
 def main(folder: Path = Path()) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from drift_drake import ClosedLoop, Reference, RunLimits, VehicleParameters, figure_8
-from drift_drake.vehicle.bicycle import linearize
+from drift_drake.car.single_track.motion import linearize
 
 Q, R = np.diag([1.0, 0.1, 10.0, 0.01, 1.0, 10.0]), np.diag([1.0, 1e-5])  # weights of state and input
 

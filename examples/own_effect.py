@@ -9,7 +9,7 @@ Once that is installed, plants, the filter, `drift-drake diagnose` and vehicle f
 from typing import Any
 
 from drift_drake import Effect, VehicleParameters
-from drift_drake.vehicle.scalar import cos, sin
+from drift_drake.car.scalar import cos, sin
 
 
 def push(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magnitude: Any) -> Any:  # noqa: ARG001

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake import Mpc, StepModel, VehicleParameters, loops
-from drift_drake.vehicle.bicycle import derivatives
+from drift_drake.car.single_track.motion import derivatives
 
 STEP, SUBSTEPS = 0.1, 10  # [s]
 

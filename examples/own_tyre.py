@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.vehicle.scalar import tanh
-from drift_drake.vehicle.tyre import brush_secant
+from drift_drake.car.scalar import tanh
+from drift_drake.car.tyre import brush_secant
 
 
 def smooth(sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:

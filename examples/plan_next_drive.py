@@ -1,8 +1,8 @@
 """Plan the next drive: the one that tells an answer's rival hypotheses apart best, within a straight lane."""
 
 from drift_drake import Answer, VehicleParameters, diagnose, plan_from_answer, read_case
-from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.diagnosis.next_drive.plan import NextDrive, NextDriveConfig
+from drift_drake.cli.demo import SAMPLE_LOG
+from drift_drake.gap.next_drive.plan import NextDrive, NextDriveConfig
 
 
 def gentle() -> Answer:

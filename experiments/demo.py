@@ -19,20 +19,20 @@ import pandas as pd
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.diagnosis.likelihood.diagnose import Diagnosis, diagnose
-from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.gather import Gathered, taught
-from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.logs.table import read_case
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import standardized_errors
-from drift_drake.model.samples import samples_from_log
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.worker_pool import worker_processes
+from drift_drake.car.log.table import read_case
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.worker_pool import worker_processes
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.gather import Gathered, taught
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
+from drift_drake.drive.learnt.quality import standardized_errors
+from drift_drake.drive.learnt.samples import samples_from_log
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
-from drift_drake.demo.command import SAMPLE_LOG
-from drift_drake.logs.table import COLUMNS, Run, write_run
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import COLUMNS, Run, write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.cli.demo import SAMPLE_LOG
+from drift_drake.common.run_folder import write_json
+from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 
 FOLDER = Path(str(SAMPLE_LOG))
 TRUTH = "truth.json"

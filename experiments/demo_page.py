@@ -13,24 +13,24 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from drift_drake.diagnosis.answers.apply import corrected_vehicle
-from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
-from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.config import lane_for_pictures
-from drift_drake.logs.table import read_case
-from drift_drake.page_policy import with_policy
-from drift_drake.pages import page as pages
-from drift_drake.pictures.overhead import overhead
-from drift_drake.pictures.replay import replay
-from drift_drake.pictures.style import colours_of
-from drift_drake.pictures.time_series import side_by_side, time_series
-from drift_drake.playback.play import UNITS, Comparison, compare, drawn
-from drift_drake.playback.side_by_side import CarModel, SideBySide
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.run_folder import machine
-from drift_drake.safe_files import write_text
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import read_case
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import machine
+from drift_drake.common.safe_files import write_text
+from drift_drake.drive.gathering.config import lane_for_pictures
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.drive.reference.trajectory import figure_8
+from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
+from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
+from drift_drake.view.pages import page as pages
+from drift_drake.view.pages.policy import with_policy
+from drift_drake.view.pictures.overhead import overhead
+from drift_drake.view.pictures.replay import replay
+from drift_drake.view.pictures.time_series import side_by_side, time_series
+from drift_drake.view.playback.play import UNITS, Comparison, compare, drawn
+from drift_drake.view.playback.side_by_side import CarModel, SideBySide
+from drift_drake.view.style import colours_of
 from experiments.drifting.report import LABELS
 
 TEMPLATE = Path(__file__).parent / "demo.html"

@@ -9,8 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drift_drake.run_folder import machine, write_json, write_versions
-from drift_drake.safe_files import write_text
+from drift_drake.common.run_folder import machine, write_json, write_versions
+from drift_drake.common.safe_files import write_text
 
 ROOT = Path(__file__).parents[1]
 DRAWN = ("population", "drives_seed", "vehicle_seed", "seed", "first", "count", "tuned", "tuned_count", "vehicles",

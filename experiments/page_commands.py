@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_text
 
 ROOT = Path(__file__).parents[1]
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.errors import DriftDrakeError
-from drift_drake.run_folder import is_done, plain, write_json
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import is_done, plain, write_json
 
 
 class OtherExperimentError(DriftDrakeError, ValueError):

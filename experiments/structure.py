@@ -24,7 +24,8 @@ from diagrams.command import run_command
 
 PACKAGE = "drift_drake"
 ROOT = Path(__file__).parents[1]
-CATALOGUE = f"{PACKAGE}/vehicle/effects.py"  # whose class `Effects` has an effect a field
+EFFECTS = ("car/effects/magnitudes", "vehicle/effects")  # whose class `Effects` has an effect a field; today, before
+LOG = ("car/log/table", "logs/table")  # where a log's table is
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,14 +34,14 @@ class StructureConfig:
 
     commit: str | None = None
     """Of this repository; the working tree without."""
-    command: str = "diagnosis/command"
+    command: str = "cli/diagnose"
     """Module of the command that is followed."""
     out: Path | None = None
     """Picture of the rooms (PNG or SVG)."""
 
 
 class Tree:
-    """The modules of a package by their place in it (`vehicle/plant`), each with its syntax tree and imports."""
+    """The modules of a package by their place in it (`car/tyre`), each with its syntax tree and imports."""
 
     def __init__(self, root: Path) -> None:
         files = sorted((root / PACKAGE).rglob("*.py"))
@@ -66,7 +67,7 @@ class Tree:
 
     def effects(self) -> list[str]:
         """Names of the catalogue's effects."""
-        tree = ast.parse(self.text["vehicle/effects"])
+        tree = next(self.trees[name] for name in EFFECTS if name in self.trees)
         (fields,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Effects")
         return [n.target.id for n in fields.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
 
@@ -96,11 +97,17 @@ def room(module: str) -> str:
 
 
 def rooms(tree: Tree) -> dict[str, set[str]]:
-    """Rooms, and those that each imports from."""
+    """Rooms, and those that each imports from; a folder and what lies in it are one, and do not import each other."""
     out: dict[str, set[str]] = {room(name): set() for name in tree.text}
     for name, imported in tree.imports.items():
-        out[room(name)] |= {room(other) for other in imported} - {room(name)}
+        own = room(name).split("/")
+        out[room(name)] |= {r for r in map(room, imported) if not _one(own, r.split("/"))}
     return out
+
+
+def _one(first: list[str], second: list[str]) -> bool:
+    """Whether one of two folders lies in the other, or they are the same."""
+    return all(a == b for a, b in zip(first, second, strict=False))
 
 
 def mutual(graph: dict[str, set[str]]) -> list[tuple[str, str]]:
@@ -110,7 +117,7 @@ def mutual(graph: dict[str, set[str]]) -> list[tuple[str, str]]:
 
 def numbers(tree: Tree, command: str) -> dict[str, object]:
     """What is said of a structure, in words and numbers."""
-    reached, runs = tree.reached(command), {n for n in tree.text if "logs/table" in tree.imports[n]}
+    reached, runs = tree.reached(command), {n for n in tree.text if tree.imports[n] & {*LOG}}
     lines, lengths = [text.count("\n") for text in tree.text.values()], tree.functions()
     named = [len(tree.naming(effect)) for effect in tree.effects()]
     return {
@@ -123,7 +130,7 @@ def numbers(tree: Tree, command: str) -> dict[str, object]:
         "functions above 60 lines": sum(length > 60 for length in lengths),
         f"modules behind `{command}`": len(reached),
         f"rooms behind `{command}`": len({room(n) for n in reached}),
-        "modules that take a log (`logs/table`)": len(runs),
+        "modules that take a log": len(runs),
         "modules that name one effect, median": statistics.median(named),
         "modules that name one effect, most": max(named),
     }
@@ -135,7 +142,7 @@ def draw(tree: Tree, path: Path) -> None:
     graph.node_attr.update(shape="box", style="rounded,filled", fillcolor="#E4EAF1", color="#8A929C", fontname="sans")
     graph.edge_attr.update(color="#8A929C", arrowsize=0.6)
     for name, imported in rooms(tree).items():
-        if name == ".":
+        if name == "." or not any(room(n) == name and not n.endswith("__init__") for n in tree.text):
             continue
         graph.add_node(name, label=f"{name}\\n{sum(room(n) == name for n in tree.text)}")
         for other in imported - {"."}:

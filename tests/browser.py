@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from drift_drake.page_policy import SCRIPT, digest
+from drift_drake.view.pages.policy import SCRIPT, digest
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 WIDTHS = (1280, 390)  # [px] of a desktop's window and of a phone's

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.estimation.normal import Normal
-from drift_drake.identification import identify as identification
-from drift_drake.identification.calibration import Identification
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.identification import identify as identification
+from drift_drake.gap.identification.calibration import Identification
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.truths import Truth
 from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 
@@ -115,3 +116,9 @@ def stiffness_case():
 def undrawn(monkeypatch):
     """Pictures' files are there, and empty: drawing takes long, and other tests look at what is drawn."""
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())
+
+
+@pytest.fixture(scope="session")
+def model():
+    """The shipped model."""
+    return load_model()

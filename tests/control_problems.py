@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
-from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.control.stacked import StageCost
-from drift_drake.gathering.config import GatheringConfig, problem_data
-from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import LAGGED
-from drift_drake.reference.trajectory import Reference
+from drift_drake.drive.gathering.config import GatheringConfig, problem_data
+from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.command_lag import LAGGED
+from drift_drake.drive.mpc.ocp import OcpData, OptimalControlProblem
+from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions
+from drift_drake.drive.qp.stacked import StageCost
+from drift_drake.drive.reference.trajectory import Reference
 
 Array = NDArray[np.float64]
 

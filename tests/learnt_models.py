@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from drift_drake.arrays import Array
-from drift_drake.model.checkpoint import WEIGHTS, BayesianModel
-from drift_drake.model.posterior import Posterior
+from drift_drake.common.arrays import Array
+from drift_drake.drive.learnt.checkpoint import WEIGHTS, BayesianModel
+from drift_drake.drive.learnt.posterior import Posterior
 
 
 def sample_theta(posterior: Posterior, sigma: Array, count: int, generator: np.random.Generator) -> Array:

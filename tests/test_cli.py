@@ -13,14 +13,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.cli import BAD_INPUT, COMMANDS, main
-from drift_drake.diagnosis.answers import apply
-from drift_drake.interruption import NOT_READ
-from drift_drake.logs.table import write_run
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.cli import apply
+from drift_drake.cli.main import BAD_INPUT, COMMANDS, main
+from drift_drake.common.interruption import NOT_READ
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.truths import Truth
 
 ROOT = Path(__file__).parents[1]
 ANSWER = {
@@ -119,7 +119,7 @@ MISTYPED = [
 ]
 IMPORTED = """
 import sys
-from drift_drake.cli import main
+from drift_drake.cli.main import main
 for arguments in {mistyped}:
     main(arguments)
     print(arguments, *(name for name in {slow} if name in sys.modules), flush=True)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import tyro
 
-from drift_drake.diagnosis.command import Diagnose
-from drift_drake.standard_output import command_line
+from drift_drake.cli.diagnose import Diagnose
+from drift_drake.common.standard_output import command_line
 
 
 def test_a_stated_command_is_the_command():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drift_drake.errors import significant
+from drift_drake.common.errors import significant
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.next_drive.plan import NextDriveConfig
+from drift_drake.gap.next_drive.plan import NextDriveConfig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.py"))

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake import worker_pool
-from drift_drake.errors import InvalidOptionError, MissingExtraError
-from drift_drake.executors import ExecutorConfig, JobsFailedError, results_of, run_jobs
+from drift_drake.common import worker_pool
+from drift_drake.common.errors import InvalidOptionError, MissingExtraError
+from drift_drake.common.executors import ExecutorConfig, JobsFailedError, results_of, run_jobs
 
 
 def square(number: float) -> tuple[float, int]:

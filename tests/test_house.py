@@ -1,6 +1,8 @@
 """The house's rules that a machine can hold: files and functions stay short enough to be read at once."""
 
 import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "drift_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 350, 60  # lines
+ROOMS = ("common", "car", "drive", "view", "gap", "cli")  # each imports from itself and from those before it
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -28,17 +31,32 @@ def test_no_class_is_defined_twice() -> None:
     assert not {name: found for name, found in places.items() if len(found) > 1}
 
 
-def test_no_room_rests_on_the_benchmarks() -> None:
-    inside = PACKAGE / "benchmarks"
-    assert not [path for path in FILES if inside not in path.parents and "drift_drake.benchmarks" in path.read_text()]
-
-
-def test_no_two_folders_import_each_other() -> None:
-    imported: dict[Path, set[Path]] = {}
+def imports() -> Iterator[tuple[Path, Path]]:
+    """Pairs of modules, one of which imports from the other, by their places in the package."""
     for path in FILES:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{PACKAGE.name}."):
                 module = PACKAGE.parent.joinpath(*node.module.split("."))
-                imported.setdefault(path.parent, set()).add(module if module.is_dir() else module.parent)
-    pairs = [(one, other) for one, others in imported.items() for other in others if one != other]
-    assert not [(one, other) for one, other in pairs if one in imported.get(other, ())]
+                for alias in node.names if module.is_dir() else ():
+                    yield path.relative_to(PACKAGE), (module / alias.name).relative_to(PACKAGE)
+                if not module.is_dir():
+                    yield path.relative_to(PACKAGE), module.relative_to(PACKAGE)
+
+
+def test_rooms_rest_on_those_below_them_alone() -> None:
+    assert {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"} == {*ROOMS, "data"}
+    places = [(one, other) for one, other in imports() if len(one.parts) > 1]
+    assert not [(one, other) for one, other in places if ROOMS.index(other.parts[0]) > ROOMS.index(one.parts[0])]
+
+
+def test_no_folders_import_each_other_directly_or_through_others() -> None:
+    """Folders side by side: a folder and what lies in it are one."""
+    graphs: dict[Path, dict[str, set[str]]] = {}
+    for one, other in imports():
+        shared = next(i for i in range(len(one.parts)) if one.with_suffix("").parts[i] != other.parts[i])
+        names = one.with_suffix("").parts[shared], other.parts[shared]
+        if all(PACKAGE.joinpath(*one.parts[:shared], name).is_dir() for name in names):
+            graph = graphs.setdefault(Path(*one.parts[:shared]), {})
+            graph.setdefault(names[0], set()).add(names[1])
+    for graph in graphs.values():
+        tuple(TopologicalSorter(graph).static_order())  # raises CycleError, which names the loop

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.cli import main
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.cli.main import main
 
 LOG, CAR, ANSWER = "logs/a/run_0.csv", "car.yaml", "answer.json"
 VEHICLE = ["--vehicle", CAR]

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.interruption import BAD_INPUT, ctrl_c_waits, ended_well, signals_wait
+from drift_drake.common.interruption import BAD_INPUT, ctrl_c_waits, ended_well, signals_wait
 
 BEGINNING = """
 import time
-from drift_drake.interruption import ended_at_once
+from drift_drake.common.interruption import ended_at_once
 
 with ended_at_once():
     print("ready", flush=True)

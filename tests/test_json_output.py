@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.cli import COMMANDS, load, main
-from drift_drake.demo import command as demo
-from drift_drake.diagnosis import folders
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.next_drive import foresight
-from drift_drake.diagnosis.next_drive import plan as next_drive
-from drift_drake.diagnosis.next_drive.plan import NextDrive
-from drift_drake.simulation import drive_command
+from drift_drake.cli import demo
+from drift_drake.cli import drive_run as drive_command
+from drift_drake.cli.main import COMMANDS, load, main
+from drift_drake.gap.diagnosis import folders
+from drift_drake.gap.diagnosis.answers.answer import read_answer
+from drift_drake.gap.next_drive import foresight
+from drift_drake.gap.next_drive import plan as next_drive
+from drift_drake.gap.next_drive.plan import NextDrive
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -86,7 +86,7 @@ def test_standard_output_is_one_json_text(name, folder, capsys, monkeypatch):
     if name == "train":
         pytest.importorskip("torch", reason="training needs the extra `train`")
         record = SimpleNamespace(record={"epochs": 1, "seconds": 1.0})
-        monkeypatch.setattr("drift_drake.model.meta_training.train", lambda _: record)
+        monkeypatch.setattr("drift_drake.drive.learnt.meta_training.train", lambda _: record)
     words, keys = WORDS[name]
     capsys.readouterr()
     assert main([*with_places(words, folder, name), "--json", "-"]) == 0

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 from browser import BROWSER, needs_browser
 
-from drift_drake.page_policy import digest, with_policy
+from drift_drake.view.pages.policy import digest, with_policy
 
 PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>a</title></head><body>
 <script type="text/plain">no script</script><script>document.title = "own";</script>{}</body></html>"""

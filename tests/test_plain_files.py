@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.errors import DriftDrakeError
-from drift_drake.plain_files import parse_json, parse_yaml, read_text
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.plain_files import parse_json, parse_yaml, read_text
 
 
 class RefusedError(DriftDrakeError):

@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from drift_drake import run_folder
-from drift_drake.diagnosis.answers.answer import Answer, answer_row
-from drift_drake.estimation.prior import Interval
-from drift_drake.run_folder import write_results_table
+from drift_drake.common import run_folder
+from drift_drake.common.run_folder import write_results_table
+from drift_drake.gap.diagnosis.answers.answer import Answer, answer_row
+from drift_drake.gap.estimation.prior import Interval
 
 ROWS = [{"case": "a", "refused": True, "mass_error": 0.1}, {"case": "b", "outcome": "spin"}]
 

@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.errors import OutputError
-from drift_drake.safe_files import (
+from drift_drake.common.errors import OutputError
+from drift_drake.common.safe_files import (
     alone_in,
     remove_left_behind,
     replacing,
@@ -136,7 +136,7 @@ def test_a_disk_that_is_full_is_told_before_a_computation(tmp_path: Path, monkey
 def test_no_two_processes_write_one_folder(tmp_path: Path) -> None:
     with alone_in(tmp_path):
         write_text(tmp_path / "a.txt", "mine")  # its own files beside
-        script = "from pathlib import Path\nfrom drift_drake.safe_files import alone_in\nimport sys\n"
+        script = "from pathlib import Path\nfrom drift_drake.common.safe_files import alone_in\nimport sys\n"
         script += "with alone_in(Path(sys.argv[1])): pass"
         other = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True)
         assert "--out" in other.stderr

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.cli import BAD_INPUT, main
-from drift_drake.simulation import drive_command
-from drift_drake.simulation.drive_command import ClosedLoopConfig
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.cli import drive_run as drive_command
+from drift_drake.cli.drive_run import ClosedLoopConfig
+from drift_drake.cli.main import BAD_INPUT, main
 
 
 def test_the_starter_vehicle_is_the_default_one_commented(tmp_path: Path) -> None:

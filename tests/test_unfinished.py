@@ -6,11 +6,11 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from drift_drake.safe_files import PARTIAL, remove_left_behind, try_folder, unfinished_folder, write_text
+from drift_drake.common.safe_files import PARTIAL, remove_left_behind, try_folder, unfinished_folder, write_text
 
 WRITER = """
 import sys, time
-from drift_drake.safe_files import replacing
+from drift_drake.common.safe_files import replacing
 
 with replacing(sys.argv[1]) as part:
     part.write_text("half")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.demo.command import commands
+from drift_drake.cli.demo import commands
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "drift_drake"
@@ -84,7 +84,7 @@ def test_light_commands_work_from_the_wheel(installed: Path, tmp_path: Path) -> 
 def test_the_demos_commands_can_be_read(tmp_path: Path) -> None:
     import tyro
 
-    from drift_drake.cli import load
+    from drift_drake.cli.main import load
 
     for name, *words in commands(tmp_path):
         assert tyro.cli(load(name)[0], args=words)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.worker_pool import worker_processes
+from drift_drake.common.worker_pool import worker_processes
 
 PARENT = """
 import sys, time
 from pathlib import Path
-from drift_drake.worker_pool import worker_processes
+from drift_drake.common.worker_pool import worker_processes
 from test_workers import work
 
 if __name__ == "__main__":
@@ -86,10 +86,10 @@ def test_a_diagnosis_of_a_folder_leaves_no_worker(tmp_path: Path, number: signal
     # Imported here: the worker processes of the other tests import this module, and need none of it.
     import numpy as np
 
-    from drift_drake.benchmarks.compiled_cases import make_case
-    from drift_drake.benchmarks.truths import Truth
-    from drift_drake.logs.table import write_run
-    from drift_drake.vehicle.parameters import VehicleParameters
+    from drift_drake.car.log.table import write_run
+    from drift_drake.car.parameters import VehicleParameters
+    from experiments.benchmarks.compiled_cases import make_case
+    from experiments.benchmarks.truths import Truth
 
     runs = make_case(Truth({"rear_stiffness_error": -0.3}, {}, {}), VehicleParameters(), np.random.default_rng(2), 3.0)
     for run in runs:

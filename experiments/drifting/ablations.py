@@ -27,19 +27,19 @@ import numpy as np
 import pandas as pd
 
 from diagrams.command import run_command
-from drift_drake.control.ocp import OcpWeights
-from drift_drake.drives.vehicles import Population
-from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import run_jobs
-from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn
-from drift_drake.model.samples import Samples, samples_from_log
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_arrays
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.bicycle import INPUTS, STATES
+from drift_drake.car.single_track.motion import INPUTS, STATES
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.executors import run_jobs
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_arrays
+from drift_drake.drive.learnt.bayesian_step import PathStep
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import learn
+from drift_drake.drive.learnt.samples import Samples, samples_from_log
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.manoeuvres.vehicles import Population
+from drift_drake.drive.mpc.ocp import OcpWeights
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
 from experiments.drifting.runs import (

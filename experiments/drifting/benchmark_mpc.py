@@ -22,22 +22,22 @@ from pydrake.solvers import IpoptSolver, SnoptSolver
 from pydrake.systems.framework import Context
 
 from diagrams.command import run_command
-from drift_drake.arrays import Array
-from drift_drake.control.controller import MpcController
-from drift_drake.control.mpc import Mpc
-from drift_drake.control.ocp import OcpData, OcpWeights, OptimalControlProblem
-from drift_drake.control.plan import DT
-from drift_drake.control.sqp import LineSearchSqp, SqpOptions
-from drift_drake.errors import InvalidOptionError, MissingExtraError
-from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.features import HIDDEN_COUNT, STATE_COUNT, Network
-from drift_drake.model.quality import step_model
-from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.run_folder import machine, make_run_folder
-from drift_drake.threads import one_blas_thread
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel, StepModel
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import InvalidOptionError, MissingExtraError
+from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.threads import one_blas_thread
+from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.features import HIDDEN_COUNT, STATE_COUNT, Network
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.mpc.controller import MpcController
+from drift_drake.drive.mpc.mpc import Mpc
+from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions
+from drift_drake.drive.reference.trajectory import Reference, figure_8
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.made import write_benchmark
 

@@ -20,14 +20,14 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from diagrams.command import run_command
-from drift_drake.control.plan import Plan
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.run_folder import machine, make_run_folder
-from drift_drake.simulation.drive import Drive, DriveLimits
-from drift_drake.simulation.drive_command import ClosedLoopConfig, build
-from drift_drake.simulation.runner import LogFile, make_simulator
-from drift_drake.threads import one_blas_thread
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.cli.drive_run import ClosedLoopConfig, build
+from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.threads import one_blas_thread
+from drift_drake.drive.loop.drive import Drive, DriveLimits
+from drift_drake.drive.loop.runner import LogFile, make_simulator
+from drift_drake.drive.mpc.plan import Plan
+from drift_drake.drive.reference.trajectory import figure_8
 from experiments.made import write_benchmark
 
 DERIVATIVES = "DoCalcTimeDerivatives"

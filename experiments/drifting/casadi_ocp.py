@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.arrays import Array
-from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.model.command_lag import TIME_STEP, lag_factors
-from drift_drake.model.features import Network
-from drift_drake.vehicle.bicycle import MIN_SLIP_SPEED, MIN_SPEED, static_loads
-from drift_drake.vehicle.parameters import Constants
-from drift_drake.vehicle.step_model import INPUT_SCALE, STATE_SCALE
+from drift_drake.car.parameters import Constants
+from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, MIN_SPEED, static_loads
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE
+from drift_drake.common.arrays import Array
+from drift_drake.drive.learnt.command_lag import TIME_STEP, lag_factors
+from drift_drake.drive.learnt.features import Network
+from drift_drake.drive.mpc.ocp import OcpData, OptimalControlProblem
 
 with contextlib.suppress(ModuleNotFoundError):
     import casadi as ca
 
-TINY = 1e-18  # under the root of the combined slip, as in `vehicle.scalar.norm2`
+TINY = 1e-18  # under the root of the combined slip, as in `car.scalar.norm2`
 
 
 def installed() -> bool:

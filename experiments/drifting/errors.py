@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.features import INPUT_SCALE, STATE_COUNT
-from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn, rollout_errors, step_errors, step_model
-from drift_drake.model.samples import DRIFTING, Samples, concatenate
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.features import INPUT_SCALE, STATE_COUNT
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import learn, rollout_errors, step_errors, step_model
+from drift_drake.drive.learnt.samples import DRIFTING, Samples, concatenate
 
 ROLLOUT_STEPS = 20  # 2 s
 EVERY = 5  # samples from one rollout's start to the next

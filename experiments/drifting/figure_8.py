@@ -5,13 +5,13 @@
     python -m experiments.drifting.figure_8 --models prior online twice_online --noise-seeds 1 --out runs/online
 
 The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `drifting.runs` for
-the models, `drift_drake.executors` for clusters. Written: config.json, runs.csv, results.parquet (the same, where
+the models, `common.executors` for clusters. Written: config.json, runs.csv, results.parquet (the same, where
 pyarrow is installed), numbers.json, report.md (the paper's Tables II and III beside ours), time_series.png,
 overhead.png. Broken off, it goes on where it was (give --out).
 """
 
 from diagrams.command import run_command
-from drift_drake.run_folder import make_run_folder, write_json, write_results_table, write_versions
+from drift_drake.common.run_folder import make_run_folder, write_json, write_results_table, write_versions
 from experiments.drifting.report import (
     choice_sentence,
     completion_table,

@@ -18,15 +18,15 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.drives.vehicles import Population
-from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.config import GatheringConfig, as_in_paper
-from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import load_model, paper_checkpoint
-from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure, write_table
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure, write_table
+from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.learnt.bayesian_step import PathStep
+from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
+from drift_drake.drive.manoeuvres.vehicles import Population
+from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
 from experiments.drifting.runs import BELIEFS, Model, ModelsConfig, open_folder, run_models
 from experiments.made import write_report

@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 
 from diagrams.command import run_command
-from drift_drake.reference.trajectory import Reference
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table
-from drift_drake.simulation.metrics import GRID, STEADY_SIDESLIP
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.loop.metrics import GRID, STEADY_SIDESLIP
+from drift_drake.drive.reference.trajectory import Reference
 from experiments.drifting.report import (
     LABELS,
     completion_table,

@@ -2,7 +2,7 @@
 
     python -m experiments.drifting.out_of_distribution
 
-The figure-8 under the adapting controller, watched by the detector (`drift_drake.model.adapter`). Its
+The figure-8 under the adapting controller, watched by the detector (`drift_drake.drive.learnt.adapter`). Its
 threshold comes from drives of validation vehicles, for a chosen share of false alarms a drive; then it is judged on
 held-out vehicles (in distribution), on `wide` ones (spreads half as wide again, and effects that training never saw),
 and on held-out ones whose friction drops at once on the way. Broken off, it goes on where it was (give --out).
@@ -18,28 +18,28 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.executors import run_jobs
-from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.command_lag import TIME_STEP
-from drift_drake.model.out_of_distribution import (
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import run_jobs
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure, write_table
+from drift_drake.drive.learnt.adapter import BayesianAdapter
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.command_lag import TIME_STEP
+from drift_drake.drive.learnt.out_of_distribution import (
     WINDOW,
     NullDistribution,
     OutOfDistributionDetector,
     calibrate,
     statistics,
 )
-from drift_drake.model.quality import step_model
-from drift_drake.pictures.style import BOUND, INK, new_figure, styled
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure, write_table
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.faults import Change
-from drift_drake.simulation.metrics import before_spin
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.loop.faults import Change
+from drift_drake.drive.loop.metrics import before_spin
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from drift_drake.view.style import BOUND, INK, new_figure, styled
+from experiments.benchmarks.intervals import binomial
 from experiments.drifting.runs import DriftConfig, open_folder, reference
 from experiments.made import write_report
 

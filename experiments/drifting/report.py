@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.benchmarks.intervals import by_vehicle, share_by_vehicle
-from drift_drake.pictures.overhead import OverheadPanel, overhead_panels
-from drift_drake.pictures.time_series import time_series
-from drift_drake.reference.trajectory import Reference
-from drift_drake.safe_files import write_figure
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.safe_files import write_figure
+from drift_drake.drive.reference.trajectory import Reference
+from drift_drake.view.pictures.overhead import OverheadPanel, overhead_panels
+from drift_drake.view.pictures.time_series import time_series
+from experiments.benchmarks.intervals import by_vehicle, share_by_vehicle
 from experiments.drifting.runs import run_name
 
 LABELS = {
@@ -156,7 +156,7 @@ def plans_sentence(summary: dict[str, Any]) -> str:
 
 
 def refusal_sentence(summary: dict[str, Any]) -> str:
-    """What the lane's logs said beforehand (`drift_drake.gathering.choice`); empty where it was not asked."""
+    """What the lane's logs said beforehand (`drift_drake.gap.choose.choice`); empty where it was not asked."""
     parts = [
         f"{LABELS.get(model, model)}: {s['refused']} of {s['runs']} runs refused beforehand, "
         f"{s['not_completed_and_not_refused']} of the others were not completed"

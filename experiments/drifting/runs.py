@@ -20,27 +20,27 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 import pandas as pd
 import tyro
 
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.errors import InvalidOptionError, meant
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import SURPRISED, Choice, Familiar, Findings, usual_error, usual_surprise
-from drift_drake.gathering.config import Recipe
-from drift_drake.gathering.identified import IdentifiedCar
-from drift_drake.model.adapter import OFFSET_TIME, BayesianAdapter
-from drift_drake.model.bayesian_step import PathStep
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.lag_bank import BANK
-from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import step_model
-from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import is_done, write_json
-from drift_drake.safe_files import write_table
-from drift_drake.sensing.sensor_errors import sensor_errors
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel, StepModel
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.sensor_errors import sensor_errors
+from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.common.errors import InvalidOptionError, meant
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.gathering.config import Recipe
+from drift_drake.drive.learnt.adapter import OFFSET_TIME, BayesianAdapter
+from drift_drake.drive.learnt.bayesian_step import PathStep
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.lag_bank import BANK
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
+from drift_drake.gap.choose.choice import SURPRISED, Choice, Familiar, Findings, usual_error, usual_surprise
+from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings

@@ -18,16 +18,16 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from diagrams.command import run_command
-from drift_drake.arrays import Array
-from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.drives.vehicles import Population
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.quality import step_model
-from drift_drake.reference.equilibrium import DriftEquilibrium, drift_equilibrium
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel, StepModel
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.common.arrays import Array
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.manoeuvres.vehicles import Population
+from drift_drake.drive.reference.equilibrium import DriftEquilibrium, drift_equilibrium
 from experiments.drifting.runs import DriftConfig, open_folder
 from experiments.made import write_report
 

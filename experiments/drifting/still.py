@@ -13,10 +13,10 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.pictures.still import still
-from drift_drake.pictures.style import save
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.view.pictures.still import still
+from drift_drake.view.style import save
 from experiments.drifting.report import LABELS
 from experiments.drifting.runs import reference, run_name
 

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.drivers import MANOEUVRES
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.logs.table import write_run
-from drift_drake.run_folder import machine, make_run_folder
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import write_vehicle
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import write_vehicle
+from drift_drake.common.run_folder import machine, make_run_folder
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.drivers import MANOEUVRES
+from experiments.benchmarks.truths import Truth
 from experiments.made import write_benchmark
 
 EFFECT = {"aero_drag": 0.6}
@@ -96,7 +96,7 @@ def measured(words: Sequence[str]) -> dict[str, float]:
     Raises:
         RuntimeError: the command fails; the message is what it said.
     """
-    command = [sys.executable, "-m", "drift_drake.cli", *words]
+    command = [sys.executable, "-m", "drift_drake.cli.main", *words]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         said = process.stderr.read()

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.estimation.problem import filter_case, make_problem, observe_case
-from drift_drake.estimation.windows import HORIZONS, STRIDE, errors, windowed
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.quality import step_model
-from drift_drake.run_folder import machine, make_run_folder
-from drift_drake.threads import one_blas_thread
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.threads import one_blas_thread
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.gap.estimation.problem import filter_case, make_problem, observe_case
+from drift_drake.gap.estimation.windows import HORIZONS, STRIDE, errors, windowed
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.truths import Truth
 from experiments.drifting.benchmark_simulation import car_alone, cpu
 from experiments.made import write_benchmark
 

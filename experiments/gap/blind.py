@@ -26,19 +26,19 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.scores import score_text, scores
-from drift_drake.benchmarks.truths import Truth, drawn_truth
-from drift_drake.diagnosis.answers.answer import answer_row, read_answer
-from drift_drake.diagnosis.folders import answer_folder
-from drift_drake.diagnosis.likelihood.diagnose import Diagnosis
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.logs.table import write_run
-from drift_drake.run_folder import is_done, write_results_table
-from drift_drake.safe_files import write_bytes, write_text
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, write_results_table
+from drift_drake.common.safe_files import write_bytes, write_text
+from drift_drake.gap.diagnosis.answers.answer import answer_row, read_answer
+from drift_drake.gap.diagnosis.folders import answer_folder
+from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.scores import score_text, scores
+from experiments.benchmarks.truths import Truth, drawn_truth
 from experiments.gap.pictures import draw_scores
 from experiments.made import write_report
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drift_drake.benchmarks.scores import UNKNOWNS, true_name
-from drift_drake.diagnosis.shared.posterior import PosteriorConstants, probabilities_of
-from drift_drake.safe_files import write_text
+from drift_drake.common.safe_files import write_text
+from drift_drake.gap.evidence.posterior import PosteriorConstants, probabilities_of
+from experiments.benchmarks.scores import UNKNOWNS, true_name
 
 Record = tuple[dict[str, Any], dict[str, Any]]  # (label, evidences)
 
@@ -58,5 +58,5 @@ def fitted_constants(records: Sequence[Record]) -> PosteriorConstants:
 
 
 def write_constants(c: PosteriorConstants, path: Path) -> None:
-    """Writes the constants as YAML (`drift_drake/diagnosis/shared/calibration.yaml` is such a file)."""
+    """Writes the constants as YAML (`drift_drake/gap/evidence/calibration.yaml` is such a file)."""
     write_text(path, yaml.safe_dump(dataclasses.asdict(c), sort_keys=False))

@@ -24,19 +24,19 @@ from scipy.stats import spearmanr
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.intervals import bootstrap
-from drift_drake.benchmarks.truths import Truth, drawn_truth, true_car
-from drift_drake.diagnosis.answers.apply import corrected_vehicle
-from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table
-from drift_drake.simulation.closed_loop import ClosedLoop
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.loop.closed_loop import ClosedLoop
+from drift_drake.drive.reference.trajectory import figure_8
+from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
+from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.intervals import bootstrap
+from experiments.benchmarks.truths import Truth, drawn_truth, true_car
 from experiments.made import write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")

@@ -7,7 +7,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from drift_drake.run_folder import is_done, write_json, write_versions
+from drift_drake.common.run_folder import is_done, write_json, write_versions
 
 Results = list[dict[str, Any]]
 

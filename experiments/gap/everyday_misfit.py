@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
-from drift_drake.diagnosis.another_day.diagnose_day import diagnose_day
-from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.identification.calibration import Identification
-from drift_drake.identification.identify import identify
-from drift_drake.logs.table import Run
-from drift_drake.run_folder import make_run_folder, write_json
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.gap.diagnosis.calibrated.diagnose_day import diagnose_day
+from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.gap.identification.calibration import Identification
+from drift_drake.gap.identification.identify import identify
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.intervals import binomial
+from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 from experiments.gap.each_vehicle import Results, each_vehicle
 from experiments.made import write_report
 

@@ -16,14 +16,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.intervals import binomial, bootstrap
-from drift_drake.benchmarks.truths import Truth, true_constants
-from drift_drake.identification.identify import identify
-from drift_drake.run_folder import make_run_folder, write_json
-from drift_drake.safe_files import write_figure
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.safe_files import write_figure
+from drift_drake.gap.identification.identify import identify
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.intervals import binomial, bootstrap
+from experiments.benchmarks.truths import Truth, true_constants
 from experiments.gap.each_vehicle import each_vehicle
 from experiments.made import write_report
 

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from drift_drake.benchmarks.scores import TIERS, UNKNOWNS, Pair, reliability, said, true_name
-from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
-from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
+from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from experiments.benchmarks.scores import TIERS, UNKNOWNS, Pair, reliability, said, true_name
 
 OUTCOMES = ("right", "one of two", "right and more", "other effect", NONE, UNKNOWN)
 NOT_NAMED = "not named"

@@ -16,16 +16,16 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.log_mutations import SAMPLES, Planted, unit_mistakes, with_bad_sample, with_factors
-from drift_drake.benchmarks.truths import Truth, drawn_truth
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.screening.screened import Screened, screened
-from drift_drake.logs.screening.suspicions import Suspicion, suspicions
-from drift_drake.logs.table import InvalidLogError, Run
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.log.table import InvalidLogError, Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import read_mapping
+from drift_drake.gap.logs.screening.screened import Screened, screened
+from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.log_mutations import SAMPLES, Planted, unit_mistakes, with_bad_sample, with_factors
+from experiments.benchmarks.truths import Truth, drawn_truth
 from experiments.made import write_report
 from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
 

@@ -21,21 +21,21 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.drake_cases import drive
-from drift_drake.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
-from drift_drake.benchmarks.truths import drawn_truth
-from drift_drake.control.plan import DT
-from drift_drake.control.tracking import tracking_gains
-from drift_drake.diagnosis.answers.answer import UnplannableError
-from drift_drake.diagnosis.likelihood.beliefs import Belief, Sensing
-from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.diagnosis.next_drive.plan import NextDriveConfig, plan_from_answer, solved_plans
-from drift_drake.diagnosis.shared.posterior import UNKNOWN
-from drift_drake.logs.table import Run
-from drift_drake.pictures.style import INK, RUNS, new_figure, save, styled
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.mpc.tracking import tracking_gains
+from drift_drake.gap.diagnosis.answers.answer import UnplannableError
+from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing
+from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.gap.evidence.posterior import UNKNOWN
+from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer, solved_plans
+from drift_drake.view.style import INK, RUNS, new_figure, save, styled
+from experiments.benchmarks.drake_cases import drive
+from experiments.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
+from experiments.benchmarks.truths import drawn_truth
 from experiments.made import write_report
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open

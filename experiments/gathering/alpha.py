@@ -18,15 +18,15 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.config import GatheringConfig, as_in_paper
-from drift_drake.gathering.gather import taught
-from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import BayesianModel, load_model, paper_checkpoint
-from drift_drake.model.posterior import covariance_norms
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.gather import taught
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper_checkpoint
+from drift_drake.drive.learnt.posterior import covariance_norms
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

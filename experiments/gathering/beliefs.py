@@ -10,23 +10,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.arrays import Array
-from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.choice import Findings, ask, squared_distances
-from drift_drake.gathering.config import GatheringConfig, lane
-from drift_drake.gathering.gather import drive_samples, gather, learn_drive, learn_drives
-from drift_drake.gathering.identified import IdentifiedCar, runs_of
-from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.posterior import Posterior
-from drift_drake.run_folder import is_done
-from drift_drake.safe_files import write_arrays
-from drift_drake.vehicle.double_track.car_file import double_track_dict, double_track_from_dict
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from drift_drake.vehicle.effects import Effects, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import DOUBLE_TRACK
+from drift_drake.car.double_track.car_file import double_track_dict, double_track_from_dict
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import DOUBLE_TRACK
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done
+from drift_drake.common.safe_files import write_arrays
+from drift_drake.drive.gathering.config import GatheringConfig, lane
+from drift_drake.drive.gathering.gather import drive_samples, gather, learn_drive, learn_drives
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.gap.choose.choice import Findings, ask, squared_distances
+from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
 from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed
@@ -46,7 +46,7 @@ class Taught:
     beliefs: dict[str, Posterior]  # "once_ocp", "once_info", "twice_info", as far as wanted and found
     surprise: (
         float | None
-    )  # mean squared distance of the first informative drive (`gathering.choice`); None without one
+    )  # mean squared distance of the first informative drive (`gap.choose.choice`); None without one
     findings: dict[str, Findings] = dataclasses.field(default_factory=dict)  # by which of `ASKED` were wanted
     lags: dict[str, Array] = dataclasses.field(default_factory=dict)  # [s] of steering and torque, with each belief
 

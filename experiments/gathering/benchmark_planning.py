@@ -18,14 +18,14 @@ from unittest import mock
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.control.sqp import LineSearchSqp
-from drift_drake.drives.vehicles import draw_effects
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.gather import gather, learn_drive, plan_rest
-from drift_drake.gathering.plan import Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import load_model
-from drift_drake.run_folder import machine, make_run_folder
-from drift_drake.vehicle.effects import Effects
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.gather import gather, learn_drive, plan_rest
+from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.drive.mpc.sqp import LineSearchSqp
 from experiments.made import write_benchmark
 
 PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
@@ -93,7 +93,7 @@ def replanned(first: Trajectory, effects: Effects, gathering: GatheringConfig, s
         found.append(numbers)
         return plan
 
-    with mock.patch("drift_drake.gathering.gather.plan_rest", kept):
+    with mock.patch("drift_drake.drive.gathering.gather.plan_rest", kept):
         config = dataclasses.replace(gathering, replan=REPLAN)
         gather(first, effects, model.vehicle, config, seed, learning=(model, model.prior()))
     return found[len(found) // 2]

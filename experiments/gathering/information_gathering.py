@@ -23,22 +23,22 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.control.plan import DT
-from drift_drake.drives.drivers import wander
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.gathering.config import GatheringConfig, Recipe
-from drift_drake.gathering.gather import taught
-from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.command_lag import lagged_commands
-from drift_drake.model.posterior import Posterior, covariance_norms, weighed
-from drift_drake.model.samples import load_samples
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_arrays, write_table
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_arrays, write_table
+from drift_drake.drive.gathering.config import GatheringConfig, Recipe
+from drift_drake.drive.gathering.gather import taught
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.command_lag import lagged_commands
+from drift_drake.drive.learnt.posterior import Posterior, covariance_norms, weighed
+from drift_drake.drive.learnt.samples import load_samples
+from drift_drake.drive.manoeuvres.drivers import wander
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from drift_drake.drive.mpc.plan import DT
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.summary import markdown, summarise, summarise_halves

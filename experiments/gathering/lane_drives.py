@@ -20,21 +20,28 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.control.plan import DT
-from drift_drake.drives.drivers import wander
-from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
-from drift_drake.executors import ExecutorConfig, results_of
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.gather import execution
-from drift_drake.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.posterior import Posterior
-from drift_drake.model.quality import learn
-from drift_drake.model.samples import DECIMATION, Samples, all_phases, concatenate, samples_from_log, save_samples
-from drift_drake.model.training_config import LANE_ROUND
-from drift_drake.run_folder import is_done
-from drift_drake.safe_files import write_text
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig, results_of
+from drift_drake.common.run_folder import is_done
+from drift_drake.common.safe_files import write_text
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.gather import execution
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import learn
+from drift_drake.drive.learnt.samples import (
+    DECIMATION,
+    Samples,
+    all_phases,
+    concatenate,
+    samples_from_log,
+    save_samples,
+)
+from drift_drake.drive.learnt.training_config import LANE_ROUND
+from drift_drake.drive.manoeuvres.drivers import wander
+from drift_drake.drive.manoeuvres.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.drive.mpc.plan import DT
 from experiments.model.drives import join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its

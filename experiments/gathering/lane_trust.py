@@ -4,7 +4,7 @@
     python -m experiments.gathering.lane_trust --checkpoint runs/bayesian_model.npz --keep runs/lane_trust.json
 
 The mean squared distance of the first drive's innovations, and how far off half a second ahead the car is that both
-drives identify (`drift_drake.gathering.choice`), give two limits on validation vehicles. Held-out, `wide` and `extreme`
+drives identify (`gap.choose.choice`), give two limits on validation vehicles. Held-out, `wide` and `extreme`
 vehicles, held-out ones as a double-track car, and brush cars, whose equations the package has nothing of, are judged by
 them. Written: numbers.json, report.md, lane_trust.png. Broken off, it goes on where it was (give --out). With --keep,
 what is usual is added to a file, as the package's data/lane_trust.json holds it for the shipped models.
@@ -20,16 +20,16 @@ import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.arrays import Array
-from drift_drake.drives.vehicles import EXTREME, Population, draw_effects
-from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.choice import REFUSED, SURPRISED, Choice, Familiar, Findings, familiar_from, keep_usual
-from drift_drake.gathering.config import Recipe
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.pictures.style import BOUND, INK, RUNS, new_figure, styled
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure
-from drift_drake.vehicle.effects import Effects
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.common.arrays import Array
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure
+from drift_drake.drive.gathering.config import Recipe
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.manoeuvres.vehicles import EXTREME, Population, draw_effects
+from drift_drake.gap.choose.choice import REFUSED, SURPRISED, Choice, Familiar, Findings, familiar_from, keep_usual
+from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
 from experiments.gathering.beliefs import gather_all
 from experiments.made import write_report
 from experiments.other_worlds.true_cars import World, effects_in, true_car

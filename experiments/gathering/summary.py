@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.gathering.plan import CONVERGED
+from drift_drake.drive.gathering.plan import CONVERGED
 
 MODELS = ("prior", "Once-OCP", "Once-Info", "Twice-Info", "random steering", "slalom")
 STATES = ("r", "v", "beta", "omega_r")

@@ -26,17 +26,17 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.diagnosis.folders import answer_folder
-from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.errors import DriftDrakeError
-from drift_drake.exporting.logs import columns_of
-from drift_drake.model.checkpoint import load_model
-from drift_drake.run_folder import is_done, plain, write_json, write_versions
-from drift_drake.threads import one_blas_thread
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import is_done, plain, write_json, write_versions
+from drift_drake.common.threads import one_blas_thread
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.gap.diagnosis.folders import answer_folder
+from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.view.exporting.logs import columns_of
+from experiments.benchmarks.compiled_cases import make_case
 from experiments.drifting import benchmark_mpc
 from experiments.drifting.runs import Believing, DriveJob, ModelsConfig, drive
 from experiments.gap.blind import case_truth, tier_list
@@ -79,7 +79,7 @@ Item = tuple[str, Callable[[], dict[str, Any]]]
 def items(kinds: tuple[Kind, ...]) -> Iterator[Item]:
     """Names of results and how each is made, those of `kinds`."""
     if "counts" in kinds:
-        yield "counts", lambda: dict(counts(Tree(ROOT), "diagnosis/command"))
+        yield "counts", lambda: dict(counts(Tree(ROOT), "cli/diagnose"))
     if "own" in kinds:
         for i, tier in enumerate(tier_list(OWN_CASES)):
             yield f"own_{i:02d}_{tier}", partial(own_case, i, tier)

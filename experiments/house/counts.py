@@ -18,7 +18,7 @@ import networkx as nx
 from diagrams.command import run_command
 from experiments.structure import PACKAGE, ROOT, StructureConfig, Tree, numbers, tree_of
 
-DIAGNOSIS = ("diagnosis/another_day/diagnose_day", "diagnose_day")  # what is followed
+DIAGNOSIS = "diagnose_day"  # the function that is followed
 WEIGHTS = re.compile(r"\b(1\.0|h|step|dt) / 6\.0")  # of a classical Runge-Kutta step
 Place = tuple[str, str]  # module, and name of a function, or CLASS.METHOD
 
@@ -123,8 +123,8 @@ def runge_kuttas(tree: Tree) -> list[str]:
 
 def counts(tree: Tree, command: str) -> dict[str, object]:
     """The table's rows that sources tell, by name."""
-    module, function = DIAGNOSIS
-    stays = Walk(tree).stays((module, function)) if module in tree.text else []
+    walk, function = Walk(tree), DIAGNOSIS
+    stays = next((walk.stays(place) for place in walk.bodies if place[1] == function), [])
     found = numbers(tree, command)
     code = "\n".join(tree.text.values()).split("\n")
     return {
@@ -151,7 +151,7 @@ class CountsConfig:
 
     commit: str | None = None
     """Of this repository; the working tree without."""
-    command: str = "diagnosis/command"
+    command: str = "cli/diagnose"
     """Module of the command whose imports are counted."""
     root: Path = ROOT
 

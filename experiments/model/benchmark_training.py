@@ -13,9 +13,9 @@ from typing import Any
 import torch
 
 from diagrams.command import run_command
-from drift_drake.model.meta_training import train
-from drift_drake.model.training_config import TrainingConfig
-from drift_drake.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.drive.learnt.meta_training import train
+from drift_drake.drive.learnt.training_config import TrainingConfig
 from experiments.made import write_benchmark
 
 

@@ -24,11 +24,12 @@ from typing import Annotated, Any
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.training_config import Recipe, Train, TrainingConfig, run_train
-from drift_drake.run_folder import is_done, write_json, write_versions
+from drift_drake.cli.train import Train, run_train
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import is_done, write_json, write_versions
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig
 from experiments.gathering import lane_drives
 from experiments.model import drives, quality
 

@@ -20,15 +20,16 @@ import tyro
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.command import run_command
-from drift_drake.arrays import Array
-from drift_drake.control.controller import MpcController
-from drift_drake.control.mpc import Mpc
-from drift_drake.control.plan import DT, Plan
-from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
-from drift_drake.drives.vehicles import POPULATIONS, Population, draw_effects
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.logs.table import COLUMNS, Run, write_run
-from drift_drake.model.samples import (
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import COLUMNS, Run, write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.motion_with_effects import changed_constants
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.common.arrays import Array
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done
+from drift_drake.common.safe_files import write_text
+from drift_drake.drive.learnt.samples import (
     DECIMATION,
     MIN_SAMPLES,
     PHASE_STRIDE,
@@ -40,14 +41,14 @@ from drift_drake.model.samples import (
     samples_from_log,
     save_samples,
 )
-from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.reference.trajectory import Reference, figure_8, loops
-from drift_drake.run_folder import is_done
-from drift_drake.safe_files import write_text
-from drift_drake.simulation.drive import Drive
-from drift_drake.vehicle.effects import Effects, changed_constants
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.drive.loop.drive import Drive
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
+from drift_drake.drive.manoeuvres.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.drive.mpc.controller import MpcController
+from drift_drake.drive.mpc.mpc import Mpc
+from drift_drake.drive.mpc.plan import DT, Plan
+from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 
 # Kind of drive and its longest duration [s], in the order in which a vehicle is driven, from a place of its own on.
 SCHEDULE = (

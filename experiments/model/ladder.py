@@ -19,14 +19,15 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import bootstrap
-from drift_drake.executors import ExecutorConfig
-from drift_drake.model.checkpoint import load_model, paper_checkpoint
-from drift_drake.model.quality import judge_stepper, quality_by_points, split_vehicle
-from drift_drake.model.samples import load_samples
-from drift_drake.model.training_config import Recipe, Train, TrainingConfig, run_train, with_recipe
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.cli.train import Train, run_train
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import write_json
+from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
+from drift_drake.drive.learnt.quality import judge_stepper, quality_by_points, split_vehicle
+from drift_drake.drive.learnt.samples import load_samples
+from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig, with_recipe
+from experiments.benchmarks.intervals import bootstrap
 from experiments.gathering import lane_drives
 from experiments.made import write_report
 from experiments.model import drives

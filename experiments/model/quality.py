@@ -21,10 +21,12 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from drift_drake.drives.vehicles import Population, draw_effects
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.posterior import covariance_norms
-from drift_drake.model.quality import (
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.posterior import covariance_norms
+from drift_drake.drive.learnt.quality import (
     GAUSSIAN_COVERAGE,
     Split,
     adapted,
@@ -36,10 +38,8 @@ from drift_drake.model.quality import (
     standardized_errors,
     step_model,
 )
-from drift_drake.model.samples import concatenate, load_samples
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_figure
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.drive.learnt.samples import concatenate, load_samples
+from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
 

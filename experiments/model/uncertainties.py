@@ -5,20 +5,21 @@ from pathlib import Path
 
 import matplotlib
 
-from drift_drake.arrays import Array
+from drift_drake.common.arrays import Array
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from drift_drake.model.bayesian_step import euler_step
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import TIME_STEP
-from drift_drake.model.features import features, network_inputs
-from drift_drake.model.posterior import Posterior, predict
-from drift_drake.safe_files import write_figure
-from drift_drake.vehicle.effects import Effects, Memory, motion_with_effects, settled_memory
-from drift_drake.vehicle.parameters import Constants
+from drift_drake.car.effects.magnitudes import Effects, Memory
+from drift_drake.car.parameters import Constants
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from drift_drake.common.safe_files import write_figure
+from drift_drake.drive.learnt.bayesian_step import euler_step
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.command_lag import TIME_STEP
+from drift_drake.drive.learnt.features import features, network_inputs
+from drift_drake.drive.learnt.posterior import Posterior, predict
 
 UNCERTAINTIES_AT = {"r": 0.9, "v": 14.5, "beta": -0.45, "omega_r": 21.0, "tau": 200.0}
 SUBSTEPS = 100  # of the true vehicle

@@ -13,10 +13,10 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.monitoring.evidence import unpacked
-from drift_drake.monitoring.monitor import after_row
-from drift_drake.monitoring.watch import mistakable, rows_of
-from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.gap.monitoring.evidence import unpacked
+from drift_drake.gap.monitoring.monitor import after_row
+from drift_drake.gap.monitoring.watch import mistakable, rows_of
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.comparison import ONSETS, PLANTS, SECONDS, Job, drawn_change, drive, traced
 

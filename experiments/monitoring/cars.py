@@ -6,15 +6,15 @@ from typing import Literal
 
 import numpy as np
 
-from drift_drake.identification.identify import identify
-from drift_drake.logs.table import Run
-from drift_drake.monitoring.monitor import Monitor
-from drift_drake.monitoring.normal import with_normal
-from drift_drake.monitoring.watch import monitor_of
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.common.run_folder import write_json
+from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.monitoring.monitor import Monitor
+from drift_drake.gap.monitoring.normal import with_normal
+from drift_drake.gap.monitoring.watch import monitor_of
 from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
 

@@ -19,27 +19,27 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.logs.table import Run, make_run
-from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.lag_bank import BANK
-from drift_drake.model.quality import step_model
-from drift_drake.monitoring.in_loop import CORRECTING, Policy, events_of
-from drift_drake.monitoring.monitor import Monitor, make_monitor
-from drift_drake.monitoring.normal import with_normal
-from drift_drake.monitoring.watch import WATCHED
-from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.run_folder import is_done, write_json, write_versions
-from drift_drake.simulation.closed_loop import ClosedLoop
-from drift_drake.simulation.faults import Change, Fault
-from drift_drake.simulation.true_plant import plant_of
-from drift_drake.vehicle.double_track.parameters import CARS
-from drift_drake.vehicle.effects import Effects, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel, StepModel
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.table import Run, make_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, write_json, write_versions
+from drift_drake.drive.learnt.adapter import BayesianAdapter
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.lag_bank import BANK
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.loop.closed_loop import ClosedLoop
+from drift_drake.drive.loop.faults import Change, Fault
+from drift_drake.drive.loop.true_plant import plant_of
+from drift_drake.drive.reference.trajectory import Reference, figure_8
+from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
+from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
+from drift_drake.gap.monitoring.normal import with_normal
+from drift_drake.gap.monitoring.watch import WATCHED
+from experiments.benchmarks.intervals import binomial
 from experiments.made import write_report
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
@@ -119,8 +119,8 @@ def closed_loop(
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
         effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)
-    return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, monitor=monitor,
-                      policy=policy, adapter=adapter)  # fmt: skip
+    return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter,
+                      watch=None if monitor is None else GapWatch(monitor, policy))  # fmt: skip
 
 
 @cache
@@ -149,7 +149,7 @@ def drive(job: Job) -> dict[str, Any]:
     monitor = None if job.mode in ("off", "online") else monitor_of(job.plant)
     loop = closed_loop(job.plant, faults, monitor, POLICIES[job.mode], online=job.mode.startswith("online"))
     run = loop.run(loop.initial_context(job.seed), change=change)
-    events = [] if run.monitor is None else events_of(run.monitor, run.table)
+    events = [] if monitor is None else events_of(monitor, run.table)
     slow = float(run.table["slow"].mean()) if "slow" in run.table else 0.0
     return dataclasses.asdict(job) | {"onset": onset, "events": events, "slow": slow,
                                       "metrics": dataclasses.asdict(run.metrics())}  # fmt: skip

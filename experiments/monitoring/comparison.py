@@ -18,23 +18,23 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.drivers import MANOEUVRES
-from drift_drake.benchmarks.truths import drawn_deviations
-from drift_drake.diagnosis.shared.ranges import RATE_LIMIT
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.logs.table import Run
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.command_lag import lagged_commands
-from drift_drake.model.out_of_distribution import squared_distance, statistics
-from drift_drake.monitoring import bank as filters
-from drift_drake.monitoring.evidence import ALARM, Sums, no_sums
-from drift_drake.monitoring.monitor import SETTLING, Monitor, with_row
-from drift_drake.monitoring.watch import rows_of, watched
-from drift_drake.run_folder import is_done, write_json, write_versions
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.double_track.motion import NOT_OF_THIS_CAR
-from drift_drake.vehicle.effects import Effects, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, write_json, write_versions
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.command_lag import lagged_commands
+from drift_drake.drive.learnt.out_of_distribution import squared_distance, statistics
+from drift_drake.gap.evidence.ranges import RATE_LIMIT
+from drift_drake.gap.monitoring import bank as filters
+from drift_drake.gap.monitoring.evidence import ALARM, Sums, no_sums
+from drift_drake.gap.monitoring.monitor import SETTLING, Monitor, with_row
+from drift_drake.gap.monitoring.watch import rows_of, watched
+from experiments.benchmarks.drivers import MANOEUVRES
+from experiments.benchmarks.truths import drawn_deviations
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive

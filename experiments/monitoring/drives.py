@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.benchmarks.compiled_cases import NOISE, drive_rows, sensed
-from drift_drake.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
-from drift_drake.benchmarks.strange_effects import make_strange
-from drift_drake.benchmarks.truths import true_constants
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.double_track.parameters import CARS
-from drift_drake.vehicle.double_track.plant import LOG_STATES, advance, start
-from drift_drake.vehicle.effects import Effects, combined
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.double_track.plant import LOG_STATES, advance, start
+from drift_drake.car.effects.magnitudes import Effects, combined
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.compiled_cases import NOISE, drive_rows, sensed
+from experiments.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
+from experiments.benchmarks.strange_effects import make_strange
+from experiments.benchmarks.truths import true_constants
 from experiments.other_worlds.drivers import DayDriver
 
 

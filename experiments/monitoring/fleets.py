@@ -15,14 +15,14 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.truths import drawn_deviations
-from drift_drake.executors import ExecutorConfig
-from drift_drake.logs.table import write_run
-from drift_drake.monitoring.fleet import FleetFindings, days_of, evidence_problem_of, fleet_findings, shared_columns
-from drift_drake.monitoring.fleet_command import day_folders, lines
-from drift_drake.run_folder import is_done, write_json
-from drift_drake.vehicle.effects import Effects, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.cli.fleet import day_folders, lines
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.gap.monitoring.fleet import FleetFindings, days_of, evidence_problem_of, fleet_findings, shared_columns
+from experiments.benchmarks.truths import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 
 SHARED = {"aero_drag": 1.2}

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.diagnosis.shared.ranges import SURE
-from drift_drake.monitoring.evidence import HAZARD, EvidenceProblem, Sums, residual_scores
+from drift_drake.gap.evidence.ranges import SURE
+from drift_drake.gap.monitoring.evidence import HAZARD, EvidenceProblem, Sums, residual_scores
 
 
 class Limit(NamedTuple):

@@ -30,7 +30,7 @@ from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkItem, WorkResul
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError, InvalidOptionError
+from drift_drake.common.errors import DriftDrakeError, InvalidOptionError
 from experiments.mutants.chosen_tests import Timings, imported, test_files
 from experiments.mutants.report import TOO_LONG, write_report
 from experiments.mutants.sample import PARTS, part_of, sample
@@ -182,7 +182,7 @@ def copy_caches(source: Path, target: Path) -> None:
 
 @contextmanager
 def caches_put_back(tree: Path, kept: Path) -> Iterator[None]:
-    """The package itself drops what rests on a changed file (`vehicle.compilation`); afterwards all is as it was."""
+    """The package itself drops what rests on a changed file (`car.compilation`); afterwards all is as it was."""
     try:
         yield
     finally:

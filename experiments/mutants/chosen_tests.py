@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from drift_drake.errors import DriftDrakeError
+from drift_drake.common.errors import DriftDrakeError
 from experiments.mutants.warm import BROKEN, WarmPython
 
 NAMED = re.compile(r"^[ \t]*(?:from|import) +((?:drift_drake|tests|experiments)[\w.]*)(?: +import +(\([^)]*\)|.*))?",
@@ -27,7 +27,7 @@ def imported(file: Path) -> set[str]:
 
 
 def test_files(tree: Path, module: str) -> tuple[list[Path], list[Path]]:
-    """The test files of a module (`vehicle/bicycle`): those with its name, and others that import it, its room's first.
+    """The test files of a module (`car/tyre`): those with its name, and others that import it, its room's first.
 
     Without one of its name: those that import it, and others of the nearest folder that mirrors the module's.
     """

@@ -9,20 +9,64 @@ from cosmic_ray.work_db import WorkDB, use_db
 from cosmic_ray.work_item import WorkItem
 
 PARTS = {
-    "car": ("vehicle/bicycle", "vehicle/tyre", "vehicle/effects", "vehicle/plant", "vehicle/path_plant",
-            "vehicle/double_track/motion", "vehicle/double_track/tires", "vehicle/double_track/parameters"),
-    "belief": ("model/posterior", "model/bayesian_step", "model/features", "model/out_of_distribution",
-               "monitoring/evidence"),
-    "ocp": ("control/ocp", "control/stacked", "control/riccati", "control/tightening", "control/tracking",
-            "control/interior_point"),
-    "gathering": ("gathering/information", "gathering/control_information", "gathering/choice", "gathering/plan"),
-    "apply": ("diagnosis/answers/apply", "exporting/vehicles", "exporting/logs", "vehicle/vehicle_file"),
-    "import": ("logs/importing/units", "logs/importing/smoothing", "logs/importing/position", "logs/importing/clocks",
-               "logs/importing/stretches", "logs/importing/formats/times", "logs/noise", "logs/clock_offset"),
-    "metrics": ("simulation/metrics", "identification/whiteness", "model/quality", "identification/agreement"),
-    "estimation": ("estimation/filter_state", "estimation/windows", "estimation/reduction", "estimation/regression",
-                   "estimation/scores", "estimation/robust_fit", "diagnosis/shared/posterior"),
-}  # fmt: skip
+    "car": (
+        "car/single_track/motion",
+        "car/tyre",
+        "car/effects/magnitudes",
+        "car/single_track/plant",
+        "car/single_track/path_plant",
+        "car/double_track/motion",
+        "car/double_track/tyres",
+        "car/double_track/parameters",
+    ),
+    "belief": (
+        "drive/learnt/posterior",
+        "drive/learnt/bayesian_step",
+        "drive/learnt/features",
+        "drive/learnt/out_of_distribution",
+        "gap/monitoring/evidence",
+    ),
+    "ocp": (
+        "drive/mpc/ocp",
+        "drive/qp/stacked",
+        "drive/qp/riccati",
+        "drive/mpc/tightening",
+        "drive/mpc/tracking",
+        "drive/qp/interior_point",
+    ),
+    "gathering": (
+        "drive/gathering/information",
+        "drive/gathering/control_information",
+        "gap/choose/choice",
+        "drive/gathering/plan",
+    ),
+    "apply": ("gap/diagnosis/answers/apply", "view/exporting/vehicles", "view/exporting/logs", "car/vehicle_file"),
+    "import": (
+        "gap/logs/wording/conversion",
+        "gap/logs/importing/smoothing",
+        "gap/logs/importing/position",
+        "gap/logs/importing/clocks",
+        "gap/logs/importing/stretches",
+        "gap/logs/importing/formats/times",
+        "gap/logs/noise",
+        "gap/logs/clock_offset",
+    ),
+    "metrics": (
+        "drive/loop/metrics",
+        "gap/identification/whiteness",
+        "drive/learnt/quality",
+        "gap/identification/agreement",
+    ),
+    "estimation": (
+        "gap/estimation/filter_state",
+        "gap/estimation/windows",
+        "gap/estimation/reduction",
+        "gap/estimation/regression",
+        "gap/estimation/scores",
+        "gap/estimation/robust_fit",
+        "gap/evidence/posterior",
+    ),
+}
 """Modules of the package by part, in the order in which they are tried."""
 
 OPERATORS = re.compile(

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drift_drake.arrays import Array
-from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.double_track.plant import runge_kutta_row
-from drift_drake.vehicle.effects import Effects, steering_rate
-from drift_drake.vehicle.scalar import jitable
+from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.plant import runge_kutta_row
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.scalar import jitable
+from drift_drake.car.single_track.motion_with_effects import steering_rate
+from drift_drake.common.arrays import Array
 
 STATES = ("u", "w", "r", "psi", "x", "y", "rim_left", "rim_right", "steering", "torque", "a_x", "a_y", "a_y_rate",
           "slip_front", "slip_rear")  # fmt: skip

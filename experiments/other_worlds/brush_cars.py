@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from drift_drake.benchmarks.compiled_cases import NOISE, sensed
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
-from drift_drake.vehicle.double_track.plant import PERIOD
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.double_track.plant import PERIOD
+from drift_drake.car.effects.catalogue import CATALOGUE, REFERENCE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.compiled_cases import NOISE, sensed
 from experiments.other_worlds.brush_car import STATES, BrushCar, advance
 from experiments.other_worlds.drivers import SLOWEST, SPIN, ScaledDriver
 

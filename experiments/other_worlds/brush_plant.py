@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
-from drift_drake.arrays import Array
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.common.arrays import Array
 from experiments.other_worlds.brush_car import STATES, BrushCar
 from experiments.other_worlds.brush_step import SIZE, BrushStepModel, motion
 

@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import LeafSystem
 
-from drift_drake.arrays import Array
-from drift_drake.control.effects_step import MemoryObserver
-from drift_drake.vehicle.bicycle import path_rates
-from drift_drake.vehicle.compilation import compiled
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.step_model import STEP, StepModel
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.single_track.effects_step import MemoryObserver
+from drift_drake.car.single_track.motion import path_rates
+from drift_drake.car.step_model import STEP, StepModel
+from drift_drake.common.arrays import Array
 from experiments.other_worlds.brush_car import STATES, BrushCar, rates
 
 OWN_SCALE = np.array([3.0, 0.3, 100.0, 5.0, 5.0, 50.0, 0.3, 0.3])  # of `brush_plant.OWN`

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.vehicle_file import read_vehicle
 from experiments.other_worlds.jobs import Calibrate, failure_path
 from experiments.other_worlds.scoring import median_of, said_share, said_value, share
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.logs.plausible import LARGEST
-from drift_drake.logs.table import Run
+from drift_drake.car.log.plausible import LARGEST
+from drift_drake.car.log.table import Run
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 

@@ -19,15 +19,15 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.diagnosis.another_day import constants as of_diagnosis
-from drift_drake.diagnosis.another_day import left_out as judging
-from drift_drake.diagnosis.another_day import left_over as leaving
-from drift_drake.diagnosis.another_day import ranking
-from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN, PosteriorConstants
-from drift_drake.estimation import baseline, prediction_constants
-from drift_drake.estimation.baseline import Known, Spread, Stretches
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_text
+from drift_drake.gap.estimation import baseline, prediction_constants
+from drift_drake.gap.estimation.baseline import Known, Spread, Stretches
+from drift_drake.gap.evidence import constants as of_diagnosis
+from drift_drake.gap.evidence import left_out as judging
+from drift_drake.gap.evidence import left_over as leaving
+from drift_drake.gap.evidence import ranking
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
 from experiments.made import made
 from experiments.other_worlds.road import DAY_ONE, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share

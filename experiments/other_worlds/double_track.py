@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from drift_drake.benchmarks.compiled_cases import sensed
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.double_track.parameters import DoubleTrackParameters
-from drift_drake.vehicle.double_track.plant import LOG_STATES, PERIOD, advance, start
-from drift_drake.vehicle.effects import Effects
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from experiments.benchmarks.compiled_cases import sensed
 from experiments.other_worlds.drivers import SLOWEST, SPIN, DayDriver
 
 

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from drift_drake.benchmarks.drivers import STEERING_RATE, TORQUE_RATE, slewed
-from drift_drake.vehicle.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.drivers import STEERING_RATE, TORQUE_RATE, slewed
 
 DAY_ONE = ("slalom", "power", "transient", "circle")
 OTHER = ("lane_change", "lift_off", "two_circles", "sweep")

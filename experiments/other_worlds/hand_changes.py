@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.command import run_command
-from drift_drake.identification.options import Criterion
-from drift_drake.logs.importing.import_logs import write_case
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import RecorderMapping, read_mapping
-from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, write_run
-from drift_drake.pictures.style import save
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import IMPORT_REPORT, Run, read_case, write_run
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_text
+from drift_drake.gap.identification.options import Criterion
+from drift_drake.gap.logs.importing.import_logs import write_case
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import RecorderMapping, read_mapping
+from drift_drake.view.style import save
 from experiments.made import made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.changes import CHANGES

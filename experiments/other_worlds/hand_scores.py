@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.run_folder import write_json
+from drift_drake.common.run_folder import write_json
 from experiments.other_worlds.scoring import Row, all_scores, scores_text
 
 

@@ -13,12 +13,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.diagnosis.command import Diagnose, run_diagnose
-from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.identification.command import Identify, run_identify
-from drift_drake.identification.options import Criterion
-from drift_drake.run_folder import write_json
+from drift_drake.cli.diagnose import Diagnose, run_diagnose
+from drift_drake.cli.identify import Identify, run_identify
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import write_json
+from drift_drake.gap.identification.options import Criterion
 
 REFUSED, CRASHED, NO_CAR = "refused", "crashed", "no car"
 """Verdicts of cases without an answer: the logs cannot be used; a defect; the calibration failed."""

@@ -20,10 +20,10 @@ from typing import Annotated
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.double_track.parameters import CARS
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import write_json
 from experiments.other_worlds.days import ALL_CARS, RANGE, Days
 from experiments.other_worlds.days import main as make_days
 from experiments.other_worlds.drivers import DAY_ONE

@@ -18,10 +18,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
-from drift_drake.errors import DriftDrakeError
-from drift_drake.pictures.style import REFERENCE, RUNS, new_figure, save, styled
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
+from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from experiments.benchmarks.intervals import binomial
 from experiments.other_worlds.road import rows_of
 from experiments.other_worlds.scoring import TOO, Row
 

@@ -16,12 +16,12 @@ from typing import Annotated, Any
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.identification.options import Criterion
-from drift_drake.logs.table import run_paths
-from drift_drake.pictures.style import save
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
+from drift_drake.car.log.table import run_paths
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_text
+from drift_drake.gap.identification.options import Criterion
+from drift_drake.view.style import save
 from experiments.made import made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.benchmarks.scores import said
-from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
-from drift_drake.vehicle.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
+from experiments.benchmarks.intervals import binomial
+from experiments.benchmarks.scores import said
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
 
 FAILED = (REFUSED, CRASHED, NO_CAR)

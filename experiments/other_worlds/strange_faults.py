@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.logs.plausible import LARGEST
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.catalogue import REFERENCE, wheelbase
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import REFERENCE, wheelbase
+from drift_drake.car.log.plausible import LARGEST
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
 from experiments.other_worlds.changes import MEASURED, needed
 
 MOST_USED = 0.95  # quantile of a command's absolute value that stands for its largest

@@ -9,21 +9,21 @@ from unittest.mock import patch
 import numpy as np
 from tqdm import tqdm
 
-from drift_drake.diagnosis.another_day.diagnose_day import search_of
-from drift_drake.diagnosis.shared.posterior import NONE, UNKNOWN
-from drift_drake.errors import DriftDrakeError
-from drift_drake.estimation.admitted import admit
-from drift_drake.estimation.baseline import Learnt, Seen, Stretches, learn_normal, seen_of, stretches_of
-from drift_drake.estimation.normal import Normal
-from drift_drake.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
-from drift_drake.estimation.scores import flat_scores
-from drift_drake.estimation.usable import seen_effects
-from drift_drake.identification import by_prediction
-from drift_drake.identification.identify import identify
-from drift_drake.logs.table import read_case
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle, stated_tolerances
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import read_case
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.gap.diagnosis.calibrated.diagnose_day import search_of
+from drift_drake.gap.estimation.admitted import admit
+from drift_drake.gap.estimation.baseline import Learnt, Seen, Stretches, learn_normal, seen_of, stretches_of
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
+from drift_drake.gap.estimation.scores import flat_scores
+from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
+from drift_drake.gap.identification import by_prediction
+from drift_drake.gap.identification.identify import identify
 from experiments.other_worlds.road import days_of
 
 FACTORS = (0.5, 2.0)

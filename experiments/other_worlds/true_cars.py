@@ -2,12 +2,12 @@
 
 from typing import Literal
 
-from drift_drake.control.effects_step import planned_with
-from drift_drake.simulation.true_plant import TruePlant, effects_on, oracle_of, plant_of
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
-from drift_drake.vehicle.step_model import StepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import planned_with
+from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.car.step_model import StepModel
+from drift_drake.drive.loop.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_drifters import draw_drifter
 from experiments.other_worlds.brush_plant import BrushPlant

@@ -17,25 +17,25 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.diagnosis.reports import report as diagnosis_report
-from drift_drake.estimation.problem import make_problem
-from drift_drake.estimation.reduction import HORIZONS, STATES, errors_of
-from drift_drake.estimation.usable import usable
-from drift_drake.identification import report as identification_report
-from drift_drake.identification.calibration import trust_of
-from drift_drake.identification.held_out import judged_states
-from drift_drake.identification.identify import identify
-from drift_drake.logs.importing.import_logs import write_case
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.table import IMPORT_REPORT, Run, read_case, stated_noise
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_text
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import IMPORT_REPORT, Run, read_case, stated_noise
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_text
+from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
+from drift_drake.gap.diagnosis.reports import report as diagnosis_report
+from drift_drake.gap.estimation.problem import make_problem
+from drift_drake.gap.estimation.reduction import HORIZONS, STATES, errors_of
+from drift_drake.gap.estimation.usable import usable
+from drift_drake.gap.identification import report as identification_report
+from drift_drake.gap.identification.calibration import trust_of
+from drift_drake.gap.identification.held_out import judged_states
+from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.logs.importing.import_logs import write_case
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import read_mapping
 from experiments.real.steering_steps import steering_of_steps
 
 VEHICLES = Path(__file__).parent / "vehicles"

@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.errors import unit_suffix
-from drift_drake.run_folder import is_done
-from drift_drake.safe_files import write_figure, write_text
+from drift_drake.common.errors import unit_suffix
+from drift_drake.common.run_folder import is_done
+from drift_drake.common.safe_files import write_figure, write_text
 
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad"}
 CALIBRATED = {"small_car_floor_a": "small car, from floor_a", "small_car_free_driving": "small car, from free_driving",

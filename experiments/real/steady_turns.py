@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.table import Run
-from drift_drake.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.car.log.table import Run
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import read_mapping
 from experiments.made import made
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.1)  # [m/s]

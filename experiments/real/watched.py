@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.logs.table import Run, read_case, read_run
-from drift_drake.monitoring.normal import NormalScores, calibrated_monitor, learn_normal_scores
-from drift_drake.monitoring.watch import rows_of, watched
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.log.table import Run, read_case, read_run
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.gap.monitoring.normal import NormalScores, calibrated_monitor, learn_normal_scores
+from drift_drake.gap.monitoring.watch import rows_of, watched
 from experiments.made import write_report
 from experiments.other_worlds.changes import CHANGES
 

@@ -19,22 +19,22 @@ import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.drives.vehicles import draw_effects
-from drift_drake.executors import ExecutorConfig, run_jobs
-from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.lag_bank import BANK
-from drift_drake.model.quality import step_model
-from drift_drake.pictures.style import RUNS, new_figure, save, styled
-from drift_drake.reference.trajectory import Reference, figure_8
-from drift_drake.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.safe_files import write_table
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.faults import parse_fault
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel, StepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.learnt.adapter import BayesianAdapter
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.lag_bank import BANK
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.loop.faults import parse_fault
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.drive.reference.trajectory import Reference, figure_8
+from drift_drake.view.style import RUNS, new_figure, save, styled
+from experiments.benchmarks.intervals import binomial
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

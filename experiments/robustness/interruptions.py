@@ -27,10 +27,10 @@ import pandas as pd
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.errors import DriftDrakeError
-from drift_drake.interruption import ENDS
-from drift_drake.run_folder import is_done, make_run_folder, write_json
-from drift_drake.safe_files import PARTIAL, write_table
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.interruption import ENDS
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json
+from drift_drake.common.safe_files import PARTIAL, write_table
 from experiments.robustness.long_commands import COMMANDS
 
 MOST_OFTEN = 4  # interruptions of one attempt

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.logs.table import write_run
-from drift_drake.run_folder import write_json
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import write_json
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.truths import Truth
 
 FEW = ("rear_stiffness_error", "mass_error")  # effects that a diagnosis considers
 CASES = 3

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from diagrams.adaptation_replay import AdaptationReplay, ReplayConfig, main, one_step_errors, read_log
-from drift_drake.logs.table import InvalidLogError, Run, write_run
-from drift_drake.model.bayesian_step import residual
-from drift_drake.model.checkpoint import BayesianModel
-from drift_drake.model.command_lag import LAGGED, lagged_commands
-from drift_drake.model.features import Network, features, input_scaling, network_inputs
-from drift_drake.model.quality import adapted
-from drift_drake.model.samples import Samples
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.log.table import InvalidLogError, Run, write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.drive.learnt.bayesian_step import residual
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
+from drift_drake.drive.learnt.features import Network, features, input_scaling, network_inputs
+from drift_drake.drive.learnt.quality import adapted
+from drift_drake.drive.learnt.samples import Samples
 
 
 @pytest.fixture(scope="module")

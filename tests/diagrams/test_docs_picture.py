@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from diagrams.docs_picture import PICTURE, main
-from drift_drake.pictures.graph import connections_shown
+from drift_drake.view.pictures.graph import connections_shown
 
 pytest.importorskip("pygraphviz", reason="pictures of diagrams are an extra: pip install 'drift_drake[graph]'")
 

@@ -12,27 +12,28 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import MatrixGain
 
 from diagrams.adaptation_replay import AdaptationReplay
-from drift_drake.benchmarks.drake_cases import drake_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.drives.drivers import ROW_PERIOD, HoldDriver
-from drift_drake.logs.table import Run
-from drift_drake.model.adapter import BayesianAdapter
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.lag_bank import BANK
-from drift_drake.model.out_of_distribution import OutOfDistributionDetector
-from drift_drake.model.quality import step_model
-from drift_drake.monitoring.monitor import make_monitor
-from drift_drake.monitoring.watch import WATCHED
-from drift_drake.playback.side_by_side import CarModel, SideBySide
-from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.reference.trajectory import Reference, straight_line
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.drive import Drive
-from drift_drake.simulation.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
-from drift_drake.vehicle.effects import Effects, make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.drive.learnt.adapter import BayesianAdapter
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.lag_bank import BANK
+from drift_drake.drive.learnt.out_of_distribution import OutOfDistributionDetector
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.loop.drive import Drive
+from drift_drake.drive.loop.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver
+from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from drift_drake.drive.reference.trajectory import Reference, straight_line
+from drift_drake.gap.monitoring.in_loop import GapWatch
+from drift_drake.gap.monitoring.monitor import make_monitor
+from drift_drake.gap.monitoring.watch import WATCHED
+from drift_drake.view.playback.side_by_side import CarModel, SideBySide
+from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.truths import Truth
 
 ROOT = Path(__file__).parents[2]
 CAR = VehicleParameters()
@@ -90,10 +91,10 @@ def loops(lane: Reference) -> Iterator[ClosedLoop]:
 
     monitor, faults = make_monitor(CAR, used=WATCHED), [Fault(kind, 1.0, 0.1, KINDS[kind]) for kind in KINDS]
     narrow, nominal = ControlConfig(horizon=4, tightening=1.0), NominalStepModel(CAR)
-    yield ClosedLoop(CAR, lane, nominal, LATE, faults=faults, monitor=monitor, sensor_errors=LATE)
+    yield ClosedLoop(CAR, lane, nominal, LATE, faults=faults, watch=GapWatch(monitor), sensor_errors=LATE)
     yield ClosedLoop(CAR, lane, control=narrow, detector=OutOfDistributionDetector(learnt, 8.0), **adapting())
-    yield ClosedLoop(CAR, lane, monitor=monitor, policy="forget", **adapting())
-    yield ClosedLoop(CAR, lane, EffectsStepModel(CAR, Effects()), monitor=monitor, policy="correct_or_slow")
+    yield ClosedLoop(CAR, lane, watch=GapWatch(monitor, "forget"), **adapting())
+    yield ClosedLoop(CAR, lane, EffectsStepModel(CAR, Effects()), watch=GapWatch(monitor, "correct_or_slow"))
     for size in (6, 7):  # of what a controller of one's own is given
         yield ClosedLoop(CAR, lane, controller=MatrixGain(np.zeros((2, size))))
 

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from test_snippets import PAGES, ROOT, blocks, commands, names
 
-from drift_drake.cli import main
-from drift_drake.demo.command import SAMPLE_LOG
+from drift_drake.cli.demo import SAMPLE_LOG
+from drift_drake.cli.main import main
 
 DAYS = ("monday", "tuesday", "sunday", "day_one")
 QUICK = ("check", "apply", "replay", "import", "effects")

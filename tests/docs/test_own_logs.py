@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.cli import main
-from drift_drake.logs.table import read_case
-from drift_drake.vehicle.effects import make_effects
-from drift_drake.vehicle.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.car.effects.magnitudes import make_effects
+from drift_drake.car.log.table import read_case
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.cli.main import main
 
 EPOCH = 1.7e9  # [s]
 RATIO = 14.5

@@ -11,7 +11,7 @@ import pytest
 import tyro
 
 import drift_drake
-from drift_drake.cli import load, main
+from drift_drake.cli.main import load, main
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from drift_drake.executors import ExecutorConfig
+from drift_drake.common.executors import ExecutorConfig
 from experiments.drifting import runs as drift_runs
 from experiments.gathering import beliefs
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting import ablations, errors
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.ablations import AblationsConfig, main, variants

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.executors import ExecutorConfig
+from drift_drake.common.executors import ExecutorConfig
 from experiments.gathering import alpha
 from experiments.gathering.alpha import AlphaConfig, chosen, main, report, summarise
 

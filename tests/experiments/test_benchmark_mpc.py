@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.errors import InvalidOptionError
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.common.errors import InvalidOptionError
 from experiments.drifting import benchmark_mpc
 from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drift_drake.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.config import GatheringConfig
 from experiments.drifting import benchmark_simulation
 from experiments.gap import benchmark_memory, benchmark_rollouts
 from experiments.gathering import benchmark_planning

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.vehicle.effects import Effects, make_effects
+from drift_drake.car.effects.magnitudes import Effects, make_effects
 from experiments.other_worlds.brush_car import advance, brush_force, differential
 from experiments.other_worlds.brush_cars import (
     BRUSH_CARS,

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drift_drake.control.ocp import OcpData, OptimalControlProblem
-from drift_drake.control.plan import DT
-from drift_drake.control.sqp import LineSearchSqp
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.quality import step_model
-from drift_drake.reference.trajectory import figure_8
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.mpc.ocp import OcpData, OptimalControlProblem
+from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.mpc.sqp import LineSearchSqp
+from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting.casadi_ocp import CasadiOcp, learnt_step
 
 ca = pytest.importorskip("casadi")

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from diagrams.command import check_whole_numbers
-from drift_drake.errors import InvalidOptionError
+from drift_drake.common.errors import InvalidOptionError
 from experiments.drifting.figure_8 import ModelsConfig
 from experiments.made import ROOT
 

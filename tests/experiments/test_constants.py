@@ -5,16 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.another_day import constants as of_diagnosis
-from drift_drake.diagnosis.another_day import left_out, left_over, ranking
-from drift_drake.estimation import baseline, prediction_constants
-from drift_drake.estimation.baseline import learn_normal, left_of
-from drift_drake.estimation.partial import partial_effects
-from drift_drake.estimation.scores import between_recordings, make_day, units
-from drift_drake.estimation.windows import windowed
-from drift_drake.identification.by_prediction import prior_of
-from drift_drake.vehicle.catalogue import REFERENCE
-from drift_drake.vehicle.effects import Effects
+from drift_drake.car.effects.catalogue import REFERENCE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.gap.estimation import baseline, prediction_constants
+from drift_drake.gap.estimation.baseline import learn_normal, left_of
+from drift_drake.gap.estimation.partial import partial_effects
+from drift_drake.gap.estimation.scores import between_recordings, make_day, units
+from drift_drake.gap.estimation.windows import windowed
+from drift_drake.gap.evidence import constants as of_diagnosis
+from drift_drake.gap.evidence import left_out, left_over, ranking
+from drift_drake.gap.identification.by_prediction import prior_of
 from experiments.other_worlds import constants, stretches
 from experiments.other_worlds.constants import (
     NOT_SEEN,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.truths import Truth
 from experiments.gap.corrected_loop import picture, real_car, summarise, table
 
 

@@ -58,7 +58,7 @@ STARTING = """
 import time
 from pathlib import Path
 from diagrams.command import run_command
-from drift_drake.executors import ExecutorConfig, run_jobs
+from drift_drake.common.executors import ExecutorConfig, run_jobs
 
 
 def work(_job: int) -> None:

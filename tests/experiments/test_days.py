@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from drift_drake.logs.table import read_case
-from drift_drake.vehicle.double_track.parameters import CARS
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import read_case
+from drift_drake.car.vehicle_file import read_vehicle
 from experiments.other_worlds.days import RANGE, Days, drawn_effects, first_guess, main, make_day, smoothed
 from experiments.other_worlds.double_track import simulate
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver

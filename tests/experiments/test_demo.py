@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from drift_drake.logs.table import OPTIONAL, read_case, run_paths
+from drift_drake.car.log.table import OPTIONAL, read_case, run_paths
 from experiments.demo import MODELS, DemoConfig, main
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import embedded

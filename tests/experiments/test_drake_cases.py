@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from drift_drake.benchmarks.compiled_cases import simulate_run
-from drift_drake.benchmarks.drake_cases import drive
-from drift_drake.benchmarks.drivers import Driver
-from drift_drake.benchmarks.intervals import binomial
-from drift_drake.benchmarks.scores import scores
-from drift_drake.benchmarks.truths import Truth, drawn_truth
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.compiled_cases import simulate_run
+from experiments.benchmarks.drake_cases import drive
+from experiments.benchmarks.drivers import Driver
+from experiments.benchmarks.intervals import binomial
+from experiments.benchmarks.scores import scores
+from experiments.benchmarks.truths import Truth, drawn_truth
 
 VEHICLE = VehicleParameters()
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.parameters import VehicleParameters
 from experiments.gap.everyday_misfit import MISFITS, counts, drawn_days, numbers, table
 
 

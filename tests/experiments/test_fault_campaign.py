@@ -7,9 +7,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from drift_drake.executors import ExecutorConfig
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.simulation.faults import KINDS, parse_fault
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.loop.faults import KINDS, parse_fault
 from experiments.robustness import fault_campaign
 from experiments.robustness.fault_campaign import FAULTS, CampaignConfig, main, make_jobs, picture, shares, table
 from experiments.settings import OtherExperimentError

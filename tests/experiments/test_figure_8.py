@@ -8,23 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.control.controller import MpcController
-from drift_drake.control.double_track_step import DoubleTrackStepModel
-from drift_drake.control.known_car import KnownVehicle
-from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig, NoClusterError, run_jobs
-from drift_drake.gathering import choice
-from drift_drake.gathering.choice import Findings, usual_surprise
-from drift_drake.gathering.config import GatheringConfig, as_in_paper
-from drift_drake.gathering.identified import IdentifiedCar
-from drift_drake.model.checkpoint import paper_checkpoint
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.double_track.parameters import CARS
-from drift_drake.vehicle.double_track.plant import DoubleTrackCarPlant
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.path_plant import CurvedPath, PathPlant
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.double_track.plant import DoubleTrackCarPlant
+from drift_drake.car.double_track.step_model import DoubleTrackStepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.known_car import KnownVehicle
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.executors import ExecutorConfig, NoClusterError, run_jobs
+from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.learnt.checkpoint import paper_checkpoint
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.mpc.controller import MpcController
+from drift_drake.drive.reference.trajectory import figure_8
+from drift_drake.gap.choose import choice
+from drift_drake.gap.choose.choice import Findings, usual_surprise
+from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import Learnt, ModelsConfig

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.diagnosis.answers.answer import Answer
-from drift_drake.estimation.prior import Interval
-from drift_drake.executors import ExecutorConfig
-from drift_drake.logs.table import read_case
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import read_case
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.gap.estimation.prior import Interval
 from experiments.gap import blind
 from experiments.gap.blind import Make, Respond, answer, case_truth, make, opened, scored_row
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.diagnosis.shared.posterior import PosteriorConstants, read_constants
+from drift_drake.gap.evidence.posterior import PosteriorConstants, read_constants
 from experiments.gap.blind import tier_list
 from experiments.gap.calibration import fitted_constants, log_score, write_constants
 

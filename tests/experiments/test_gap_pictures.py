@@ -8,8 +8,8 @@ import zlib
 import numpy as np
 import pytest
 
-from drift_drake.benchmarks.scores import TIERS, scores, true_name
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from experiments.benchmarks.scores import TIERS, scores, true_name
 from experiments.gap.blind import Score, case_truth, score, tier_list
 from experiments.gap.pictures import cells, outcome
 

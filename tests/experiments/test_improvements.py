@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.errors import InvalidOptionError
-from drift_drake.executors import ExecutorConfig
-from drift_drake.gathering.config import GatheringConfig, as_in_paper
-from drift_drake.model.checkpoint import load_model, paper_checkpoint
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting import improvements, runs
 from experiments.drifting.improvements import (
     ImprovementsConfig,

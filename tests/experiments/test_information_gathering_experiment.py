@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.gathering.config import PAPER_ALPHA, GatheringConfig
-from drift_drake.gathering.plan import Trajectory
-from drift_drake.model.bayesian_step import BayesianStepModel
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.command_lag import LAGGED, lagged_commands
-from drift_drake.model.features import FEATURE_COUNT
-from drift_drake.model.posterior import covariance_norms, update_all
-from drift_drake.model.samples import Samples
+from drift_drake.drive.gathering.config import PAPER_ALPHA, GatheringConfig
+from drift_drake.drive.gathering.plan import Trajectory
+from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
+from drift_drake.drive.learnt.features import FEATURE_COUNT
+from drift_drake.drive.learnt.posterior import covariance_norms, update_all
+from drift_drake.drive.learnt.samples import Samples
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.information_gathering import (
     InformationConfig,

@@ -21,13 +21,13 @@ from experiments.robustness.long_commands import LongCommand
 
 STEADY = """
 import sys
-from drift_drake.interruption import ended_at_once
+from drift_drake.common.interruption import ended_at_once
 
 with ended_at_once():
     import time
     from pathlib import Path
-    from drift_drake.interruption import ended_well
-    from drift_drake.run_folder import is_done, write_json
+    from drift_drake.common.interruption import ended_well
+    from drift_drake.common.run_folder import is_done, write_json
 
 
 def main() -> None:
@@ -94,7 +94,7 @@ def test_a_command_that_does_not_is_found_out(small: Path) -> None:
         (signal.SIGINT, 130, "drift-drake: interrupted; files are as they were before, or complete", True),
         (signal.SIGINT, 0, "done", True),
         (signal.SIGINT, -2, "Traceback\n  File site.py\nKeyboardInterrupt", True),  # Python itself had not started
-        (signal.SIGINT, -2, "Traceback\n  File drift_drake/cli.py\nKeyboardInterrupt", False),
+        (signal.SIGINT, -2, "Traceback\n  File drift_drake/cli/main.py\nKeyboardInterrupt", False),
         (signal.SIGINT, 1, "interrupted\nTraceback", False),
         (signal.SIGTERM, 143, "experiments.demo: terminated; what is done stays", True),
         (signal.SIGTERM, 143, "drift_drake: terminated\nresource_tracker: leaked semaphores", False),

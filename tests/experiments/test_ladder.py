@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.model.samples import Samples, save_samples
-from drift_drake.model.training_config import TrainingConfig, with_recipe
+from drift_drake.drive.learnt.samples import Samples, save_samples
+from drift_drake.drive.learnt.training_config import TrainingConfig, with_recipe
 from experiments.model import ladder
 
 

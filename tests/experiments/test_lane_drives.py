@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.gathering.config import GatheringConfig
-from drift_drake.gathering.plan import Trajectory
-from drift_drake.model.checkpoint import BayesianModel, load_model
-from drift_drake.model.posterior import Posterior, covariance_norms
-from drift_drake.model.quality import adapted
-from drift_drake.model.samples import PHASE_STRIDE, Samples, load_samples, save_samples
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.plan import Trajectory
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
+from drift_drake.drive.learnt.quality import adapted
+from drift_drake.drive.learnt.samples import PHASE_STRIDE, Samples, load_samples, save_samples
 from experiments.gathering import lane_drives
 from experiments.model.drives import join_vehicles
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.drives.vehicles import EXTREME
-from drift_drake.gathering.choice import Findings, usual_error, usual_surprise
-from drift_drake.model.checkpoint import load_model
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.manoeuvres.vehicles import EXTREME
+from drift_drake.gap.choose.choice import Findings, usual_error, usual_surprise
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught
 from experiments.gathering.lane_trust import GROUPS, LaneTrust, main

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.executors import ExecutorConfig
-from drift_drake.reference.trajectory import Reference, loops
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.reference.trajectory import Reference, loops
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.loops import (
     LoopsConfig,

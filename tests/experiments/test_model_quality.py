@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.drives.vehicles import draw_effects
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.command_lag import lagged_commands
-from drift_drake.model.quality import step_model
-from drift_drake.model.samples import Samples, concatenate, save_samples
-from drift_drake.vehicle.effects import Effects, settled_memory
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.command_lag import lagged_commands
+from drift_drake.drive.learnt.quality import step_model
+from drift_drake.drive.learnt.samples import Samples, concatenate, save_samples
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from experiments.model.quality import QualityConfig, main
 from experiments.model.uncertainties import UNCERTAINTIES_AT, model_change, true_change
 

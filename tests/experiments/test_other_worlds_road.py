@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from drift_drake.logs.table import InvalidLogError
+from drift_drake.car.log.table import InvalidLogError
 from experiments.other_worlds import jobs, make_worlds, road
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.jobs import CRASHED, REFUSED, Calibrate, answer_of, failure_path, recorded

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.executors import ExecutorConfig
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.simulation.closed_loop import ControlConfig
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting import out_of_distribution
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.out_of_distribution import GROUPS, DetectionConfig, alarm_time, judge, main, share

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.estimation.filter_state import STAGES, first_order_lag
-from drift_drake.identification.identify import identify
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.table import Run
+from drift_drake.car.log.table import Run
+from drift_drake.gap.estimation.filter_state import STAGES, first_order_lag
+from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import read_mapping
 from experiments.real.logs import HELD, POSE, RACER, SMALL_CAR, thinned
 from experiments.real.steering_steps import steering_of_steps
 

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.control.effects_step import EffectsStepModel
-from drift_drake.reference.equilibrium import drift_equilibrium
-from drift_drake.vehicle.effects import make_effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.effects.magnitudes import make_effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.drive.reference.equilibrium import drift_equilibrium
 from experiments.drifting.steady_drift import INPUT_STEP, RADIUS, SIDESLIP, STEPS, report, steady_drift
 
 PARAMETERS = VehicleParameters()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.logs.table import Run
+from drift_drake.car.log.table import Run
 from experiments.real.steady_turns import steady_turns, table
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drift_drake.logs.table import Run
-from drift_drake.vehicle.catalogue import CATALOGUE, REFERENCE
+from drift_drake.car.effects.catalogue import CATALOGUE, REFERENCE
+from drift_drake.car.log.table import Run
 from experiments.other_worlds.days import single_track
 from experiments.other_worlds.strange_faults import STRANGE, strange_day
 

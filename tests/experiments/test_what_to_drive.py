@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
 from experiments.gap.what_to_drive import DRIVES, PlanDriver, picture, plain_plan, summarise, table
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from fuzzing import COUNTS, LONGEST
 
-from drift_drake.cli import load, main
+from drift_drake.cli.main import load, main
 
 BESIDE = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on beside
 MEMORY = 2 << 30  # bytes beside what the interpreter has already

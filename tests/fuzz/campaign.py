@@ -34,7 +34,7 @@ from campaign_trials import TRIALS  # noqa: E402
 from forked_reader import read_by_copies  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
-from drift_drake.cli import main as drift_drake  # noqa: E402
+from drift_drake.cli.main import main as drift_drake  # noqa: E402
 
 LARGEST_KEPT = 100_000  # bytes
 HEADER = ["trial", "kind", "command", "code", "seconds", "megabytes", "flaw"]

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.identification.calibration import read_trust
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.table import read_run, stated_noise, trusted_columns
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.log.table import read_run, stated_noise, trusted_columns
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.gap.diagnosis.answers.answer import read_answer
+from drift_drake.gap.identification.calibration import read_trust
+from drift_drake.gap.logs.importing.mapping import read_mapping
 
 CORPUS = Path(__file__).parent / "corpus"
 

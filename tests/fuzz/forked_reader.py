@@ -8,7 +8,7 @@ import threading
 import time
 from multiprocessing.connection import Pipe
 
-from drift_drake.logs import apart
+from drift_drake.common import apart
 
 
 class _Copy:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from hypothesis import HealthCheck, settings
 
-from drift_drake.errors import LONGEST_LINE, DriftDrakeError, one_line
+from drift_drake.common.errors import LONGEST_LINE, DriftDrakeError, one_line
 
 CASES = int(os.environ.get("FUZZ_CASES", "0"))
 FEW = 20  # cases of a target in the test suite

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import atheris
 
-CODE = ["drift_drake.plain_files", "drift_drake.logs", "drift_drake.vehicle", "drift_drake.diagnosis.answers",
-        "drift_drake.identification.calibration"]  # fmt: skip
+CODE = ["drift_drake.common", "drift_drake.gap.logs", "drift_drake.car", "drift_drake.gap.diagnosis.answers",
+        "drift_drake.gap.identification.calibration"]  # fmt: skip
 with atheris.instrument_imports(include=CODE):
     from corpus_targets import CORPUS, TARGETS
 
-from drift_drake.errors import LONGEST_LINE, DriftDrakeError, one_line  # noqa: E402
+from drift_drake.common.errors import LONGEST_LINE, DriftDrakeError, one_line  # noqa: E402
 
 BUILT = Path(__file__).parents[2] / "build" / "corpus"
 

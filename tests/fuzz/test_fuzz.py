@@ -17,26 +17,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mutations import JUNK, TEXTS, mutated, spoilt
 
-from drift_drake.cli import main
-from drift_drake.diagnosis.answers.answer import read_answer
-from drift_drake.diagnosis.answers.apply import Apply, run_apply
-from drift_drake.diagnosis.next_drive.foresight import beliefs_of
-from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
-from drift_drake.estimation.normal import Normal
-from drift_drake.estimation.partial import DRIVING, partial_effects
-from drift_drake.estimation.problem import NUISANCES
-from drift_drake.estimation.windows import HORIZONS, PREDICTED
-from drift_drake.identification.calibration import read_trust
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import read_mapping
-from drift_drake.logs.importing.smoothing import smooth
-from drift_drake.logs.table import read_run
-from drift_drake.model.checkpoint import load_model
-from drift_drake.model.samples import load_samples
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.vehicle_file import read_vehicle
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import read_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.cli.apply import Apply, run_apply
+from drift_drake.cli.main import main
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.samples import load_samples
+from drift_drake.gap.diagnosis.answers.answer import read_answer
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.partial import DRIVING, partial_effects
+from drift_drake.gap.estimation.problem import NUISANCES
+from drift_drake.gap.estimation.windows import HORIZONS, PREDICTED
+from drift_drake.gap.identification.calibration import read_trust
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import read_mapping
+from drift_drake.gap.logs.importing.smoothing import smooth
+from drift_drake.gap.next_drive.foresight import beliefs_of
 
 VEHICLE = VehicleParameters().to_dict() | {"tyre": "brush", "effects": {"steering_lag": 0.05, "aero_drag": 1.0}}
 COUNT = len(NUISANCES)

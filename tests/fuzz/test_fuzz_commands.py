@@ -25,7 +25,7 @@ from mutations import mutated, spoilt
 from small_recordings import small_recordings
 from test_fuzz import ANSWER, MAPPING, VEHICLE, as_json, as_yaml, log_text, written
 
-from drift_drake.run_folder import is_done
+from drift_drake.common.run_folder import is_done
 
 FEW = 5  # of a target in the test suite
 REPORT = {"mapping": {"trust": ["v"]}, "runs": [{"std": {"v": 0.1}}]}

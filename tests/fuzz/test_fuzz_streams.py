@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 from mutations import JUNK, NUMBERS, spoilt
 from small_recordings import small_recordings
 
-from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.logs.importing.look import look
-from drift_drake.monitoring.monitor import Monitor, after_row, make_monitor
-from drift_drake.monitoring.watch import as_rows, growing_rows, head_of, monitor_of, on_the_clock
-from drift_drake.reference.trajectory import figure_8
-from drift_drake.sensing.sensors import MEASURED_STATE
-from drift_drake.simulation.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.simulation.endings import RunLimits
-from drift_drake.simulation.faults import KINDS, Fault, parse_fault
-from drift_drake.vehicle.effects import Effects
-from drift_drake.vehicle.parameters import VehicleParameters
-from drift_drake.vehicle.step_model import NominalStepModel
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.sensors import MEASURED_STATE
+from drift_drake.car.step_model import NominalStepModel
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.loop.endings import RunLimits
+from drift_drake.drive.loop.faults import KINDS, Fault, parse_fault
+from drift_drake.drive.reference.trajectory import figure_8
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.logs.importing.look import look
+from drift_drake.gap.monitoring.monitor import Monitor, after_row, make_monitor
+from drift_drake.gap.monitoring.watch import as_rows, growing_rows, head_of, monitor_of, on_the_clock
 
 CAR = VehicleParameters()
 

@@ -12,17 +12,17 @@ pytest.importorskip("hypothesis", reason="properties need the extra `test`")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drift_drake.benchmarks.compiled_cases import make_case
-from drift_drake.benchmarks.truths import Truth
-from drift_drake.diagnosis.likelihood.search import search
-from drift_drake.diagnosis.shared.posterior import make_posterior, read_constants
-from drift_drake.estimation.filter_state import CHANNELS
-from drift_drake.estimation.fit import cost_of, fit
-from drift_drake.estimation.problem import NUISANCES, Problem, filter_case, make_problem
-from drift_drake.logs.table import COLUMNS, Run
-from drift_drake.logs.wording.conversion import MIRRORED
-from drift_drake.vehicle.catalogue import CATALOGUE
-from drift_drake.vehicle.parameters import VehicleParameters
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.log.table import COLUMNS, Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.diagnosis.likelihood.search import search
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.fit import cost_of, fit
+from drift_drake.gap.estimation.problem import NUISANCES, Problem, filter_case, make_problem
+from drift_drake.gap.evidence.posterior import make_posterior, read_constants
+from drift_drake.gap.logs.wording.conversion import MIRRORED
+from experiments.benchmarks.compiled_cases import make_case
+from experiments.benchmarks.truths import Truth
 
 CAR = VehicleParameters()
 ODD = ("steering_offset", "gyro_bias", "sideslip_bias", "road_bank")  # effects that a mirror turns the sign of

@@ -13,10 +13,10 @@ pytest.importorskip("hypothesis", reason="properties need the extra `test`")
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drift_drake.logs.importing.importer import import_recordings
-from drift_drake.logs.importing.mapping import mapping_from_dict
-from drift_drake.logs.table import COLUMNS, InvalidLogError, Run, read_run
-from drift_drake.logs.wording.conversion import DIMENSIONS, FRAMES, MIRRORED, QUANTITIES, factor
+from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run, read_run
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+from drift_drake.gap.logs.wording.conversion import DIMENSIONS, FRAMES, MIRRORED, QUANTITIES, factor
 
 few = settings(max_examples=12, deadline=None, derandomize=True, database=None)
 COUNT, PERIOD = 400, 0.01

@@ -1,0 +1,192 @@
+"""The double-track car as a Drake system, with the ports of `car.single_track.plant.VehiclePlant`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.containers import namedview
+
+from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
+from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
+from drift_drake.car.double_track.tyres import TireConstants
+from drift_drake.car.effects.delays import commands_at
+from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.scalar import fixed_tuple, jitable
+from drift_drake.car.single_track.motion import world_rates
+from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
+from drift_drake.common.arrays import Array
+
+DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
+DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
+LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
+NUMBERS, TIRE = len(DoubleTrackConstants._fields) - 2, len(TireConstants._fields)  # of the car but its tyres; of each
+REAR = NUMBERS + TIRE
+PERIOD = 0.01  # [s] of the rows
+SUBSTEPS = 10  # RK4 steps a row; rear wheels ring in their tyres at some 300 rad/s, or settle in them within 1.5 ms
+
+
+def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
+    """All numbers of a car in one row; `unflattened` is the inverse."""
+    return (*p[:NUMBERS], *p.front_tire, *p.rear_tire)
+
+
+def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
+    """The car of a row of numbers."""
+    front, rear = values[NUMBERS:REAR], values[REAR:]
+    return DoubleTrackConstants._make((*values[:NUMBERS], TireConstants(*front), TireConstants(*rear)))
+
+
+@jitable
+def double_track_rates(
+    x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects
+) -> tuple[tuple[Any, ...], OwnStates, tuple[Any, Any]]:
+    """Rates of `PLANT_STATES` and of the car's own states, and (a_x, a_y) [m/s^2].
+
+    At the plant's state x, input u and disturbance `wrench` (force_x, force_y, moment).
+    """
+    own = OwnStates(x[10], x[11], x[12], x[13], x[14], x[15], x[16], x[17], x[18], x[19], x[20], x[21], x[22])
+    m, own_rates = double_track_motion(
+        x[0], x[1], x[2], x[3], x[9], own, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2]
+    )
+    rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
+    return rates, own_rates, (m.a_x, m.a_y)
+
+
+# Compiled for floats, which comes with constants and magnitudes as arrays.
+@jitable
+def _named(p: Any) -> DoubleTrackConstants:
+    front, rear = TireConstants(*fixed_tuple(p[NUMBERS:REAR], TIRE)), TireConstants(*fixed_tuple(p[REAR:], TIRE))
+    return DoubleTrackConstants(*(fixed_tuple(p[:NUMBERS], NUMBERS) + (front, rear)))  # noqa: RUF005 (for numba)
+
+
+@compiled
+def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+    first, own, acceleration = double_track_rates(x, u, wrench, curvature, _named(p), Effects(*fixed_tuple(q, COUNT)))
+    return np.array(first + own[:] + acceleration)
+
+
+class DoubleTrackCarPlant(PathPlant):
+    """The car of `double_track.motion` as a system on float, AutoDiffXd and Expression.
+
+    Continuous state: those of `VehiclePlant` (r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad],
+    s, x, y [m], psi [rad]), at the centre of gravity, omega_r the mean rim speed of the rear wheels; behind them
+    the car's own, `motion.OwnStates`. `state_view` names them.
+
+    Numeric parameters of the Context: 0: the car's constants (`flattened`); 1: the magnitudes of `Effects`. The
+    plant acts on neither delays nor the sensors' effects, and knows no limits of the actuator.
+
+    Input and output ports: those of `VehiclePlant`, of the same meaning.
+
+    Args:
+        parameters: the car.
+        effects: magnitudes, zero for none.
+        path: see `VehiclePlant`.
+
+    Raises:
+        InvalidVehicleError: an effect that this car cannot have (`motion.NOT_OF_THIS_CAR`).
+    """
+
+    has_memory = True  # effects may change during a run: see `VehiclePlant`
+
+    parameters: DoubleTrackParameters
+    effects: Effects
+
+    def declare(
+        self: Any, parameters: DoubleTrackParameters, effects: Effects, path: CurvedPath | None, T: Any
+    ) -> None:
+        """Declares parameters, state and ports on numbers of the type T."""
+        check_supported(effects)
+        self.parameters, self.effects = parameters, effects
+        self.state_names, self.state_view = DOUBLE_TRACK_STATES, DoubleTrackStateView
+        self.declare_numbers(T, (flattened(parameters.constants()), effects), path)
+
+    def car(self, constants: Any, magnitudes: Any) -> tuple[DoubleTrackConstants, Effects]:
+        """The Context's numbers by name."""
+        return unflattened(constants), Effects(*magnitudes)
+
+    def settled(
+        self, placed: Sequence[float], delta: float, tau: float, p: DoubleTrackConstants, q: Effects
+    ) -> Sequence[float]:
+        """The car's own states once it has been as it is for long."""
+        return settled_states(*placed[:4], delta, tau, p, q)
+
+    def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: DoubleTrackConstants, q: Effects) -> Sequence[Any]:
+        """Rates of the state, and behind them (a_x, a_y) [m/s^2] in the body frame."""
+        first, own, acceleration = double_track_rates(x, u, wrench, curvature, p, q)
+        return (*first, *own, *acceleration)
+
+    def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+        """The same on floats, from the Context's numbers."""
+        return _rates(x, u, wrench, curvature, p, q)
+
+
+DoubleTrackPlant_ = plant_template("DoubleTrackPlant_", DoubleTrackCarPlant)
+DoubleTrackPlant = DoubleTrackPlant_[None]
+"""The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""
+
+
+@compiled
+def _world_frame_rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
+    """Writes d(LOG_STATES)/dt; returns (a_x, a_y)."""
+    own = OwnStates(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14], z[15], z[16], z[17], z[18], z[19])
+    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, delta, tau, p, q)
+    out[0], out[1], out[2], out[3] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot
+    out[5], out[6], out[4] = world_rates(z[0], z[1], z[2], z[4])
+    (out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14], out[15], out[16], out[17], out[18],
+     out[19]) = rates  # fmt: skip
+    return m.a_x, m.a_y
+
+
+@jitable
+def runge_kutta_row(rates: Any, z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
+    """States z a row later, in place, by RK4 of `rates(z, delta, tau, p, q, out)`; returns (a_x, a_y) there."""
+    h, n, last = PERIOD / SUBSTEPS, len(z), row + 1
+    k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(SUBSTEPS):
+        a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
+        begin = commands_at(delta, tau, a, last, PERIOD, q)
+        middle = commands_at(delta, tau, b, last, PERIOD, q)
+        end = commands_at(delta, tau, c, last, PERIOD, q)
+        rates(z, begin[0], begin[1], p, q, k1)
+        rates(z + 0.5 * h * k1, middle[0], middle[1], p, q, k2)
+        rates(z + 0.5 * h * k2, middle[0], middle[1], p, q, k3)
+        rates(z + h * k3, end[0], end[1], p, q, k4)
+        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return rates(z, end[0], end[1], p, q, k1)
+
+
+@compiled
+def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
+    return runge_kutta_row(_world_frame_rates, z, row, delta, tau, p, q)
+
+
+@compiled
+def _start(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Any, q: Any, z: Any) -> Any:
+    z[0], z[1], z[2], z[3] = r, v, beta, omega_r
+    z[4], z[5], z[6] = 0.0, 0.0, 0.0
+    own = settled_states(r, v, beta, omega_r, delta, tau, p, q)
+    for i, value in enumerate(own):
+        z[7 + i] = value
+    return _world_frame_rates(z, delta, tau, p, q, np.empty(len(z)))
+
+
+def start(state: Array, command: tuple[float, float], p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
+    """States [20] (`LOG_STATES`) settled in (r, v, beta, omega_r) at the origin, and (a_x, a_y) [m/s^2] there."""
+    z = np.empty(len(LOG_STATES))
+    r, v, beta, omega_r = (float(value) for value in state)
+    acceleration = _start(r, v, beta, omega_r, command[0], command[1], p, q, z)
+    return z, np.array(acceleration)
+
+
+def advance(z: Array, row: int, delta: Array, tau: Array, p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
+    """States a row later, and (a_x, a_y) [m/s^2] there.
+
+    Args:
+        z: states [20] at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1, linear
+            between rows; each is delayed here.
+        p: the car; q: magnitudes, the sensors' unused.
+    """
+    later = z.copy()
+    acceleration = _advance(later, row, delta, tau, p, q)
+    return later, np.array(acceleration)

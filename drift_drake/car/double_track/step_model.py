@@ -1,0 +1,197 @@
+"""The double-track car as a one-step model: what an MPC believes that knows this car and its effects (its oracle).
+
+The car's own states (`double_track.motion.OwnStates`: actuators, rim difference, roll, wheel loads, slips) are states
+of the model. They are not measured; `MemoryObserver` runs them along the measured states and the commands.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.framework import LeafSystem
+
+from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.motion import OwnStates, check_supported, settled_states
+from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
+from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path_motion
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.scalar import jitable
+from drift_drake.car.single_track.effects_step import MemoryObserver, check_one_step
+from drift_drake.car.single_track.motion import path_rates
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP, StepModel
+from drift_drake.common.arrays import Array
+
+OWN_SCALE = np.array(OwnStates(
+    steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
+    front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
+))  # fmt: skip
+DIFFERENCES = 1e-7 * np.concatenate([STATE_SCALE, OWN_SCALE, INPUT_SCALE])
+LEAST_SUBSTEPS = 16
+ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
+SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
+
+
+class DoubleTrackStepModel(StepModel):
+    """One step of the double-track car: RK4 with sub-steps under linear input, by the plant's own equations.
+
+    States [N, 19]: r [rad/s], v [m/s], beta [rad], omega_r [m/s] (the mean rim speed of the rear wheels, as the
+    plant's sensors measure it), e [m], dphi [rad]; then `OwnStates`. Nothing is left out or taken for settled: the
+    fastest mode, the difference of the rear rims ringing in the tyres at some 270 rad/s, sets the number of sub-steps.
+    The Jacobians are those of the equations (forward differences of a ten-millionth of the states' sizes, good to a
+    millionth), at the middle of each sub-step and constant over it: second order in the sub-step, not the derivative of
+    the integrator's sum.
+
+    A transport delay is beyond it, as are a road's grade on a heading and the sensors' effects.
+
+    Raises:
+        ValueError: such an effect.
+        InvalidVehicleError: an effect that this car cannot have.
+    """
+
+    def __init__(self, parameters: DoubleTrackParameters, effects: Effects = Effects()) -> None:
+        check_one_step(effects)
+        check_supported(effects)
+        self.memory_scale = OWN_SCALE
+        self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
+        self.substeps = max(LEAST_SUBSTEPS, math.ceil(STEP * self._fastest() / ACCURATE))
+
+    def with_theta(self, theta: Array) -> "DoubleTrackStepModel":
+        """The same step of the car that has the effects' magnitudes `theta` in place of its own."""
+        return DoubleTrackStepModel(self.parameters, Effects(*(float(q) for q in theta)))
+
+    def observer(self, period: float) -> LeafSystem:
+        return MemoryObserver(self, period)
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        x_next = np.array(x, dtype=float, order="C")
+        _steps(x_next, *_contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps)
+        return x_next
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        x_next, sensitivity = np.array(x, dtype=float, order="C"), np.empty((len(x), SIZE, SIZE + 4))
+        _sensitivities(x_next, *_contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps,
+                       sensitivity)  # fmt: skip
+        n = SIZE
+        return x_next, sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
+
+    def settled(self, state: Array, command: Array) -> Array:
+        r, v, beta, omega_r = (float(value) for value in state)
+        own = settled_states(r, v, beta, omega_r, float(command[0]), float(command[1]), self.constants, self.effects)
+        return np.array(own, dtype=float)
+
+    def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
+        later = x[None].copy()
+        substeps = math.ceil(self.substeps * duration / STEP)
+        _steps(later, *_contiguous(u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
+               substeps)  # fmt: skip
+        return later[0]
+
+    def follows_at_once(self) -> NDArray[np.bool_]:
+        q, free = self.effects, np.zeros(OWN, dtype=bool)
+        free[OwnStates._fields.index("steering")] = q.steering_lag + q.steering_rate_limit <= 0.0
+        free[OwnStates._fields.index("torque")] = q.torque_lag <= 0.0
+        return free
+
+    def _fastest(self) -> float:
+        """Largest modulus [rad/s] of the equations' eigenvalues, rolling straight ahead at `SPEEDS`."""
+        found, jacobian = 0.0, np.zeros((SIZE, SIZE + 2))
+        for speed in SPEEDS:
+            moving = np.array([0.0, speed, 0.0, speed])
+            x = np.concatenate([moving, np.zeros(2), self.settled(moving, np.zeros(2))])
+            _linearized(x, np.zeros(2), 0.0, self.constants, self.effects, jacobian)
+            found = max(found, float(np.abs(np.linalg.eigvals(jacobian[:, :SIZE])).max()))
+        return found
+
+
+def _contiguous(u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
+    return (np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(u_next, dtype=float),
+            np.ascontiguousarray(curvature, dtype=float))  # fmt: skip
+
+
+@compiled
+def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConstants, q: Effects,
+                jacobian: Array) -> None:  # fmt: skip
+    """Writes the derivatives of the rates by (x, delta, tau) [19, 21], as forward differences."""
+    z, rates, moved = np.empty(SIZE + 2), np.empty(SIZE), np.empty(SIZE)
+    for i in range(SIZE):
+        z[i] = x[i]
+    z[SIZE], z[SIZE + 1] = command[0], command[1]
+    path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, rates)
+    for j in range(SIZE + 2):
+        before = z[j]
+        z[j] += DIFFERENCES[j]
+        if j == 4 or j == 5:  # nothing but the path's own rates depends on the place on it
+            moved[:] = rates
+            moved[4], moved[5], _ = path_rates(z[0], z[1], rates[2], z[4], z[5], curvature)
+        else:
+            path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, moved)
+        for i in range(SIZE):
+            jacobian[i, j] = (moved[i] - rates[i]) / DIFFERENCES[j]
+        z[j] = before
+
+
+@compiled
+def _steps(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects, dt: float,
+           substeps: int) -> None:  # fmt: skip
+    """The states [N, 19] a time dt [s] later, in place."""
+    work = np.empty((3, SIZE))
+    for n in range(x.shape[0]):
+        for sub in range(substeps):
+            first, last = sub / substeps, (sub + 1) / substeps
+            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, dt / substeps, work)
+
+
+@compiled
+def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects, dt: float,
+                   substeps: int, sensitivity: Array) -> None:  # fmt: skip
+    """The same, and the sensitivities S [N, 19, 23] by (x, u, u_next): dS/dt = A S + B (input's share), A, B at the
+    middle of each sub-step."""
+    work, before, middle, command = np.empty((3, SIZE)), np.empty(SIZE), np.empty(SIZE), np.empty(2)
+    jacobian = np.zeros((SIZE, SIZE + 2))
+    k, point, total = np.empty((SIZE, SIZE + 4)), np.empty((SIZE, SIZE + 4)), np.empty((SIZE, SIZE + 4))
+    h = dt / substeps
+    for n in range(x.shape[0]):
+        s = sensitivity[n]
+        for i in range(SIZE):
+            for j in range(SIZE + 4):
+                s[i, j] = 1.0 if i == j else 0.0
+        for sub in range(substeps):
+            first, last = sub / substeps, (sub + 1) / substeps
+            before[:] = x[n]
+            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, h, work)
+            share = 0.5 * (first + last)
+            for i in range(SIZE):
+                middle[i] = 0.5 * (before[i] + x[n, i])
+            for i in range(2):
+                command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
+            _linearized(middle, command, curvature[n], p, q, jacobian)
+            _advance_sensitivity(s, jacobian, first, last, h, k, point, total)
+
+
+@jitable
+def _advance_sensitivity(s: Array, jacobian: Array, first: float, last: float, h: float, k: Array, point: Array,
+                         total: Array) -> None:  # fmt: skip
+    """RK4 of dS/dt = A S + B (input's share) over h [s] in place, [A B] the jacobian."""
+    total[:] = 0.0
+    for stage in range(4):
+        node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+        share = first + node * (last - first)
+        for i in range(SIZE):
+            for j in range(SIZE + 4):
+                point[i, j] = s[i, j] if stage == 0 else s[i, j] + node * h * k[i, j]
+        for i in range(SIZE):
+            k[i] = 0.0
+            for m in range(SIZE):
+                a = jacobian[i, m]
+                if a != 0.0:
+                    for j in range(SIZE + 4):
+                        k[i, j] += a * point[m, j]
+            for j in range(2):
+                k[i, SIZE + j] += (1.0 - share) * jacobian[i, SIZE + j]
+                k[i, SIZE + 2 + j] += share * jacobian[i, SIZE + j]
+            for j in range(SIZE + 4):
+                total[i, j] += weight * k[i, j]
+    for i in range(SIZE):
+        for j in range(SIZE + 4):
+            s[i, j] += h * total[i, j]

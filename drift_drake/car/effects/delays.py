@@ -1,0 +1,119 @@
+"""Times of the commands: how late they reach the car, by the effects whose records say that they delay or hasten one.
+
+A delay has no finite state and is none of the equations of motion: whoever hands a car its commands takes them from
+so much earlier. A command that acts before the log says so is no car's but a wrong clock's: a log can be looked ahead
+in, a car that is driven now cannot (`check_causal`), and a simulated log is stamped wrongly afterwards (`stamped`).
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.record import Command
+from drift_drake.car.parameters import InvalidVehicleError
+from drift_drake.car.scalar import jitable
+from drift_drake.common.arrays import Array
+
+ROUNDING = 1e-9  # [s]
+
+DELAYS = tuple(name for name, effect in CATALOGUE.items() if effect.delays)
+HASTENERS = tuple(name for name, effect in CATALOGUE.items() if effect.hastens)
+
+
+def _sum_of_delays(command: Command) -> Callable[[Effects], Any]:
+    total = jitable(lambda q: 0.0)  # noqa: ARG005
+    for name in DELAYS:
+        if CATALOGUE[name].delays == command:
+            total = jitable(_with_delay(total, Effects._fields.index(name)))
+    for name in HASTENERS:
+        if command in CATALOGUE[name].hastens:
+            total = jitable(_without_delay(total, Effects._fields.index(name)))
+    return total
+
+
+def _with_delay(before: Any, index: int) -> Callable[[Effects], Any]:
+    return lambda q: before(q) + q[index]
+
+
+def _without_delay(before: Any, index: int) -> Callable[[Effects], Any]:
+    return lambda q: before(q) - q[index]
+
+
+_steering_delay, _torque_delay = _sum_of_delays("delta_cmd"), _sum_of_delays("tau_cmd")
+
+
+@jitable
+def command_delays(q: Effects) -> tuple[Any, Any]:
+    """How late the steering and the torque command reach the car [s], the sensors' latency aside.
+
+    Below zero where they act before the log says so.
+    """
+    return _steering_delay(q), _torque_delay(q)
+
+
+def check_causal(q: Effects, source: str, late: float = 0.0) -> None:
+    """Raises an InvalidVehicleError, which names `source`, where commands would act before they are given.
+
+    Args:
+        late: [s] that what follows from commands comes later by.
+    """
+    early = -min(command_delays(q)) - late
+    if early > ROUNDING:
+        names = ", ".join(name for name in HASTENERS if getattr(q, name) > 0.0)
+        raise InvalidVehicleError(
+            f"{source}: with {names} commands would act {early:g} s before they are given, which only a log that was "
+            "stamped late can show; leave it out here, and take it off the commands' times in the logs"
+        )
+
+
+def on_time(q: Effects) -> Effects:
+    """The effects with the commands' clock right: what a car has, and not its log."""
+    return q._replace(**dict.fromkeys(HASTENERS, 0.0))
+
+
+def stamped(columns: Mapping[Command, Array], q: Effects, period: float) -> tuple[dict[Command, Array], int]:
+    """Columns of commands [rows], `period` [s] apart, as a log with a wrong clock has them, and how many rows it has.
+
+    What was commanded at t is logged at t + q; before the first row commands were what they are there. A clock that is
+    early logs nothing for the last rows.
+    """
+    moved = {name: _moved(values, -_clock(q, name), period) for name, values in columns.items()}
+    kept = min(len(v) - math.ceil(max(-_clock(q, name), 0.0) / period - ROUNDING) for name, v in columns.items())
+    return {name: values[:kept] for name, values in moved.items()}, kept
+
+
+def as_commanded(columns: Mapping[Command, Array], q: Effects, period: float) -> dict[Command, Array]:
+    """`stamped` the other way: a log's commands [rows] when they were given; after its last row they are held."""
+    return {name: _moved(values, _clock(q, name), period) for name, values in columns.items()}
+
+
+def _clock(q: Effects, command: Command) -> float:
+    return float(sum(getattr(q, name) for name in HASTENERS if command in CATALOGUE[name].hastens))
+
+
+def _moved(values: Array, ahead: float, period: float) -> Array:
+    t = period * np.arange(len(values))
+    return np.asarray(np.interp(t + ahead, t, values)) if ahead != 0.0 else values
+
+
+@compiled
+def _command_at(command: Any, place: Any, last: Any) -> Any:
+    if place <= 0.0:
+        return command[0]
+    row = min(int(place), last)
+    return command[row] + (place - row) * (command[min(row + 1, last)] - command[row])
+
+
+@compiled
+def commands_at(delta: Any, tau: Any, place: Any, last: Any, period: Any, q: Any) -> Any:
+    """Both commands as they reach the car at a place [rows], from rows up to `last` with `period` [s] between them.
+
+    Linear between rows; before the first row they were what they are there.
+    """
+    late_delta, late_tau = command_delays(q)
+    return _command_at(delta, place - late_delta / period, last), _command_at(tau, place - late_tau / period, last)

@@ -1,0 +1,133 @@
+"""What is known of one effect: a record, and, for an effect from another package, its physics beside it.
+
+Functions of the physics take floats, complex numbers and Drake's scalars alike and are compiled by numba: plain
+arithmetic and the functions of `drift_drake.car.scalar` (sin, cos, exp, tanh, sqrt, maximum, select, ...). They
+give nothing where the magnitude is zero, and see the car now and nothing of before, but for one state of the effect's
+own where it has a `rate`: that state is then their last argument.
+"""
+
+import dataclasses
+from typing import Any, Literal, Protocol, get_args
+
+from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.common.errors import DriftDrakeError, unit_suffix
+
+Stage = Literal["command", "actuator", "motion", "sensor"]
+Command = Literal["delta_cmd", "tau_cmd"]
+REFERENCE = VehicleParameters()
+LEAST_SIGNED, LEAST_UNSIGNED = 0.2, 0.5  # of the size, or of the low end, of a practical range: below it is no gap
+PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
+FUNCTIONS = (*PHYSICS.values(), "rate", "start")
+COMMANDS = get_args(Command)
+
+
+class Force(Protocol):
+    """A further force on the body, of an effect on the motion."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Constants, magnitude: Any
+    ) -> tuple[Any, Any, Any]:
+        """(force_x, force_y [N] in the body frame, yaw moment [N m]) from r [rad/s], v [m/s], beta [rad], omega_r
+        [m/s], the heading psi [rad] and the car's numbers (mass, yaw_inertia, wheel_radius, gravity, ...)."""
+
+
+class Actuation(Protocol):
+    """A change of what the actuators do, behind their lags."""
+
+    def __call__(self, delta: Any, tau: Any, v: Any, magnitude: Any) -> tuple[Any, Any]:
+        """(road-wheel angle [rad], engine torque [N m]) from what they would be without the effect, and v [m/s]."""
+
+
+class Reading(Protocol):
+    """An error of the sensors."""
+
+    def __call__(self, r: Any, beta: Any, omega_r: Any, magnitude: Any) -> tuple[Any, Any, Any]:
+        """What is added to the readings of the yaw rate [rad/s], the sideslip [rad] and the rim speed [m/s]."""
+
+
+class Rate(Protocol):
+    """How an effect's own state moves."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, magnitude: Any, state: Any
+    ) -> Any:
+        """Its derivative by time, delta [rad] and tau [N m] without the effects of other packages; finite and stable
+        at a magnitude of zero, too."""
+
+
+class Start(Protocol):
+    """The state of an effect where a run starts."""
+
+    def __call__(
+        self, r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, magnitude: Any
+    ) -> Any:
+        """That of a car that has driven so for long, arguments as of `Rate`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """One effect: unit, practical range, where it acts and what it needs to be seen.
+
+    The range is that of the reference car, `VehicleParameters()`; `mass`, `length` and `radius` are the powers of a
+    car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
+    has one of `force`, `actuation` and `reading`; beside the first two it may have a state of its own, by
+    `rate` and `start`. Or it `delays` a command, and has no function.
+    """
+
+    unit: str
+    low: float  # end of the practical range
+    high: float
+    change: str  # in words, of the magnitude q
+    stage: Stage = "motion"
+    needs: tuple[str, ...] = ()  # columns without which a filter cannot see it
+    tolerance: str | None = None  # of the vehicle file, that this effect is a larger deviation of
+    spread: bool = False  # magnitudes are spread evenly by their logarithm
+    delays: Command | None = None  # the command that reaches the car late by the magnitude [s]: a pure delay
+    hastens: tuple[Command, ...] = ()  # commands that reach it earlier than the log says, by the magnitude [s]
+    below_zero: str | None = None  # the effect of the size -q that no log tells from this one of a magnitude q < 0
+    remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter, beside a delayed one
+    mass: float = 0.0
+    length: float = 0.0
+    radius: float = 0.0
+    daily: float = 1.0  # how often it changes from one day to another, beside the others
+    of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
+    varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
+    shown_by: str = ""  # the manoeuvre that shows it best, in words
+    force: Force | None = None
+    actuation: Actuation | None = None
+    reading: Reading | None = None
+    rate: Rate | None = None
+    start: Start | None = None
+
+    @property
+    def suffix(self) -> str:
+        """The unit as it follows a number in a sentence."""
+        return unit_suffix(self.unit)
+
+    @property
+    def signed(self) -> bool:
+        """Whether the magnitude may have either sign."""
+        return self.low < 0.0
+
+    def range_for(self, vehicle: VehicleParameters) -> tuple[float, float]:
+        """Practical range of the magnitude for a car of another size (1.6 kg to 40 t)."""
+        size = (
+            (vehicle.mass / REFERENCE.mass) ** self.mass
+            * (wheelbase(vehicle) / wheelbase(REFERENCE)) ** self.length
+            * (vehicle.wheel_radius / REFERENCE.wheel_radius) ** self.radius
+        )
+        return self.low * size, self.high * size
+
+    def least_for(self, vehicle: VehicleParameters) -> float:
+        """Least absolute value that is a gap to report, for a car of another size."""
+        low, high = self.range_for(vehicle)
+        return LEAST_SIGNED * max(abs(low), abs(high)) if self.signed else LEAST_UNSIGNED * low
+
+
+def wheelbase(vehicle: VehicleParameters) -> float:
+    """Distance between the axles [m]."""
+    return vehicle.front_axle_distance + vehicle.rear_axle_distance
+
+
+class InvalidExtensionError(DriftDrakeError, ValueError):
+    """An effect or a tyre of another package that cannot be used; the message names it and the remedy."""

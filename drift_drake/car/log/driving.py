@@ -1,0 +1,64 @@
+"""Which rows of a run a single-track car can be asked about: not those of a spin, of reversing, nor of standstill."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from drift_drake.car.effects.record import wheelbase
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+
+SLOWEST = 0.6  # [1] speed in sqrt(g wheelbase) below which slips have no meaning
+EQUATIONS = 0.35  # [1] the same, below which the equations are not asked
+FLOOR = 0.6  # [m/s] a little above the floor of their slips, which no car's size changes
+SPUN = 1.1  # [rad] of sideslip beyond which the car has spun, or reverses
+BACKWARDS = 0.6  # [rad] from straight backwards within which the car may be reversing
+TIGHTEST = 1.5  # times the yaw rate of the tightest turn that the steering allows: more is a spin
+SUSTAINED = 0.3  # [s] of reversing; a spin is faster through
+
+
+def slowest(vehicle: VehicleParameters) -> float:
+    """Speed [m/s] below which a car of this size counts as standing."""
+    return float(SLOWEST * np.sqrt(vehicle.gravity * wheelbase(vehicle)))
+
+
+def slowest_asked(vehicle: VehicleParameters) -> float:
+    """Speed [m/s] below which the equations are not asked of a car of this size: a little above their slips' floor."""
+    return max(float(EQUATIONS * np.sqrt(vehicle.gravity * wheelbase(vehicle))), FLOOR)
+
+
+def driven(run: Run, vehicle: VehicleParameters) -> np.ndarray:
+    """Rows [rows] (bool) in which the car goes forwards: it neither stands nor spins nor reverses.
+
+    Without `beta`, spins and reversing cannot be seen.
+    """
+    rows: np.ndarray = run.v >= slowest_asked(vehicle)
+    return rows if run.beta is None else rows & (np.abs(run.beta) <= SPUN)
+
+
+def reversing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
+    """Rows [rows] (bool) in which the car reverses: it moves backwards along its body and turns no more than it steers.
+
+    Whole stretches of sideslip beyond `SPUN`, of which most is reversing: what leads there is part of it.
+    """
+    if run.beta is None:
+        return np.zeros(len(run), dtype=np.bool_)
+    turn = TIGHTEST * run.v * np.tan(vehicle.steering_limit) / wheelbase(vehicle)
+    backwards = (np.abs(run.beta) > np.pi - BACKWARDS) & (np.abs(run.r) <= turn)
+    turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest_asked(vehicle)))
+    least = SUSTAINED / run.period
+    return in_spans([(a, b) for a, b in turned if 2 * np.count_nonzero(backwards[a:b]) > b - a >= least], len(run))
+
+
+def in_spans(stretches: Iterable[tuple[int, int]], count: int) -> np.ndarray:
+    """Which of `count` rows (bool) lie in one of the stretches, the inverse of `spans`."""
+    rows = np.zeros(count, dtype=np.bool_)
+    for start, stop in stretches:
+        rows[start:stop] = True
+    return rows
+
+
+def spans(rows: np.ndarray) -> list[tuple[int, int]]:
+    """Start and stop of each stretch of rows [rows] (bool) that hold."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

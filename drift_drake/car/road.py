@@ -1,0 +1,38 @@
+"""A road's bank that a log gives: a force on the body that is known, where else it is one constant and unknown."""
+
+import numpy as np
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.common.arrays import Array
+
+NO_PUSH = np.empty((0, 3))
+
+
+def bank_force(bank: Array, weight: float, magnitude: float) -> Array:
+    """Gravity's force [N] along the body's y at the logged bank [rad] of the road, its left side higher."""
+    return np.asarray(-weight * np.sin(bank * (1.0 + magnitude)))
+
+
+def on_road(bank: Array | None, mass: float, gravity: float, effects: Effects) -> tuple[Effects, Array]:
+    """The effects that are left once a logged bank acts as a force, and that force.
+
+    Args:
+        bank: [rad], one a row [rows]; None where the log has none: then `road_bank` stays an effect.
+        mass: without the effects' error of it [kg]; gravity: [m/s^2].
+
+    Returns:
+        (effects, force (F_x, F_y) [N] and yaw moment [N m] from each row to the next [rows, 3]; no rows without a bank)
+    """
+    if bank is None:
+        return effects, NO_PUSH
+    force = bank_force(bank, mass * (1.0 + effects.mass_error) * gravity, effects.road_bank)
+    push = np.zeros((len(bank), 3))
+    push[:-1, 1], push[-1, 1] = 0.5 * (force[:-1] + force[1:]), force[-1]
+    return effects._replace(road_bank=0.0), push
+
+
+def with_bank(push: Array, banked: Array) -> Array:
+    """Pushes [rows, 3] together, either of them without rows where there is none."""
+    if not len(banked):
+        return push
+    return banked + push if len(push) else banked

@@ -1,0 +1,50 @@
+"""Errors of sensors that are known, taken off the readings."""
+
+from typing import Any
+
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+
+from drift_drake.car.effects.magnitudes import Effects, unbiased
+from drift_drake.car.sensors import MEASURED_STATE
+from drift_drake.common.arrays import Array
+
+SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error", "gyro_gain_error", "speed_gain_error")
+"""Errors that a reading can lose."""
+
+
+def sensor_errors(effects: Effects) -> Effects:
+    """Of effects the sensors' errors alone."""
+    return Effects(**{name: getattr(effects, name) for name in SENSORS})
+
+
+def corrected_reading(measured: Array, errors: Effects) -> Array:
+    """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
+    y = measured.copy()
+    y[:4] = unbiased(*y[:4], errors)
+    y[MEASURED_STATE.index("dphi")] -= errors.sideslip_bias
+    return y
+
+
+class SensorCorrection(LeafSystem):
+    """Input port: measured_state [7]. Output port: corrected_state [7]; see `corrected_reading`. No state."""
+
+    def __init__(self, errors: Effects) -> None:
+        super().__init__()
+        self._errors = errors
+        self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
+        self.DeclareVectorOutputPort(
+            "corrected_state", len(MEASURED_STATE), self._calc,
+            prerequisites_of_calc={self.input_port_ticket(self._measured.get_index())},
+        )  # fmt: skip
+
+    def _calc(self, context: Any, output: Any) -> None:
+        output.SetFromVector(corrected_reading(self._measured.Eval(context), self._errors))
+
+
+def without_errors(builder: DiagramBuilder, measured_state: OutputPort, errors: Effects) -> OutputPort:
+    """The port of a measured state without its sensors' errors: the same port where there are none."""
+    if not any(errors):
+        return measured_state
+    correction = builder.AddNamedSystem("sensor_correction", SensorCorrection(errors))
+    builder.Connect(measured_state, correction.get_input_port())
+    return correction.get_output_port()

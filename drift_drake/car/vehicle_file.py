@@ -1,0 +1,212 @@
+"""A vehicle file with effects: what the simulator believes of the car, and the effects that a diagnosis added."""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects, magnitudes_of, make_effects
+from drift_drake.car.parameters import (
+    Constants,
+    InvalidVehicleError,
+    VehicleParameters,
+    as_number,
+    is_number,
+    vehicle_data,
+)
+from drift_drake.car.single_track.motion_with_effects import changed_constants
+from drift_drake.common.errors import shown
+from drift_drake.common.safe_files import write_text
+
+DOUBLE_TRACK = "double_track"  # key of a file that holds such a car (`double_track.car_file`)
+SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
+SIZES = {  # SI
+    "mass": (0.05, 1e5),
+    "front_axle_distance": (0.01, 20.0),
+    "rear_axle_distance": (0.01, 20.0),
+    "wheel_radius": (0.003, 3.0),
+    "gear_ratio": (0.01, 1e3),
+    "friction": (0.02, 10.0),
+    "gravity": (0.5, 30.0),
+}
+LARGEST_TOLERANCE = 10.0
+REACH = 5.0  # times the larger end of the catalogue's range for a vehicle of this size
+LEAST_FACTOR = 0.05  # of an effect that multiplies a parameter by 1 + q
+FACTORS = (
+    "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error", "mass_error",
+    "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error", "steering_ratio_error",
+    "gyro_gain_error", "speed_gain_error")  # fmt: skip
+SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
+FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
+FASTEST_SETTLING = 2e4  # [1/s]; the reference car's rim has 400, its body 30
+LEAST_SHARE_OF_WHEELBASE = 0.02  # by which the centre of gravity stays between the axles
+
+
+def ratios(p: VehicleParameters) -> dict[str, tuple[float, float, float, str]]:
+    """(value, lowest, highest, in words) by parameter, of what is judged relative to the vehicle's size."""
+    weight, torque = p.mass * p.gravity, p.mass * p.gravity * p.wheel_radius / p.gear_ratio
+    return {
+        "yaw_inertia": (
+            p.yaw_inertia / (p.mass * p.front_axle_distance * p.rear_axle_distance), 0.02, 50.0,
+            "mass * front_axle_distance * rear_axle_distance",
+        ),
+        "rear_axle_inertia": (p.rear_axle_inertia / (p.mass * p.wheel_radius**2), 1e-3, 10.0, "mass * wheel_radius^2"),
+        "front_stiffness": (p.front_stiffness / weight, 0.1, 300.0, "the weight"),
+        "rear_stiffness": (p.rear_stiffness / weight, 0.1, 300.0, "the weight"),
+        "torque_max": (abs(p.torque_max) / torque, 0.0, 100.0, "the torque of an acceleration of 1 g"),
+        "torque_min": (abs(p.torque_min) / torque, 0.0, 100.0, "the torque of an acceleration of 1 g"),
+    }  # fmt: skip
+
+
+def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
+    """Sees that parameters may be some vehicle's, from a model car of 1.6 kg to a lorry of 40 t.
+
+    Sizes are judged one by one; inertias, stiffnesses and torques as ratios to them. Rates at which rim and body settle
+    on the road are bounded, so that an integrator can follow them.
+
+    Raises:
+        InvalidVehicleError: names `source`, the parameter and the range.
+    """
+    for name, (low, high) in SIZES.items():
+        value = getattr(p, name)
+        if not low <= value <= high:
+            raise InvalidVehicleError(f"{source}: {name} is {value:g}; no vehicle's is outside {low:g} to {high:g}")
+    for name, (ratio, low, high, words) in ratios(p).items():
+        if not low <= ratio <= high:
+            raise InvalidVehicleError(
+                f"{source}: {name} is {getattr(p, name):g}, {ratio:.3g} times {words}; no vehicle's is outside "
+                f"{low:g} to {high:g} times"
+            )
+    _check_settling(p.constants(), source)
+    for name, value in vars(p.tolerance).items():
+        if value > LARGEST_TOLERANCE:
+            raise InvalidVehicleError(
+                f"{source}: tolerance.{name} is {value:g}; give a standard deviation below {LARGEST_TOLERANCE:g}"
+            )
+
+
+def effect_range(name: str, p: VehicleParameters) -> tuple[float, float]:
+    """Magnitudes that an effect can have on this vehicle; zero switches an effect off."""
+    if name == "steering_rate_limit":
+        return SLOWEST_STEERING, FASTEST_STEERING
+    info = CATALOGUE[name]
+    reach = REACH * max(abs(end) for end in info.range_for(p))
+    low, high = (-reach if info.signed else 0.0), reach
+    if name in FACTORS:
+        low = max(low, LEAST_FACTOR - 1.0)
+    if name in SHARES:
+        high = min(high, 1.0 - LEAST_FACTOR)
+    return low, high
+
+
+def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, source: str = "vehicle") -> None:
+    """Raises InvalidVehicleError, which names `source`, effect and range, where no vehicle can have the effects."""
+    magnitudes = magnitudes_of(effects) if isinstance(effects, Effects) else effects
+    for name, q in magnitudes.items():
+        low, high = effect_range(name, p)
+        if q != 0.0 and not low <= q <= high:
+            unit = CATALOGUE[name].suffix
+            raise InvalidVehicleError(
+                f"{source}: effects.{name} is {q:g}{unit}; no vehicle's is outside {low:g} to {high:g}{unit}"
+            )
+    if 0.0 < magnitudes.get("tyre_relaxation", 0.0) < (least := 0.05 * CATALOGUE["tyre_relaxation"].range_for(p)[0]):
+        raise InvalidVehicleError(f"{source}: effects.tyre_relaxation is below {least:.2g} m; give 0 for none")
+    least = LEAST_SHARE_OF_WHEELBASE * (p.front_axle_distance + p.rear_axle_distance)
+    shift = magnitudes.get("cg_shift", 0.0)
+    if min(p.front_axle_distance + shift, p.rear_axle_distance - shift) < least:
+        raise InvalidVehicleError(
+            f"{source}: effects.cg_shift is {shift:g} m, which takes the centre of gravity to or over an axle; "
+            f"give one between {least - p.front_axle_distance:.3g} and {p.rear_axle_distance - least:.3g} m"
+        )
+    _check_settling(changed_constants(p.constants(), make_effects(dict(magnitudes))), f"{source} with its effects")
+
+
+def _check_settling(c: Constants, source: str) -> None:
+    """Of a small disturbance at the slowest speed that counts as driving (`car.log.driving.slowest`)."""
+    speed = SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
+    rim = (c.rear_stiffness + c.front_coupling * c.front_stiffness) * c.wheel_radius**2 / (c.rear_axle_inertia * speed)
+    turning = c.front_stiffness * c.front_axle_distance**2 + c.rear_stiffness * c.rear_axle_distance**2
+    body = max(turning / c.yaw_inertia, (c.front_stiffness + c.rear_stiffness) / c.mass) / speed
+    for what, rate in (("rear_axle_inertia, the rim", rim), ("yaw_inertia or mass, the body", body)):
+        if rate > FASTEST_SETTLING:
+            raise InvalidVehicleError(
+                f"{source}: with these stiffnesses and {what} settles on the road in {1e6 / rate:.2g} microseconds; "
+                f"no vehicle's does in less than {1e6 / FASTEST_SETTLING:.0f}"
+            )
+
+
+def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
+    """Parameters and effects of a vehicle file; a file without an `effects:` key has none.
+
+    Raises:
+        InvalidVehicleError: names the file, the key and the remedy.
+    """
+    data: Any = vehicle_data(path)
+    if isinstance(data, dict) and DOUBLE_TRACK in data:
+        raise InvalidVehicleError(
+            f"{path}: holds a double-track car, which 'drift-drake drive' takes; give a single-track vehicle file here"
+        )
+    effects = effects_of(data.pop("effects", None) if isinstance(data, dict) else None, str(path))
+    parameters = VehicleParameters.from_dict(data, str(path))
+    check_plausible(parameters, str(path))
+    check_effects(effects, parameters, str(path))
+    return parameters, effects
+
+
+def effects_of(magnitudes: Any, source: str) -> Effects:
+    """The effects that a file names under `effects:`; none where it has no such key.
+
+    Raises:
+        InvalidVehicleError: names `source`, the key and the remedy.
+    """
+    if not isinstance(magnitudes or {}, dict):
+        raise InvalidVehicleError(f"{source}: 'effects' must hold 'name: magnitude' lines")
+    numbers = {str(name): as_number(value) for name, value in (magnitudes or {}).items()}
+    for name, value in numbers.items():
+        if not is_number(value):
+            raise InvalidVehicleError(
+                f"{source}: effects.{name[:60]} is {shown(value)}; give its magnitude as a finite number"
+            )
+    try:
+        return make_effects(numbers)
+    except ValueError as error:
+        raise InvalidVehicleError(f"{source}: {error}") from None
+
+
+def write_vehicle(
+    path: str | Path,
+    parameters: VehicleParameters,
+    effects: Effects = Effects(),
+) -> None:
+    """Writes a vehicle file that `read_vehicle` reads back; effects of zero magnitude are left out."""
+    write_text(path, yaml.safe_dump(_plain(parameters, effects), sort_keys=False))
+
+
+def vehicle_hash(parameters: VehicleParameters, effects: Effects) -> str:
+    """SHA-256 of a vehicle file's numbers: the same however they are laid out and commented."""
+    return hashlib.sha256(json.dumps(_numbers(_plain(parameters, effects)), sort_keys=True).encode()).hexdigest()
+
+
+def _plain(parameters: VehicleParameters, effects: Effects) -> dict[str, Any]:
+    data = parameters.to_dict()
+    magnitudes = magnitudes_of(effects)
+    return data | ({"effects": magnitudes} if magnitudes else {})
+
+
+def _numbers(data: dict[str, Any]) -> dict[str, Any]:
+    """With all numbers as floats: 1500 and 1500.0 are the same."""
+    return {
+        key: _numbers(value) if isinstance(value, dict) else value if isinstance(value, str) else float(value)
+        for key, value in data.items()
+    }
+
+
+def stated_tolerances(path: str | Path) -> frozenset[str]:
+    """Names of the tolerances that a vehicle file states; the others have `Tolerance`'s defaults."""
+    data: Any = vehicle_data(path)
+    return frozenset(str(name) for name in (data.get("tolerance") or {}))

@@ -1,0 +1,74 @@
+"""`drift-drake choose`: which model may drive a car at its limits, asked of its logs."""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from drift_drake.car.double_track.car_file import write_double_track
+from drift_drake.car.effects.magnitudes import magnitudes_of
+from drift_drake.car.log.table import read_case, run_paths
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.common.interruption import ended_at_once
+from drift_drake.common.safe_files import try_outputs
+from drift_drake.common.standard_output import progress_bar, said_to, write_results
+from drift_drake.gap.choose.usable_drives import check_drives
+
+if TYPE_CHECKING:
+    from drift_drake.gap.choose.identified import IdentifiedCar
+
+
+@dataclasses.dataclass(frozen=True)
+class Choose:
+    """Say which model may drive a car at its limits, by its logs: the car that they identify, or the learnt one.
+
+    drift-drake choose logs/monday --vehicle car.yaml --out identified.yaml
+    """
+
+    logs: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS")]
+    """Run CSV, or case folder, of lively drives in which the tyres slide for a part of the time."""
+    vehicle: Path | None = None
+    """Vehicle file, a first guess; its effects are identified anew (without: the shipped coupe's)."""
+    out: Path | None = None
+    """Where to write the identified car, as a vehicle file that 'drive --model known' takes."""
+    json: Path | None = None
+    """Where to write the choice, as JSON (-: standard output)."""
+    quiet: bool = False
+    """No progress bar."""
+
+
+def run_choose(command: Choose) -> None:
+    if command.vehicle is not None:
+        read_vehicle(command.vehicle)
+    inputs = [path for path in (command.vehicle, *run_paths(command.logs)) if path is not None]
+    try_outputs({"--out": command.out, "--json": command.json}, inputs)
+    check_drives(read_case(command.logs), command.logs)
+    with ended_at_once():
+        from drift_drake.gap.choose.choose import choose
+
+    with progress_bar(command.quiet) as show:
+        choice = choose(command.logs, command.vehicle, progress=show)
+    car = choice.found.car
+    print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
+    if command.out is not None:
+        said = "not written, since no car was identified: give some nine seconds of lively driving"
+        if car is not None:
+            write_identified(command.out, car)
+            said = "the car that the logs identify"
+        print(f"{command.out}: {said}", file=said_to(command.json))
+    write_results(command.json, {
+        "believed": choice.believed, "forecast_error": choice.found.error, "limit": choice.limit,
+        "doubts": choice.found.doubts, "beyond": choice.beyond, "remarks": choice.remarks,
+        "tracks": car and (1 if isinstance(car.vehicle, VehicleParameters) else 2),
+        "vehicle": car and car.vehicle, "effects": car and magnitudes_of(car.effects),
+    })  # fmt: skip
+
+
+def write_identified(path: Path, car: "IdentifiedCar") -> None:
+    """Writes a vehicle file of the car, of one track or two."""
+    if isinstance(car.vehicle, VehicleParameters):
+        write_vehicle(path, car.vehicle, car.effects)
+    else:
+        write_double_track(path, car.vehicle, car.effects)

@@ -1,0 +1,97 @@
+"""`drift-drake drive`: the closed loop on a reference."""
+
+import contextlib
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from drift_drake.car.double_track.car_file import read_either
+from drift_drake.common.errors import InvalidOptionError, OutputError
+from drift_drake.common.interruption import ended_at_once
+from drift_drake.common.safe_files import alone_in, try_outputs
+from drift_drake.common.standard_output import said_to, write_results
+
+MonitorPolicy = Literal["off", "watch", "correct", "slow", "correct_or_slow", "forget"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DriveOptions:
+    """What is driven with which model, and what a run leaves behind."""
+
+    vehicle: Path | None = None
+    """The car (YAML), of one track or two (`double_track:`); `effects:` in it act too. Without, the default coupe or,
+    on the double-track plant, the single-track car nearest to it."""
+    plant: Literal["single_track", "double_track"] = "single_track"
+    """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
+    model: Literal["nominal", "known", "prior", "online", "offset_free"] = "nominal"
+    """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
+    (known); or the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
+    too), or adapting with what its belief leaves over as an offset."""
+    radius: float | None = None
+    """[m] of the circles; without, 18 m for a car of the default coupe's size, in proportion to the wheelbase (as are
+    the other lengths; speeds follow, with its root)."""
+    transition: float | None = None
+    """[m] from one drift to the next; 20 m for the default coupe."""
+    sideslip: float = 0.6
+    """[rad] of the drifts."""
+    half_width: float | None = None
+    """[m] of the lane to either side; 3 m for the default coupe."""
+    seed: int = 0
+    """Of the sensors' noise."""
+    fault: tuple[str, ...] = ()
+    """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
+    dropout, nan, freeze, spike, bias, delay, jitter, hold, drift (of the measured state), solver_failure, lost_plans,
+    late_plans, clock_drift, saturated, steering_stuck, torque_stuck, torque_lost (the actuators), friction_patch."""
+    monitor: MonitorPolicy = "off"
+    """Watch for changes of the car against its simulator (events.jsonl in the folder), and what follows: nothing
+    (watch); the named cause is taken into the nominal model, or off the readings (correct); the lane is driven slowly
+    until the simulator is believed again (slow), or until that (correct_or_slow); or a model that adapts forgets the
+    car that it learnt (forget)."""
+    out: Path | None = None
+    """New folder for the results; runs/closed_loop-DATE-TIME without."""
+    graph: bool = False
+    """Only draw the block diagram (closed_loop.svg and .png in the folder); needs the extra `graph`."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ClosedLoopDrive(DriveOptions):
+    """Drive a reference under model predictive control, and leave numbers, pictures and a 3D replay in a folder.
+
+    drift-drake drive figure_8
+
+    drift-drake drive figure_8 --vehicle corrected.yaml --model online --out drive
+
+    The car starts half a metre and 0.1 rad of sideslip off the reference, with sensor noise. The controller knows the
+    vehicle file but not its effects, unless it is told (--model known).
+    """
+
+    reference: tyro.conf.Positional[Literal["figure_8", "loops"]]
+    """What to drive: drifts in both directions, or the same loop over and over, entered from grip."""
+    json: Path | None = None
+    """Where to write the folder's name and the run's numbers as JSON (-: standard output)."""
+
+
+def run_drive(command: ClosedLoopDrive) -> None:
+    """`drift-drake drive`.
+
+    Raises:
+        InvalidVehicleError: names the file, the key and the remedy.
+        InvalidOptionError: a fault that cannot be read, a negative seed, or a policy that the model cannot take.
+        OutputError: the folder holds files already, or cannot be written to.
+    """
+    if command.seed < 0:
+        raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
+    if command.vehicle is not None:
+        read_either(command.vehicle)
+    try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
+    with contextlib.nullcontext() if command.out is None else alone_in(command.out):
+        if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):
+            raise OutputError(f"--out {command.out}: holds files already; give a new folder")
+        with ended_at_once():
+            from drift_drake.cli.drive_run import ClosedLoopConfig, main
+
+        options = {field.name: getattr(command, field.name) for field in dataclasses.fields(command)}
+        del options["json"]
+        write_results(command.json, main(ClosedLoopConfig(**options), said_to(command.json)))

@@ -1,0 +1,125 @@
+"""`drift-drake identify`: a car's logs and a first guess of it to a calibrated vehicle file."""
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from drift_drake.car.compilation import say_if_it_compiles
+from drift_drake.car.log.table import case_paths
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.common.errors import significant, unit_suffix
+from drift_drake.common.interruption import ended_at_once
+from drift_drake.common.safe_files import try_outputs, write_text
+from drift_drake.common.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
+
+if TYPE_CHECKING:
+    from drift_drake.gap.identification.calibration import Identification, Parameter
+
+
+@dataclasses.dataclass(frozen=True)
+class Identify:
+    """Calibrate a vehicle file on logs: parameters, tolerances, lags, and what the logs cannot identify.
+
+    drift-drake identify logs/monday logs/tuesday --vehicle start.yaml --out car.yaml --json car.json --report car.html
+
+    Calibrate a simulator before its gap is diagnosed (`drift-drake diagnose`). LOGS are folders of runs
+    (run_0.csv, run_1.csv, ...) of one car, one for each day. Tolerances that the vehicle file states are believed,
+    times two; parameters without one get broad priors.
+    """
+
+    logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOGS")]
+    """Folders of runs, one for each day."""
+    vehicle: Path
+    """First guess of the car (YAML)."""
+    out: Path | None = None
+    """Where to write the calibrated vehicle file."""
+    json: Path | None = None
+    """Where to write estimates, intervals and correlations as JSON (-: standard output)."""
+    report: Path | None = None
+    """Where to write an HTML report."""
+    known: tuple[str, ...] = KNOWN
+    """Parameters whose tolerance in the vehicle file is believed; the others get broad priors."""
+    effects: tuple[str, ...] = EFFECTS
+    """Effects that may belong to the car, beside those in the vehicle file."""
+    criterion: Criterion = "auto"
+    """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
+    second ahead; auto lets the logs choose, and says so."""
+    force: bool = False
+    """Calibrate and write the files also on logs that are too gentle, where a known parameter comes out far from what
+    is known of it, or where held-out parts are predicted worse than by the first guess."""
+    quiet: bool = False
+    """No progress bar."""
+
+
+def run_identify(command: Identify) -> None:
+    read_vehicle(command.vehicle)
+    outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
+    logs = [path for folder in command.logs for path in case_paths(folder)]
+    try_outputs(outputs, [command.vehicle, *logs])
+    with ended_at_once():
+        from drift_drake.gap.estimation.filter import filter_run
+        from drift_drake.gap.identification.from_logs import identify
+    say_if_it_compiles(filter_run, "the filter")
+    with progress_bar(command.quiet) as show:
+        found = identify(
+            command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,
+            force=command.force, watching=command.json is not None, progress=show,
+        )  # fmt: skip
+    print(summary(found, command.json), file=said_to(command.json))
+    if found.calibration.held_out.ratio > 1.0 and not command.force:
+        print("nothing is written; --force writes the files nevertheless", file=sys.stderr)
+        return
+    if command.out is not None:
+        write_vehicle(command.out, found.vehicle, found.effects)
+    if command.json is not None:
+        write_results(command.json, found.calibration)
+    if command.report is not None:
+        from drift_drake.gap.identification.report import report_html  # plotly is slow to import
+        from drift_drake.view.pages.page import Source
+
+        said = command_line("identify", command, "logs")
+        calibration = None if command.json == STANDARD_OUTPUT else command.json
+        vehicle_file = command.out or command.vehicle
+        folder = command.logs[0] if len(command.logs) == 1 else None  # of several, the command says which
+        write_text(command.report, report_html(found, Source(said, folder, vehicle_file, calibration)))
+
+
+def summary(found: "Identification", json: Path | None = None) -> str:
+    """The calibration in sentences; `json` is where it goes."""
+    from drift_drake.gap.identification.outlook import sentences as outlook_sentences
+
+    c = found.calibration
+    lines = [c.sentence()]
+    for name, p in c.parameters.items():
+        lines.append(f"  {name:<30}{row(p, name in c.disagreed)}")
+    if c.left_out:
+        lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
+    lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
+    lines += [f"Not identified: {name} (recordings disagree, {who} the most)." for name, who in c.disagreed.items()]
+    lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
+    where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
+    if c.driving is not None:
+        lines += [f"{sentence}." for sentence in outlook_sentences(c.outlook, c.driving.recordings)]
+        lines += [f"Not shown well: {one.sentence()}." for one in c.driving.missing() if not one.grave]
+    if c.normal is not None:
+        lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
+        return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
+    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
+    lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
+    if c.everyday is not None:
+        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its persistent model mismatch: "
+                     f"--calibration {where}")  # fmt: skip
+    return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
+
+
+def row(p: "Parameter", disagreed: bool = False) -> str:
+    """Estimate, interval and first guess of one parameter; disagreed: the recordings ask for different values."""
+    unit = unit_suffix(p.unit)
+    note = {"known": ", held by its tolerance", "unseen": ", kept: not shown by these drives"}.get(p.kind, "")
+    note += "; recordings disagree" if disagreed else ""
+    estimate, low, high, start = (significant(value, 4) for value in (p.estimate, p.low, p.high, p.start))
+    return f"{estimate}{unit} (95 %: {low} to {high}; first guess {start}{note})"

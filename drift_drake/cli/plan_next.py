@@ -1,0 +1,59 @@
+"""`drift-drake plan-next`: the drive that distinguishes rival hypotheses."""
+
+import dataclasses
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from drift_drake.car.compilation import say_if_it_compiles
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.common.interruption import ended_at_once
+from drift_drake.common.safe_files import try_outputs
+from drift_drake.common.standard_output import said_to, write_results
+from drift_drake.gap.diagnosis.answers.answer import read_answer
+from drift_drake.gap.diagnosis.answers.provenance import check_diagnosed
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanNext:
+    """Plan the drive that distinguishes an answer's rival hypotheses best, within a straight lane.
+
+    drift-drake plan-next answer.json --vehicle car.yaml --out plan.csv
+    """
+
+    answer: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="ANSWER")]
+    """Answer of `drift-drake diagnose --json`."""
+    vehicle: Path
+    """The vehicle file that was diagnosed."""
+    out: Path = Path("plan.csv")
+    """Where to write the plan: commands at 100 Hz and the states that they are expected to lead to."""
+    v_start: float = 7.5
+    """Speed at the start [m/s]."""
+    v_end: float = 20.0
+    """Speed that the drive is led towards [m/s]."""
+    half_width: float = 3.0
+    """Of the lane [m]."""
+    json: Path | None = None
+    """Where to write the evidence that the drive is expected to bring, as JSON (-: standard output)."""
+
+
+def run_plan_next(command: PlanNext) -> None:
+    answer = read_answer(command.answer)
+    vehicle, own = read_vehicle(command.vehicle)
+    if warning := check_diagnosed(answer, vehicle, own, command.vehicle):
+        print(f"warning: {warning}", file=sys.stderr)
+    try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
+    with ended_at_once():
+        from drift_drake.drive.qp.interior_point import attempt
+        from drift_drake.gap.next_drive.foresight import beliefs_of
+        from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer
+
+    lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
+    beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
+    say_if_it_compiles(attempt, "the plans' solver")
+    drive = plan_from_answer(answer, vehicle, lane, own)
+    drive.write(command.out)
+    print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))
+    write_results(command.json, drive.expectations())

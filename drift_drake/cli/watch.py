@@ -1,0 +1,77 @@
+"""`drift-drake watch`: changes of the car against its simulator during a drive, reported as the log's rows come."""
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from drift_drake.car.log.table import InvalidLogError
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.interruption import ended_at_once
+from drift_drake.common.plain_files import check_file
+from drift_drake.common.safe_files import try_outputs
+from drift_drake.common.standard_output import STANDARD_OUTPUT, said_to, write_text
+
+
+@dataclasses.dataclass(frozen=True)
+class Watch:
+    """Watch a drive row by row: when the car began to differ from its simulator, and which effect explains it.
+
+    drift-drake watch logs/monday/run_0.csv --vehicle car.yaml --json events.jsonl
+    """
+
+    log: tyro.conf.Positional[Path]
+    """One run in the log format (CSV, .csv.gz or Parquet), with torque commands."""
+    vehicle: Path
+    """What the simulator believes of the car (YAML)."""
+    calibration: Path | None = None
+    """What 'identify --json' wrote of this car, so that what is normal for it is no change."""
+    json: Path | None = None
+    """Where to write the events, one JSON object a line (-: standard output)."""
+    page: Path | None = None
+    """Where to draw the probabilities and list the events (HTML). With --follow, an open page loads itself anew."""
+    follow: bool = False
+    """Wait for further rows: the log (a CSV) is still being written. Events are then written as they come."""
+    idle: float = 0.0
+    """With --follow: end after so many seconds without a new row; 0: never."""
+
+
+def run_watch(command: Watch) -> None:
+    read_vehicle(command.vehicle)
+    if not 0.0 <= command.idle < math.inf:
+        raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
+    check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
+    inputs = [command.log, command.vehicle, *([command.calibration] if command.calibration else [])]
+    try_outputs({"--json": command.json, "--page": command.page}, inputs)
+    with ended_at_once():
+        from drift_drake.gap.monitoring.monitor import sentence
+        from drift_drake.gap.monitoring.watch_log import watch
+
+    reported: list[Mapping[str, Any]] = []
+
+    def tell(events: Sequence[Mapping[str, Any]]) -> None:
+        for event in events:
+            print(sentence(event), file=said_to(command.json), flush=True)
+        reported.extend(events)
+        if command.json is not None and command.follow:
+            write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
+            sys.stdout.flush()
+
+    seen = watch(
+        command.log, command.vehicle, command.calibration, follow=command.follow, idle=command.idle, page=command.page,
+        tell=tell,
+    )  # fmt: skip
+    if not reported:
+        print(f"{command.log}: {seen.sentence()}", file=said_to(command.json))
+    if command.json is not None and not (command.follow and reported):
+        write_text(command.json, _lines(reported))
+
+
+def _lines(events: Sequence[Mapping[str, Any]]) -> str:
+    return "".join(json.dumps(event) + "\n" for event in events)

@@ -1,1 +1,0 @@
-"""`drift-drake demo` and `drift-drake init`: what a new user begins with."""

@@ -1,0 +1,199 @@
+"""How good a learnt model is on vehicles it has not seen: errors, rollouts, calibration, against adaptation points."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.common.arrays import Array
+from drift_drake.drive.learnt.bayesian_step import BayesianStepModel, PathStep, regression_points
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.features import STATE_COUNT
+from drift_drake.drive.learnt.posterior import Posterior, predict, update_all
+from drift_drake.drive.learnt.samples import Samples, concatenate
+
+SAMPLE_WEIGHTS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
+ADAPTED_TO = (10, 100)  # samples, after which a weight is judged
+GAUSSIAN_COVERAGE = (0.6827, 0.9545, 0.9973)  # of 1, 2 and 3 sigma
+
+
+class Stepper(Protocol):
+    """Anything that steps the six states, or them and the lagged commands, over an array of points."""
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        """x_next [n, 6 or 8] for x [n, 8]."""
+
+
+class Split(NamedTuple):
+    """One vehicle's samples: those it may adapt to, in the order driven, and the drives it is judged by."""
+
+    adaptation: Samples
+    judged: list[Samples]
+
+
+def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
+    """Whole drives for adaptation until `points` samples are there; the other drives judge.
+
+    Args:
+        samples: of one vehicle; rotation: which drive comes first.
+
+    Raises:
+        ValueError: the vehicle's drives are too few for both.
+    """
+    drives = samples.drives()
+    rotation %= len(drives)
+    drives = drives[rotation:] + drives[:rotation]
+    counts = np.cumsum([len(drive.x) for drive in drives])
+    used = int(np.searchsorted(counts, points)) + 1
+    if used >= len(drives):
+        raise ValueError(f"{counts[-1]} samples in {len(drives)} drives are too few to adapt to {points} and judge")
+    adaptation = concatenate(drives[:used])
+    return Split(adaptation.where(np.arange(points)), drives[used:])
+
+
+def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
+    """The belief after samples."""
+    phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
+    return update_all(belief, model.sigma, phi, y, model.sample_weight)
+
+
+def adapted(model: BayesianModel, samples: Samples) -> Posterior:
+    """The model's posterior after samples."""
+    return learn(model, model.prior(), samples)
+
+
+def standardized_errors(model: BayesianModel, posterior: Posterior, samples: Samples) -> tuple[Array, Array]:
+    """One-step (errors [n, 4], predicted standard deviations [n, 4]) of the learnt states."""
+    phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
+    prediction = predict(posterior, model.sigma, phi)
+    return y - prediction.mean, np.sqrt(prediction.variance)
+
+
+def step_errors(model: Stepper, samples: Samples) -> Array:
+    """One-step errors [n, 6] of a model without uncertainty."""
+    x_next = model.step(samples.x, samples.u, samples.u_next, samples.curvature)
+    return samples.x_next[:, :6] - x_next[:, :6]
+
+
+def deviation_coverage(errors: Array, deviations: Array) -> Array:
+    """Share of errors within 1, 2 and 3 standard deviations, [3, 4] by state."""
+    ratio = np.abs(errors) / deviations
+    return np.stack([np.mean(ratio <= k, axis=0) for k in (1.0, 2.0, 3.0)])
+
+
+def mean_nll(errors: Array, deviations: Array) -> float:
+    """Mean of error^2 / Sigma + log Sigma over samples, summed over states: the training objective per sample."""
+    return float(np.mean(np.sum((errors / deviations) ** 2 + 2.0 * np.log(deviations), axis=1)))
+
+
+def rollout_errors(model: Stepper, drives: list[Samples], steps: int, every: int = 5) -> Array:
+    """Errors [n, 6] after `steps` steps under the recorded commands, from a start at every `every`-th sample.
+
+    The model is fed its own predictions; only its first state is measured. Starts too near the end of their drive for
+    the whole rollout are left out.
+    """
+    first, starts = 0, list[int]()
+    for drive in drives:
+        starts += range(first, first + len(drive.x) - steps + 1, every)
+        first += len(drive.x)
+    if not starts:
+        return np.empty((0, 6))
+    samples, rows = concatenate(drives), np.array(starts)
+    x = samples.x[rows]
+    for step in range(steps):
+        x = model.step(x, samples.u[rows + step], samples.u_next[rows + step], samples.curvature[rows + step])
+    return samples.x_next[rows + steps - 1, :6] - x[:, :6]
+
+
+def predicted_windows(
+    model: Stepper, x: Array, commands: Array, starts: NDArray[np.intp], stride: int, steps: int
+) -> Iterator[Array]:
+    """States [windows, 8] after each of so many steps along a log on a straight path, its commands known.
+
+    Args:
+        x: at the starts [windows, 8]; commands: of the log [rows, 2]; starts: rows [windows]; stride: rows of a step.
+    """
+    for step in range(steps):
+        rows = starts + step * stride
+        x = model.step(x, commands[rows], commands[rows + stride], np.zeros(len(x)))
+        yield x
+
+
+def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
+    """The one-step model of a posterior's mean."""
+    return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step)
+
+
+def choose_sample_weight(model: BayesianModel, samples: Samples) -> float:
+    """The weight of a sample, for all states, with which the model predicts other drives of the same vehicles best.
+
+    Each vehicle adapts to its first drives and is judged by the others (each of its drives coming first once); the
+    objective is the mean of error^2 / Sigma + log Sigma after each of `ADAPTED_TO` samples.
+    """
+    splits = []
+    for vehicle in np.unique(samples.vehicle):
+        own = samples.of_vehicle(vehicle)
+        splits += [split_vehicle(own, max(ADAPTED_TO), rotation) for rotation in range(len(own.drives()))]
+    losses = []
+    for weight in SAMPLE_WEIGHTS:
+        weighted = dataclasses.replace(model, sample_weight=np.full(STATE_COUNT, weight))
+        total = 0.0
+        for split in splits:
+            judged = concatenate(split.judged)
+            for count in ADAPTED_TO:
+                posterior = adapted(weighted, split.adaptation.where(np.arange(count)))
+                total += mean_nll(*standardized_errors(weighted, posterior, judged))
+        losses.append(total)
+    return SAMPLE_WEIGHTS[int(np.argmin(losses))]
+
+
+def quality_by_points(model: BayesianModel, vehicles: list[Split], points: tuple[int, ...],
+          horizons: tuple[int, ...] = (5, 20)) -> dict[str, Any]:  # fmt: skip
+    """Quality against the number of adaptation points, pooled over vehicles.
+
+    Returns:
+        for each number of points: "rms" (one-step error by state), "nll", "coverage" (1, 2, 3 sigma by state), and for
+        each horizon "rollout_N" (RMS and median size of the error by state after N steps).
+    """
+    result: dict[str, Any] = {}
+    for count in points:
+        errors, deviations = [], []
+        rollouts: dict[int, list[Array]] = {steps: [] for steps in horizons}
+        for split in vehicles:
+            posterior = adapted(model, split.adaptation.where(np.arange(count)))
+            error, deviation = standardized_errors(model, posterior, concatenate(split.judged))
+            errors.append(error)
+            deviations.append(deviation)
+            for steps in horizons:
+                rollouts[steps].append(rollout_errors(step_model(model, posterior), split.judged, steps))
+        error, deviation = np.concatenate(errors), np.concatenate(deviations)
+        result[str(count)] = {
+            "rms": np.sqrt(np.mean(error**2, axis=0)).tolist(),
+            "nll": mean_nll(error, deviation),
+            "coverage": deviation_coverage(error, deviation).tolist(),
+            **{f"rollout_{steps}": rollout_summary(rollouts[steps]) for steps in horizons},
+        }
+    return result
+
+
+def judge_stepper(model: Stepper, vehicles: list[Split], horizons: tuple[int, ...] = (5, 20)) -> dict[str, Any]:
+    """The same errors of a model that neither adapts nor knows its uncertainty."""
+    error = np.concatenate([step_errors(model, concatenate(split.judged)) for split in vehicles])
+    return {
+        "rms": np.sqrt(np.mean(error[:, :STATE_COUNT] ** 2, axis=0)).tolist(),
+        **{
+            f"rollout_{steps}": rollout_summary([rollout_errors(model, split.judged, steps) for split in vehicles])
+            for steps in horizons
+        },
+    }
+
+
+def rollout_summary(parts: list[Array]) -> dict[str, list[float]]:
+    """RMS and median size of rollout errors by state; one rollout into a spin can carry an RMS alone."""
+    error = np.concatenate(parts)
+    return {
+        "rms": np.sqrt(np.mean(error**2, axis=0)).tolist(),
+        "median": np.median(np.abs(error), axis=0).tolist(),
+    }

@@ -1,0 +1,116 @@
+"""What follows the car beside the controller: the learnt model's adapter and detector, and a model's own states."""
+
+from typing import NamedTuple
+
+from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort, System
+
+from drift_drake.car.step_model import StepModel
+from drift_drake.drive.learnt.adapter import BayesianAdapter
+from drift_drake.drive.learnt.command_lag import CommandLag
+from drift_drake.drive.learnt.out_of_distribution import OutOfDistributionDetector
+from drift_drake.drive.mpc.controller import Controller, MpcController
+from drift_drake.drive.mpc.tightening import LaneTightening
+
+
+def lane_tightening(
+    kappa: float, adapter: BayesianAdapter | None, detector: OutOfDistributionDetector | None
+) -> LaneTightening | None:
+    """What narrows the lane by `kappa` standard deviations of the adapter's belief; None where it is not narrowed.
+
+    Raises:
+        ValueError: a detector, or a tightened lane, without an adapter.
+    """
+    if adapter is None:
+        for what, wanted in (("the lane is tightened", kappa > 0.0), ("a detector judges", detector is not None)):
+            if wanted:
+                raise ValueError(f"{what} by an adapter's belief; give an adapter too (perhaps a frozen one)")
+        return None
+    return LaneTightening(adapter.model.sigma, kappa) if kappa > 0.0 else None
+
+
+class Learners(NamedTuple):
+    """A controller's model and what learns it while it drives."""
+
+    model: StepModel | None
+    adapter: BayesianAdapter | None
+    detector: OutOfDistributionDetector | None
+    tightening: LaneTightening | None
+
+    @property
+    def theta_size(self) -> int:
+        """Length of what the adapter gives the model; 0 without one."""
+        return 0 if self.adapter is None else self.adapter.GetOutputPort("parameters").size()
+
+    def connect(
+        self,
+        builder: DiagramBuilder,
+        controller: MpcController,
+        measured_state: OutputPort,
+        command: OutputPort,
+        theta: OutputPort | None,
+        trusted: OutputPort | None = None,
+    ) -> None:
+        """Adds the adapter, whose belief the controller plans with, the detector, which watches it, and the observer.
+
+        Args:
+            theta: what a correction gives the model, if there is one; trusted: of the monitor, if the adapter is to
+                forget what it learnt of another car.
+
+        Raises:
+            ValueError: nothing forgets.
+        """
+        if trusted is not None and self.adapter is None:
+            raise ValueError("it is an adapter that forgets; give one, or another policy than forget")
+        for name, system in (("adapter", self.adapter), ("detector", self.detector)):
+            if system is not None:
+                builder.AddNamedSystem(name, system)
+                builder.Connect(measured_state, system.GetInputPort("measured_state"))
+                builder.Connect(command, system.GetInputPort("command"))
+        if theta is not None:
+            builder.Connect(theta, controller.GetInputPort("theta"))
+        if self.adapter is not None:
+            self._connect_belief(builder, controller, self.adapter)
+            if trusted is not None:
+                builder.Connect(trusted, self.adapter.GetInputPort("trusted"))
+        ports = {"measured_state": measured_state, "command": command, "theta": theta}
+        self._connect_observer(builder, controller, ports)
+
+    def _connect_belief(self, builder: DiagramBuilder, controller: MpcController, adapter: BayesianAdapter) -> None:
+        builder.Connect(adapter.GetOutputPort("parameters"), controller.GetInputPort("theta"))
+        if self.tightening is not None:
+            covariance = adapter.GetOutputPort("posterior_covariance")
+            builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
+        if self.detector is not None:
+            for name in ("parameters", "posterior_covariance"):
+                builder.Connect(adapter.GetOutputPort(name), self.detector.GetInputPort(name))
+
+    def _connect_observer(
+        self, builder: DiagramBuilder, controller: MpcController, ports: dict[str, OutputPort | None]
+    ) -> None:
+        """Adds the observer of the model's own states, for a model that has any; `ports`: that it may ask for."""
+        observer: LeafSystem | None
+        if self.adapter is not None:
+            observer = CommandLag(controller.period, self.adapter.lags)
+        else:
+            observer = None if self.model is None else self.model.observer(controller.period)
+        if observer is None:
+            return
+        builder.AddNamedSystem("observer", observer)
+        for name, port in ports.items():
+            if port is not None and observer.HasInputPort(name):
+                builder.Connect(port, observer.GetInputPort(name))
+        memory = observer.get_output_port()
+        if self.adapter is not None:
+            builder.Connect(memory, self.adapter.GetInputPort("lagged_command"))
+            memory = self.adapter.GetOutputPort("memory")
+        builder.Connect(memory, controller.GetInputPort("memory"))
+        if self.detector is not None:
+            builder.Connect(memory, self.detector.GetInputPort("lagged_command"))
+
+
+def check_planner(learners: Learners, controller: Controller | System | None) -> None:
+    """Raises ValueError unless one thing alone plans: a model (with an adapter or without) or a controller."""
+    if (learners.model is None) == (controller is None):
+        raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")
+    if controller is not None and learners.adapter is not None:
+        raise ValueError("an adapter learns the predictive controller's model; a controller of your own has none")

@@ -1,0 +1,249 @@
+"""Model predictive control as a plain object: a plan from a state, by real-time iterations on the OCP."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import StepModel
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
+from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
+from drift_drake.drive.mpc.plan import DT, Plan
+from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
+from drift_drake.drive.mpc.tightening import LaneTightening, lateral_deviation, tightened
+from drift_drake.drive.reference.trajectory import Reference
+
+FOLLOWED = 2.0
+LOOK = 0.2  # [s] from one plan from a fresh guess to the next
+CHEAPER = 0.9  # of the cost: less is another solution, more may be the same one, less converged
+STUCK = 0.05  # share of the QP's step that the line search takes, below which the solution leads no further
+
+
+class NoPlanError(DriftDrakeError, RuntimeError):
+    """A state from which no plan was found; the message says why."""
+
+
+class SolveStatistics(NamedTuple):
+    """One solve in numbers. `seconds` is wall time: the one number that does not replay."""
+
+    cost: float
+    primal_residual: float
+    dual_residual: float
+    step: float  # of the last line search; 0 when it failed
+    iterations: float  # SQP iterations
+    qp_iterations: float  # of all QPs together
+    qp_fallbacks: float  # QPs that took a second attempt
+    qp_unsolved: float  # QPs that no attempt solved
+    slack: float  # [m] the largest planned excursion from the lane
+    restart: float  # 1 while a plan from a fresh guess is worked out beside, `FOLLOWED` once it is the plan
+    failed: float  # 1 if this solve failed
+    failures: float  # solves that failed since the start
+    seconds: float
+
+
+class PlanBeside(NamedTuple):
+    """A plan from a fresh guess that is being worked out."""
+
+    primal: Array
+    dual: Array
+    turned: float  # 1 where it began with the steering at the other lock, 0 where with the reference's
+
+    def vector(self) -> Array:
+        """All of it, as a system keeps it."""
+        return np.concatenate([self.primal, self.dual, [self.turned]])
+
+
+class MpcSolution(NamedTuple):
+    """A plan, what it was found with, and what the next solve starts from."""
+
+    plan: Plan
+    x: Array  # predicted states [N+1, n]
+    primal: Array  # decision vector
+    dual: Array  # multipliers
+    statistics: SolveStatistics
+    beside: PlanBeside | None = None
+
+
+class Mpc:
+    """Plans along a reference; holds nothing between solves that a later one depends on.
+
+        mpc, solution = Mpc(model, parameters, reference), None
+        solution = mpc.solve(x, s, t, solution)  # over and over; solution.plan.command(t) is to be applied
+
+    Each solve predicts the state to the time at which the plan will be in force (`delay` later), sets the OCP up from
+    there with the command that the last plan has for that time as u_0, and makes SQP steps from the last solution,
+    shifted: one, and up to `options.max_iterations` while the defect of the dynamics is above its tolerance. Each is
+    taken only if the merit function is below that of the last plan, shifted to now and judged by the model of now;
+    where no step is, that plan is the new one. If a later iteration fails, the plan is that of the steps before.
+
+    An OCP of a drift has other local optima, such as a front tyre that slides at full lock to the inside, and the
+    solution followed may slip into one as a transition comes into the horizon or the belief moves. So every `LOOK`
+    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside,
+    with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER` times
+    what the other does, and dropped if not. The guess is the reference's states and inputs. In every other `LOOK`, once
+    that is dropped, and where it does not hold within one, it is the same with the steering at the other lock than now:
+    on a car whose front tyre slides in the drift wanted the reference's inputs lead back to the lock.
+
+    Attributes:
+        problem: the OCP, a MathematicalProgram.
+
+    Args:
+        model: one step of the car, as the controller believes it.
+        parameters: for the limits of the inputs.
+        reference: what to drive.
+        horizon: N, steps of 0.1 s.
+        weights: of the cost.
+        options: of the solver; real-time iterations by default.
+        delay: [s] from a measurement until its plan is in force.
+        initial_command: (delta [rad], tau [N m]) in force before the first plan.
+        tightening: narrows the lane by the model's uncertainty along the last solution; needs a learnt model.
+    """
+
+    def __init__(
+        self,
+        model: StepModel,
+        parameters: VehicleParameters,
+        reference: Reference,
+        horizon: int = 25,
+        weights: OcpWeights | None = None,
+        options: SqpOptions | None = None,
+        delay: float = 0.01,
+        initial_command: tuple[float, float] = (0.0, 0.0),
+        tightening: LaneTightening | None = None,
+    ) -> None:
+        self.model, self.reference, self.horizon, self.delay = model, reference, horizon, delay
+        self.problem = OptimalControlProblem(model, parameters, horizon, weights)
+        self._initial_command = np.array(initial_command, dtype=float)
+        self._steering_limit = parameters.steering_limit
+        self.tightening = tightening
+        self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
+
+    @property
+    def multiplier_count(self) -> int:
+        """Length of a solution's `dual`."""
+        return self._solver.multiplier_count
+
+    def solve(
+        self,
+        x: Array,
+        s: float,
+        t: float,
+        last: MpcSolution | None = None,
+        model: StepModel | None = None,
+        covariance: Array | None = None,
+    ) -> MpcSolution:
+        """The plan from a state.
+
+        Args:
+            x: (r, v, beta, omega_r, e, dphi) and the model's further states [n]; s: [m] along the path; t: now [s].
+            last: the solution before this one, to go on from.
+            model: what is believed now; without, what it was built with.
+            covariance: of a learnt model's last layer [64, 64], with `tightening`.
+
+        Raises:
+            NoPlanError: a state that is not finite, or the first QP failed.
+        """
+        if not (np.isfinite(x).all() and np.isfinite(s)):
+            raise NoPlanError("the state is not finite; the last plan goes on")
+        model = model or self.model
+        self.problem.dynamics.model = model
+        start = t + self.delay
+        now, at_start, later = (self._command(last, at) for at in (t, start, t + DT))
+        curvature = np.atleast_1d(self.reference.path.curvature(s))
+        step = model.step(x[None], now[None], later[None], curvature)[0] - x
+        data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
+        beside, look = None, False
+        if last is None:
+            guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
+        else:
+            gone = (start - last.plan.start) / DT
+            guess, dual = self._shifted(last.primal, gone, data), last.dual
+            beside = last.beside and last.beside._replace(primal=self._shifted(last.beside.primal, gone, data))
+            look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
+        self.problem.set(self._tightened(covariance, model, data, guess))
+        first = self._solver.solve(guess, dual, 1 if beside else None)
+        if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
+            raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
+        result, beside, restart, seconds = self._or_from_afresh(first, beside, data, start, look)
+        solution = self.problem.unstack(result.z)
+        statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
+        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, beside)
+
+    def _or_from_afresh(
+        self, result: SqpResult, beside: PlanBeside | None, data: OcpData, start: float, look: bool
+    ) -> tuple[SqpResult, PlanBeside | None, float, float]:
+        """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
+        seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(beside is not None)
+        if beside is not None:
+            other = self._solver.solve(beside.primal, beside.dual, 1)
+            seconds += sum(iteration.seconds for iteration in other.iterations)
+            if other.status == "feasible" and other.cost < CHEAPER * result.cost:
+                return other, None, FOLLOWED, seconds
+            done = other.failed or other.status in ("feasible", "line search failed")
+            if done and not beside.turned and math.floor(start / LOOK) % 2:
+                return result, self._fresh_guess(data, True), 1.0, seconds
+            beside = None if done else PlanBeside(other.z, other.y, beside.turned)
+        if look or (beside is None and result.iterations[-1].step < STUCK):
+            return result, self._fresh_guess(data, beside is not None and not beside.turned), 1.0, seconds
+        return result, beside, restart, seconds
+
+    def _fresh_guess(self, data: OcpData, turned: bool) -> PlanBeside:
+        """What a plan beside begins with: the reference, perhaps with the steering at the other lock."""
+        guess = self.problem.first_guess(data)
+        if turned:
+            x, u, slack = self.problem.unstack(guess)
+            u[1:, 0] = -math.copysign(self._steering_limit, data.u_init[0])
+            guess = self.problem.stack(x, u, slack)
+        return PlanBeside(guess, np.zeros(self.multiplier_count), float(turned))
+
+    def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
+        """The data with the lane narrowed, where that is asked for."""
+        if self.tightening is None or covariance is None:
+            return data
+        assert isinstance(model, BayesianStepModel)  # of what else is there a covariance?
+        sigma, kappa = self.tightening
+        x, u, _ = self.problem.unstack(guess)
+        margin = kappa * lateral_deviation(model, sigma, covariance, x, u, data.curvature)
+        e_min, e_max = tightened(data.e_min, data.e_max, margin)
+        return data._replace(e_min=e_min, e_max=e_max)
+
+    def _data(self, x: Array, s: float, command: Array) -> OcpData:
+        horizon = self.reference.horizon(s, DT, self.horizon)
+        return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max, horizon.u_ref)
+
+    def _command(self, last: MpcSolution | None, t: float) -> Array:
+        """The command that the last plan, or the initial command before there is any, has for time t."""
+        return self._initial_command if last is None else last.plan.command(t)
+
+    def _shifted(self, primal: Array, steps: float, data: OcpData) -> Array:
+        """The last solution read `steps` (a fraction of one, as a rule) later, from the state and command of now."""
+        x, u, slack = self.problem.unstack(primal)
+        knots = np.arange(self.horizon + 1.0)
+        at = np.minimum(knots + steps, self.horizon)
+        index = np.minimum(at.astype(np.intp), self.horizon - 1)
+        part = (at - index)[:, None]
+        x, u = ((1.0 - part) * z[index] + part * z[index + 1] for z in (x, u))
+        x[0], u[0] = data.x_init, data.u_init
+        return self.problem.stack(x, u, slack)
+
+
+def _statistics(result: SqpResult, slack: float, restart: float, seconds: float) -> SolveStatistics:
+    iterations = result.iterations
+    return SolveStatistics(
+        cost=result.cost,
+        primal_residual=result.primal_residual,
+        dual_residual=iterations[-1].dual_residual,
+        step=iterations[-1].step,
+        iterations=float(len(iterations)),
+        qp_iterations=float(sum(iteration.qp_iterations for iteration in iterations)),
+        qp_fallbacks=float(sum(iteration.second_attempt for iteration in iterations)),
+        qp_unsolved=float(sum(iteration.qp_status != "solved" for iteration in iterations)),
+        slack=slack,
+        restart=restart,
+        failed=0.0,
+        failures=0.0,
+        seconds=seconds,
+    )

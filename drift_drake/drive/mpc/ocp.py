@@ -1,0 +1,252 @@
+"""The paper's optimal control problem (OCP) as a Drake MathematicalProgram, for any one-step vehicle model.
+
+    min   sum_{k<N} |x_k - x_ref,k|^2_Q + |u_k - u_{k+1}|^2_R  +  penalty sum_k slack_k
+    s.t.  x_{k+1} = f(x_k, u_k, u_{k+1}),  x_0 = x_init,  u_0 = the command in force,
+          u_min <= u_k <= u_max,  e_min,k - slack_k <= e_k <= e_max,k + slack_k,  slack_k >= 0,   k = 1..N.
+
+The lane is softened by an exact (l1) penalty: as long as the penalty exceeds the multiplier of the hard constraint, the
+solution is that of the hard problem wherever the hard problem is feasible, and the smallest total violation where it is
+not (Nocedal and Wright, section 17.2). So a start outside the lane is a problem with a solution.
+
+The program holds states and inputs divided by `STATE_SCALE` and `INPUT_SCALE`: all solvers, OSQP and IPOPT most,
+need numbers of order one. `stack` and `unstack` convert.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.solvers import MathematicalProgram
+
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, StepModel
+from drift_drake.common.arrays import Array
+from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.qp.stacked import StackedCost, StackedDynamics, StageCost, StageLayout
+from drift_drake.drive.reference.trajectory import Reference
+
+
+@dataclasses.dataclass(frozen=True)
+class OcpWeights:
+    """Diagonals of Q (per state) and R (per input), and the lane's penalty."""
+
+    r: float = 1.0  # [1/(rad/s)^2]
+    v: float = 0.1  # [1/(m/s)^2]
+    beta: float = 20.0  # [1/rad^2]
+    omega_r: float = 0.02  # [1/(m/s)^2]
+    e: float = 4.0  # [1/m^2]
+    dphi: float = 4.0  # [1/rad^2]
+    # Smooth steering: cars whose front tyre slides were lost with a third of it (chosen on the training population).
+    delta: float = 60.0  # [1/rad^2] of a change of steering over one step
+    tau: float = 5e-5  # [1/(N m)^2] of a change of torque over one step
+    lane_penalty: float = 100.0  # [1/m]
+
+    def state(self) -> Array:
+        """Diagonal of Q [6]."""
+        return np.array([self.r, self.v, self.beta, self.omega_r, self.e, self.dphi])
+
+    def input(self) -> Array:
+        """Diagonal of R [2]."""
+        return np.array([self.delta, self.tau])
+
+
+class OcpData(NamedTuple):
+    """What changes from one problem to the next."""
+
+    x_init: Array  # [n], n = 6 but for models with states of their own
+    u_init: Array  # [2], the command in force
+    x_ref: Array  # [N+1, 6] (the last row does not enter the cost)
+    curvature: Array  # [N] of the path [1/m]
+    e_min: Array  # [N+1] [m] (the first entry is not used)
+    e_max: Array  # [N+1] [m]
+    u_ref: Array | None = None  # [N+1, 2] that goes with x_ref, for the first guess alone
+
+
+class OcpSolution(NamedTuple):
+    """A trajectory over the horizon."""
+
+    x: Array  # [N+1, n]
+    u: Array  # [N+1, 2]
+    slack: Array  # [N], how far each stage leaves the lane [m]
+
+
+class OptimalControlProblem(MathematicalProgram):
+    """The OCP as a MathematicalProgram that Drake's solvers take, built once for a horizon; `set` changes its data.
+
+    Each cost and constraint says in its description what it is.
+
+    Attributes:
+        x, u, slack: its variables [N+1, n], [N+1, 2], [N]; states and inputs are scaled.
+        dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the program.
+        extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
+    """
+
+    def __init__(
+        self,
+        model: StepModel,
+        parameters: VehicleParameters,
+        horizon: int,
+        weights: OcpWeights | None = None,
+        extra_cost: StageCost | None = None,
+        extra_description: str = "extra cost",
+    ) -> None:
+        MathematicalProgram.__init__(self)
+        self.horizon = horizon
+        self.weights = weights or OcpWeights()
+        self.parameters = parameters
+        self.layout = StageLayout(model.memory_scale, horizon)
+        self.dynamics = StackedDynamics(model, self.layout)
+        self.extra_cost = StackedCost(extra_cost, self.layout) if extra_cost else None
+        # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
+        n = self.layout.state_size
+        self.x = self.NewContinuousVariables(n * (horizon + 1), "x").reshape(-1, n)
+        self.u = self.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
+        self.slack = self.NewContinuousVariables(horizon, "slack")
+        self._z = np.concatenate([self.x.ravel(), self.u.ravel(), self.slack])
+        zero = np.zeros(self._z.size)
+        described(
+            "state errors and changes of input, squared",
+            self.AddQuadraticCost(self._hessian(), zero, 0.0, self._z, is_convex=True),
+        )
+        self._linear_cost = described(
+            "state errors, the part linear in the reference, and the lane's penalty",
+            self.AddLinearCost(zero, 0.0, self._z),
+        )
+        self._x_init = described("initial state", self.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), self.x[0]))
+        self._u_init = described("command in force", self.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), self.u[0]))
+        low, high = (limit / INPUT_SCALE for limit in parameters.command_limits())
+        inputs = self.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), self.u[1:].ravel())
+        described("limits of steering and torque", inputs)
+        positive = self.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), self.slack)
+        described("no negative slack", positive)
+        eye = np.eye(horizon)
+        lane = np.block([[eye, eye], [eye, -eye]])  # e + slack >= e_min, e - slack <= e_max
+        unbounded = np.full(2 * horizon, np.inf)
+        lateral = np.concatenate([self.x[1:, 4], self.slack])
+        self._lane = described("lane, softened", self.AddLinearConstraint(lane, -unbounded, unbounded, lateral))
+        zeros = np.zeros(self.dynamics.size)
+        self.dynamics_binding = self.AddConstraint(
+            self.dynamics, lb=zeros, ub=zeros, vars=self._z[: -horizon or None], description="dynamics"
+        )
+        self.dynamics_binding.evaluator().SetGradientSparsityPattern(
+            [(int(i), int(j)) for i, j in zip(*self.dynamics.sparsity(), strict=True)]
+        )
+
+        if self.extra_cost:
+            self.AddCost(self.extra_cost, vars=self._z[: -horizon or None], description=extra_description)
+
+    def _hessian(self) -> Array:
+        """Second derivatives of the cost: the stages' blocks, summed."""
+        hessian = np.zeros((self._z.size, self._z.size))
+        for columns in self.layout.block_columns:
+            hessian[np.ix_(columns, columns)] += self.stage_hessian()
+        return hessian
+
+    @property
+    def size(self) -> int:
+        """Number of decision variables."""
+        return int(self._z.size)
+
+    def stage_hessian(self) -> Array:
+        """Second derivatives of l_k by the scaled (x_k, u_k, u_{k+1}) [n+4, n+4]; their sum is the cost's."""
+        n = self.layout.state_size
+        block = np.zeros((n + 4, n + 4))
+        block[range(6), range(6)] = 2.0 * self.weights.state() * STATE_SCALE**2
+        block[n:, n:] = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.diag(2.0 * self.weights.input() * INPUT_SCALE**2))
+        return block
+
+    def set(self, data: OcpData) -> None:
+        """Puts the data of one problem into the program.
+
+        Raises:
+            ValueError: data that is not finite or of the wrong length; the message names it.
+        """
+        n = self.horizon
+        shapes = {
+            "x_init": (self.layout.state_size,),
+            "u_init": (2,),
+            "x_ref": (n + 1, 6),
+            "curvature": (n,),
+            "e_min": (n + 1,),
+            "e_max": (n + 1,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(data, name)
+            if np.shape(value) != shape:
+                raise ValueError(f"{name} has shape {np.shape(value)}; a horizon of {n} steps needs {shape}")
+            if np.isnan(value).any():
+                raise ValueError(f"{name} holds NaN at index {tuple(int(i) for i in np.argwhere(np.isnan(value))[0])}")
+        q = self.weights.state()
+        reference = data.x_ref[:-1]
+        linear = np.zeros(self._z.size)
+        states = linear[: self.layout.state_size * n].reshape(n, -1)
+        states[:, :6] = -2.0 * q * STATE_SCALE * reference
+        linear[-n:] = self.weights.lane_penalty
+        self._linear_cost.evaluator().UpdateCoefficients(linear, float(np.sum(q * reference * reference)))
+        x_init, u_init = data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE
+        self._x_init.evaluator().set_bounds(x_init, x_init)
+        self._u_init.evaluator().set_bounds(u_init, u_init)
+        unbounded = np.full(n, np.inf)
+        self._lane.evaluator().set_bounds(
+            np.concatenate([data.e_min[1:], -unbounded]), np.concatenate([unbounded, data.e_max[1:]])
+        )
+        self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
+
+    def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:
+        """The decision vector of a trajectory x [N+1, n], u [N+1, 2] (SI)."""
+        slack = np.zeros(self.horizon) if slack is None else slack
+        return np.concatenate([np.ravel(x / self.layout.state_scale), np.ravel(u / INPUT_SCALE), slack])
+
+    def unstack(self, z: Array) -> OcpSolution:
+        """The trajectory (SI) of a decision vector."""
+        return OcpSolution(*self.layout.split(z), z[-self.horizon :].copy())
+
+    def first_guess(self, data: OcpData) -> Array:
+        """A decision vector to start from: the reference with what is off at the start fading out.
+
+        Inputs are held where the reference has none.
+        """
+        fade = np.linspace(1.0, 0.0, self.horizon + 1)[:, None]
+        x = np.tile(data.x_init, (self.horizon + 1, 1))
+        x[:, :6] = data.x_ref + fade * (data.x_init[:6] - data.x_ref[0])
+        u = np.tile(data.u_init, (self.horizon + 1, 1))
+        if data.u_ref is not None:
+            u = data.u_ref + fade * (data.u_init - data.u_ref[0])
+        return self.stack(x, u)
+
+
+def described(what: str, binding: Any) -> Any:
+    """The binding of a cost or constraint, which now says what it is."""
+    binding.evaluator().set_description(what)
+    return binding
+
+
+def ocp(
+    model: StepModel,
+    parameters: VehicleParameters,
+    reference: Reference,
+    s: float = 0.0,
+    x: Array | None = None,
+    command: Array | None = None,
+    horizon: int = 25,
+    weights: OcpWeights | None = None,
+) -> OptimalControlProblem:
+    """The OCP along a reference, with its data and a first guess set: `pydrake.solvers.Solve` takes it as it is.
+
+        problem = ocp(NominalStepModel(car), car, figure_8(car), s=20.0)
+        x, u, slack = problem.unstack(Solve(problem).GetSolution(problem.decision_variables()))
+
+    Args:
+        model: one step of the car; parameters: for the limits of the inputs; reference: what to drive.
+        s: path position at the start [m]; x: state there [n], the reference's without.
+        command: in force at the start (delta [rad], tau [N m]), the reference's without.
+        horizon: N, steps of 0.1 s; weights: of the cost.
+    """
+    problem = OptimalControlProblem(model, parameters, horizon, weights)
+    along = reference.horizon(s, DT, horizon)
+    start = np.append(reference.state(s), np.zeros(model.memory_scale.size)) if x is None else np.asarray(x, float)
+    in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
+    data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max, along.u_ref)
+    problem.set(data)
+    problem.SetInitialGuessForAllVariables(problem.first_guess(data))
+    return problem

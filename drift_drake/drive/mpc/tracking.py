@@ -1,0 +1,98 @@
+"""A low-level controller that executes a planned trajectory: feedforward of the plan plus feedback of the state."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSystem
+
+from drift_drake.car.step_model import StepModel
+from drift_drake.common.arrays import Array
+from drift_drake.drive.mpc.plan import Plan, plan_size
+
+STATE_WEIGHT = np.array([2.0, 0.2, 8.0, 0.02, 0.5, 4.0])  # of (r, v, beta, omega_r, e, dphi)
+INPUT_WEIGHT = np.array([40.0, 1e-4])  # of (delta, tau)
+
+
+def tracking_gains(model: StepModel, x: Array, u: Array, curvature: Array) -> Array:
+    """Time-varying LQR gains K_k [N, 2, 6] about a trajectory, u = u_plan + K (x - x_plan).
+
+    Args:
+        model: one step of the car (without states of its own); x: [N+1, 6]; u: [N+1, 2]; curvature: [N] [1/m].
+    """
+    _, a, b, b_next = model.linearize(x[:-1], u[:-1], u[1:], curvature)
+    return lqr_gains(a, b + b_next)  # the correction is held over the step
+
+
+def lqr_gains(a: Array, b: Array) -> Array:
+    """K_k [N, 2, n] for d_{k+1} = A_k d_k + B_k K_k d_k by a Riccati recursion; a: [N, n, n]; b: [N, n, 2].
+
+    A model's states beyond the six have no weight.
+    """
+    size = a.shape[1]
+    q, r = np.diag(np.append(STATE_WEIGHT, np.zeros(size - 6))), np.diag(INPUT_WEIGHT)
+    value = q
+    gains = np.empty((len(a), 2, size))
+    for k in reversed(range(len(a))):
+        gain = -np.linalg.solve(r + b[k].T @ value @ b[k], b[k].T @ value @ a[k])
+        closed = a[k] + b[k] @ gain
+        value = q + gain.T @ r @ gain + closed.T @ value @ closed
+        gains[k] = gain
+    return gains
+
+
+class Tracked(NamedTuple):
+    """A trajectory to follow, and how."""
+
+    x: Array  # states [N+1, 6]
+    u: Array  # inputs [N+1, 2]
+    gains: Array  # [N, 2, 6], see `tracking_gains`
+    start: float = 0.0  # [s]
+
+
+class TrackingController(LeafSystem):
+    """Follows a trajectory from its start on; beyond its end the last point is held.
+
+    Input port: measured_state [7] (r, v, beta, omega_r, e, dphi, s).
+    Output port: plan [5], of one step as `LinearInterpolationActuator` takes it: the trajectory's commands now and
+    `dt` later, both corrected by the feedback of now.
+    Parameter in the Context: the trajectory; see `follow`.
+
+    Args:
+        x: states [N+1, 6]; u: inputs [N+1, 2]; dt: their spacing [s]; gains: [N, 2, 6], see `tracking_gains`.
+    """
+
+    def __init__(self, x: Array, u: Array, gains: Array, dt: float = 0.1) -> None:
+        LeafSystem.__init__(self)
+        self._dt = dt
+        tracked = Tracked(np.array(x), np.array(u), np.array(gains))
+        self._tracked = AbstractParameterIndex(self.DeclareAbstractParameter(AbstractValue.Make(tracked)))
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self.DeclareVectorOutputPort(
+            "plan",
+            plan_size(1),
+            self._calc_plan,
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.input_port_ticket(self._measured.get_index()),
+                self.abstract_parameter_ticket(self._tracked),
+            },
+        )
+
+    def follow(self, context: Context, tracked: Tracked) -> None:
+        """Puts another trajectory into a Context of this system, to be followed from now on."""
+        context.get_mutable_abstract_parameter(self._tracked).set_value(tracked)
+
+    def _at(self, values: Array, t: float) -> Array:
+        """Linear interpolation at time t [s] after the trajectory's start, the ends held."""
+        position = min(max(t / self._dt, 0.0), len(values) - 1.0)
+        k = min(int(position), len(values) - 2)
+        return values[k] + (position - k) * (values[k + 1] - values[k])
+
+    def _calc_plan(self, context: Context, output: Any) -> None:
+        x, u, gains, start = context.get_abstract_parameter(self._tracked).get_value()
+        t = context.get_time() - start
+        error = self._measured.Eval(context)[:6] - self._at(x, t)
+        correction = self._at(gains, t) @ error
+        commands = [self._at(u, t) + correction, self._at(u, t + self._dt) + correction]
+        output.SetFromVector(Plan(context.get_time(), np.array(commands), self._dt).vector())

@@ -1,0 +1,246 @@
+"""Which model may drive a car at its limits: asked of the logs of its informative drives, before it drifts.
+
+The car that the drives identify (`identified`) predicts them half a second ahead, from each fifth of a second. It is
+believed where it predicts no worse than on nearly all cars that follow its equations (`Familiar`: little more than the
+sensors' noise is left): as it is, with one thing more that a controller plans with (`identified.ONE_MORE`), or as a
+double-track car. It then carries over from a lane to a drift. Of any other car no model is known to hold: the learnt
+model's prior then adapts while it drives, since what a lane has taught the learnt model, or what it identifies of
+physics that are not the car's, leads astray in a drift. Nor is a car believed on logs that contradict themselves, on
+drives too gentle to ask by, or of another size than those that the limit was measured on (`doubts`).
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from drift_drake.car.effects.record import wheelbase
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.arrays import Array
+from drift_drake.common.run_folder import write_json
+from drift_drake.common.standard_output import Progress
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.out_of_distribution import squared_distance
+from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import learn
+from drift_drake.drive.learnt.samples import Samples
+from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
+from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, liveliness
+from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
+from drift_drake.gap.logs.screening.suspicions import suspicions
+
+SHIPPED = "lane_trust.json"
+IDENTIFIED, SURPRISE = "identified", "surprise"  # its keys; the latter's entries are by the hash of a checkpoint
+OTHER_SIZE = 1.5  # ratio of wheelbases
+NEARER = 0.5  # of another's forecast error, from which on a car is far nearer
+REFUSED = 0.001  # share of cars that follow their equations which are not believed
+SURPRISED = 0.005  # share of the training distribution's vehicles that the first drive refuses
+
+Believed = Literal["identified", "adapting"]
+
+
+class Findings(NamedTuple):
+    """What drives say of a car."""
+
+    car: IdentifiedCar | None  # that they identify
+    error: float = math.inf  # how far off it is half a second ahead (`forecast_error`); infinite without one
+    doubts: tuple[str, ...] = ()  # why the drives are no ground to believe it
+    hint: str = ""  # which other car would be far nearer, though not near enough
+    as_it_is: float = math.inf  # how far off the identified car is without one thing more, on one track
+
+
+class Choice(NamedTuple):
+    """What drives say of a car, and what is usual."""
+
+    found: Findings
+    limit: float  # of the forecast error
+    remarks: tuple[str, ...] = ()  # which parts of long logs were asked
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """What the identified car has that a controller does not plan with."""
+        return self.found.car.beyond if self.found.car else ()
+
+    @property
+    def believed(self) -> Believed:
+        """Whether the identified car is the car, and can be planned with; else the learnt model adapts."""
+        return "identified" if self._as_usual and not self.found.doubts and not self.beyond else "adapting"
+
+    @property
+    def _as_usual(self) -> bool:
+        return self.found.error <= self.limit
+
+    def sentence(self) -> str:
+        """What follows from it."""
+        found = self.found
+        adapt = "let the learnt model adapt as it drives (drift-drake drive --model online)"
+        if found.doubts:
+            return f"no model is believed on these drives: {'; '.join(found.doubts)}"
+        if self.believed == "identified":
+            follow = f"drive with {found.car.name if found.car else 'the identified car'}"
+        elif self._as_usual:
+            beyond = ", ".join(self.beyond)
+            follow = (
+                f"the car is identified with {beyond}, which a controller does not plan with: mend that, or {adapt}"
+            )
+        else:
+            follow = f"no model is known to hold for this car: {adapt}, or gather more"
+        if not math.isfinite(found.error):
+            return f"{follow}; no car was identified"
+        return (
+            f"{follow}: half a second ahead the identified car is off by {found.error:.3g} (as a rule at most "
+            f"{self.limit:.3g}{found.hint})"
+        )
+
+
+def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress | None = None) -> Choice:
+    """Asks the drives of a car what they identify, and how well that predicts them.
+
+    Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
+    that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, then one
+    whose sensors are off, and taken if that is as good as usual.
+
+    Args:
+        runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
+        first_guess: of the car; progress: called with a stage and a share.
+
+    Raises:
+        InvalidLogError: a column that holds no number.
+    """
+    tell = progress or (lambda _stage, _share: None)
+    tell("the car as it is", 0.0)
+    doubtful = doubts(runs, first_guess)
+    runs, remarks = asked_parts(runs, first_guess)
+    limit, judged = usual_error().limit(), [windowed(run) for run in runs]
+    car = identified(runs, first_guess)
+    error = car_error(car, judged)
+    found = Findings(car, error, doubtful, as_it_is=error)
+    if found.doubts or error <= limit:
+        tell("done", 1.0)
+        return Choice(found, limit, tuple(remarks))
+    best = _another_car(runs, first_guess, limit, judged, tell)
+    tell("done", 1.0)
+    error = car_error(best, judged)
+    if error <= limit:
+        found = found._replace(car=best, error=error)
+    elif best is not None and error < NEARER * found.error:
+        found = found._replace(hint=f"; {error:.3g} for {best.name}")
+    return Choice(found, limit, tuple(remarks))
+
+
+def _another_car(
+    runs: Sequence[Run], first_guess: VehicleParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress
+) -> IdentifiedCar | None:
+    """The car that predicts best with one thing more or, where that is beyond the limit, as a double-track one."""
+    cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
+    for number, name in enumerate(ONE_MORE, 1):
+        tell(f"with {name}", number / stages)
+        cars.append(identified(runs, first_guess, (name,)))
+    best = min(cars, key=lambda car: car_error(car, judged))
+    if car_error(best, judged) <= limit:
+        return best
+    tell("on two tracks", 1.0 - 2.0 / stages)
+    double = identified_double_track(judged, first_guess)
+    if car_error(double, judged) > limit:
+        tell("on two tracks with sensors that are off", 1.0 - 1.0 / stages)
+        off = identified_double_track(judged, first_guess, BIASES)
+        # Two unknowns more are nearer, whatever is wrong with the logs; sensors that are off are far nearer.
+        if car_error(off, judged) < NEARER * car_error(double, judged):
+            double = off
+    return min(best, double, key=lambda car: car_error(car, judged))
+
+
+def car_error(car: IdentifiedCar | None, judged: Sequence[WindowedRun]) -> float:
+    """How far off an identified car is half a second ahead (`forecast_error`); infinite without one."""
+    return math.inf if car is None else forecast_error(car.errors(judged))
+
+
+def doubts(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[str, ...]:
+    """Why drives say nothing of which model may drive: columns that contradict the others, gentle drives, another size.
+
+    Args:
+        vehicle: first guess of the car.
+    """
+    found = [doubt.sentence for doubt in suspicions(runs, vehicle) if doubt.column is not None]
+    grip = vehicle.friction * vehicle.gravity
+    if max(liveliness(run) for run in runs) < grip:
+        found.append(
+            f"they are too gentle (yaw rate times speed stays below {grip:.1f} m/s^2 in {LIVELY} % of each): drive "
+            "informative ones"
+        )
+    usual = wheelbase(VehicleParameters())
+    if not 1.0 / OTHER_SIZE < wheelbase(vehicle) / usual < OTHER_SIZE:
+        found.append(
+            f"the wheelbase is {wheelbase(vehicle):.2f} m, and the learnt model and the limit are of cars of "
+            f"{usual:.2f} m: train a model on cars of this size"
+        )
+    return tuple(found)
+
+
+class Familiar(NamedTuple):
+    """What a statistic of informative drives is on vehicles that are as they should be: its logarithm, normal.
+
+    Measured on validation vehicles (`experiments.gathering.lane_trust`), and shipped.
+    """
+
+    mean: float
+    deviation: float
+    vehicles: int
+
+    def limit(self, refused: float = REFUSED) -> float:
+        """What a further such vehicle exceeds with a probability `refused`."""
+        quantile = -float(stdtrit(self.vehicles - 1, refused))
+        return math.exp(self.mean + quantile * self.deviation * math.sqrt(1.0 + 1.0 / self.vehicles))
+
+
+def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
+    """Squared Mahalanobis distances [n] of a drive's samples, each by the belief that has learnt those before it."""
+    out = np.empty(len(samples.vehicle))
+    for i in range(len(out)):
+        out[i] = squared_distance(model, belief, samples.x[i], samples.u[i], samples.u_next[i], samples.x_next[i])
+        belief = learn(model, belief, samples.where(np.array([i])))
+    return out
+
+
+def familiar_from(values: Array) -> Familiar:
+    """From a statistic's values [vehicles] on vehicles in distribution.
+
+    Raises:
+        ValueError: fewer than three vehicles.
+    """
+    if len(values) < 3:
+        raise ValueError(f"{len(values)} vehicles are too few to say what is usual; give three or more")
+    logs = np.log(values)
+    return Familiar(float(logs.mean()), float(logs.std(ddof=1)), len(logs))
+
+
+def usual_error(path: Path | None = None) -> Familiar:
+    """How far off the identified car is half a second ahead, after two informative drives of a car that it follows."""
+    return Familiar(**_stored(path)[IDENTIFIED])
+
+
+def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar | None:
+    """Mean squared distance of the first informative drive (`squared_distances`) of a car that the model was made for.
+
+    None for a model that nobody has asked this of.
+    """
+    found = _stored(path)[SURPRISE].get(model.content_hash())
+    return None if found is None else Familiar(**found)
+
+
+def _stored(path: Path | None) -> dict[str, dict[str, Any]]:
+    source = path or Path(str(files("drift_drake") / "data" / SHIPPED))
+    found: dict[str, dict[str, Any]] = {IDENTIFIED: {}, SURPRISE: {}}
+    return found | (json.loads(source.read_text()) if source.is_file() else {})
+
+
+def keep_usual(model: BayesianModel, error: Familiar, surprise: Familiar, path: Path) -> None:
+    """Writes what is usual to a file, beside what it holds of other models."""
+    surprises = _stored(path)[SURPRISE] | {model.content_hash(): surprise._asdict()}
+    write_json(path, {IDENTIFIED: error._asdict(), SURPRISE: surprises})

@@ -1,0 +1,119 @@
+"""The car that a few seconds of lively driving identify: parameters, effects, and one thing more if they ask for it.
+
+All of a car's drives are fitted by the filter's likelihood (`identification.identify`): parameters and the effects that
+most driven cars have. A car may have one thing more, such as a steering that is slow or a sensor that is off. Each of
+`ONE_MORE` is then fitted beside the others. And it may follow no single-track equations: a double-track car is fitted.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.step_model import DoubleTrackStepModel
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.known_car import KnownVehicle, known_car_model
+from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
+from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.car.sensor_errors import SENSORS
+from drift_drake.car.single_track.effects_step import BEYOND, EffectsStepModel
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import unit_suffix
+from drift_drake.gap.estimation.double_track_windows import double_track_errors
+from drift_drake.gap.estimation.windows import WindowedRun, errors
+from drift_drake.gap.identification.double_track import identify_double_track
+from drift_drake.gap.identification.identify import FURTHER, identify
+
+# Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
+EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
+ONE_MORE = ("steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency", "gyro_bias",
+            "sideslip_bias")  # fmt: skip
+BIASES = ("gyro_bias", "sideslip_bias")  # that a double-track car may have both of
+# Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
+LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
+NOT_PLANNED = (*(name for name in BEYOND if name not in ("steering_delay", *SENSORS)), "steering_rate_limit")
+
+
+class IdentifiedCar(NamedTuple):
+    """A car as drives show it."""
+
+    vehicle: KnownVehicle
+    effects: Effects
+
+    @property
+    def name(self) -> str:
+        """What it is called in a sentence, with what it has beside the usual effects."""
+        kind = "double-track car" if isinstance(self.vehicle, DoubleTrackParameters) else "car"
+        return f"the identified {kind}" + (f" with {', '.join(self.one_more)}" if self.one_more else "")
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """Of its effects those that a controller does not plan with, and their size, such as a sensor's latency."""
+        return self._said(NOT_PLANNED)
+
+    @property
+    def one_more(self) -> tuple[str, ...]:
+        """Which of `ONE_MORE` it has, and its size."""
+        return self._said(ONE_MORE)
+
+    def _said(self, names: Sequence[str]) -> tuple[str, ...]:
+        present = [(name, getattr(self.effects, name)) for name in names if getattr(self.effects, name) != 0.0]
+        return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
+
+    def step_model(self) -> EffectsStepModel | DoubleTrackStepModel:
+        """What a controller plans with; its readings lose their `sensor_errors`."""
+        return known_car_model(self.vehicle, self.effects)
+
+    def errors(self, judged: Sequence[WindowedRun]) -> Array:
+        """Of its predictions of drives, from a smoothed measurement on [windows, HORIZONS, 5]."""
+        if isinstance(self.vehicle, DoubleTrackParameters):
+            return double_track_errors(judged, self.vehicle.constants(), self.effects)
+        return errors(judged, self.vehicle.constants(), self.effects)
+
+
+def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
+    """Drives' logs at 100 Hz as runs of the log format."""
+    columns: list[dict[str, Any]] = [
+        {name: table[name].to_numpy() for name in COLUMNS if name in table} for table in tables
+    ]
+    return [Run(name=f"drive_{k}", **found) for k, found in enumerate(columns)]
+
+
+def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequence[str] = ()) -> IdentifiedCar | None:
+    """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
+
+    Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
+    broad priors, and the effects that a driven car may have are fitted with them (`identify`).
+
+    Args:
+        more: effects that it may have beside `EFFECTS`.
+    """
+    try:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # What gentle drives do not show is judged by how the car predicts (`gap.choose.choice`), not kept.
+            found = identify(
+                runs, first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=()
+            )
+    except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
+        return None
+    return IdentifiedCar(found.vehicle, found.effects)
+
+
+def identified_double_track(
+    judged: Sequence[WindowedRun], first_guess: VehicleParameters, more: Sequence[str] = ()
+) -> IdentifiedCar | None:
+    """The double-track car that predicts the drives best; None where they are too short or identify none.
+
+    Args:
+        more: effects that it may have beside those of `gap.identification.double_track`.
+    """
+    if sum(len(run.starts) for run in judged) < LEAST_WINDOWS:
+        return None
+    try:
+        with np.errstate(all="ignore"):
+            return IdentifiedCar(*identify_double_track(judged, first_guess, more))
+    except (InvalidVehicleError, np.linalg.LinAlgError):
+        return None

@@ -1,0 +1,226 @@
+"""Hypotheses judged at the changed car: whether a day's scores are normal once a change has been put into the car.
+
+The search takes the scores' derivatives at the calibrated car, for all hypotheses alike. Under a large change that car
+is far off: errors are clipped there that are not once the change is put in, and tyres work elsewhere, so that a wrong
+change may seem normal and the right one not. What it leads with is therefore judged at the car with the change in it:
+derivatives, clipping and what is normal are taken again there, as Gauss and Newton's method does.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.normal import LOST, WORST, Normal
+from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
+from drift_drake.gap.estimation.scores import Day, make_day
+from drift_drake.gap.estimation.unknowns import added
+from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.gap.evidence.left_over import LeftOver
+from drift_drake.gap.evidence.ranges import clipped
+from drift_drake.gap.evidence.where import onsets, region_of, regions, shares
+
+ROUNDS = 3  # cars at most that a hypothesis moves on to
+SHARES = (1.0, 0.4)  # of a Gauss-Newton step, until one makes the scores more normal
+NEAR = 0.5  # standard deviations of a step, below which the car's derivatives serve
+STEP = 0.05  # of the reach, for derivatives of the scores
+SINGULAR = 1e12  # condition of the second derivatives, beyond which the logs do not show the magnitudes apart
+HOPELESS = 40.0  # nats behind the best hypothesis, from where on none is led further
+APART = 0.1
+"""Share of a score's variance that it scatters by alone where magnitudes are stated (validation days). Between effects
+that act alike the scores' contrasts are small, so that they decide which effect it is; but what the equations lack is
+large in them, and a magnitude that follows them is off."""
+
+
+@dataclasses.dataclass(frozen=True)
+class At:
+    """A hypothesis at magnitudes, judged at the car with them."""
+
+    q: np.ndarray  # [k]
+    nats: float  # half the squared distance of the scores from normal
+    covariance: np.ndarray  # [k, k]
+    step: np.ndarray  # [k] of Gauss and Newton
+    left_over: LeftOver
+
+
+def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
+    """The search from the car with a hypothesis in it; q: magnitudes of its causes, if not its own."""
+    effects, day, normal = h.effects(search.day, q), search.day, search.normal
+    return search.on(make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
+                              search.threads))  # fmt: skip
+
+
+def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The hypotheses with the magnitudes, covariances and evidence that they have at the car with them, best first.
+
+    Without those whose magnitudes the logs do not show apart there.
+    """
+    out: list[Hypothesis] = []
+    for h in hypotheses:
+        whole, limit = _with_beside(h), min((other.nats for other in out), default=np.inf) + HOPELESS
+        at = _led(search, whole, limit, 0.0)
+        if at is not None:
+            ranges = [search.ranges[name] for name in whole.names]
+            evidence = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load).log_evidence
+            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence, left_over=at.left_over))
+    return sorted(out, key=lambda h: -h.log_evidence)
+
+
+def stated(search: Search, h: Hypothesis) -> Hypothesis:
+    """A hypothesis with the magnitudes and their covariance that are stated of it; its evidence stays.
+
+    Where contrasts are all that shows a magnitude, it is that of the evidence: an interval that held zero would deny
+    what they decide.
+    """
+    at = _led(search, _with_beside(h), np.inf, APART) if h.names else None
+    moved = h if at is None else _moved(h, at)
+    return moved if tells_from_zero(moved) else h
+
+
+def _moved(h: Hypothesis, at: At) -> Hypothesis:
+    """A hypothesis at other magnitudes."""
+    k = len(h.names)
+    beside = dict(zip(h.beside, map(float, at.q[k:]), strict=True))
+    return dataclasses.replace(h, magnitudes=at.q[:k], covariance=at.covariance[:k, :k], beside=beside)
+
+
+def _led(search: Search, h: Hypothesis, limit: float, apart: float) -> At | None:
+    """A hypothesis led on to its most likely magnitudes, while it is within a limit [nats]."""
+    ranges = [search.ranges[name] for name in h.names]
+    at = _at(search, h, h.magnitudes, apart)
+    for _ in range(ROUNDS):
+        if at is None or at.nats > limit:
+            break
+        step = np.array([clipped(float(x), r) for x, r in zip(at.q + at.step, ranges, strict=True)]) - at.q
+        if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(at.covariance))):
+            return dataclasses.replace(at, q=at.q + step)
+        trials = (_at(search, h, at.q + share * step, apart) for share in SHARES)
+        better = next((trial for trial in trials if trial is not None and trial.nats < at.nats), None)
+        if better is None:
+            break
+        at = better
+    return at
+
+
+def _with_beside(h: Hypothesis) -> Hypothesis:
+    """What a hypothesis has beside its causes as causes too."""
+    return dataclasses.replace(
+        h, names=(*h.names, *h.beside), magnitudes=np.concatenate([h.magnitudes, list(h.beside.values())]), beside={}
+    )
+
+
+def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None:
+    """A hypothesis judged at the car with the magnitudes q; None where the logs do not show them apart."""
+    there = changed_car(search, h, q)
+    s, weight = there.scores({}), there.scatter.weight(apart)
+    slopes = slopes_at(there, search, h, q, s)
+    hessian = slopes.T @ weight @ slopes
+    if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
+        return None
+    covariance = np.linalg.inv(hessian)
+    return At(q, 0.5 * float(s @ weight @ s), covariance, -covariance @ slopes.T @ weight @ s,
+              there.left_over(s, slopes))  # fmt: skip
+
+
+def slopes_at(
+    there: Search, search: Search, h: Hypothesis, q: np.ndarray, s: np.ndarray, kept: np.ndarray | None = None
+) -> np.ndarray:
+    """Derivatives [n, k] of the scores s at the changed car by a hypothesis' magnitudes.
+
+    Args:
+        there: the search at the car with the magnitudes q; search: at the calibrated car, whose ranges hold;
+        kept: blocks [blocks] (bool) that are summed, if not all.
+    """
+    slopes = np.empty((len(s), len(q)))
+    at = h.effects(search.day, q)
+    for i, name in enumerate(h.names):
+        step = STEP * search.ranges[name].high
+        step = -np.sign(q[i]) * step if abs(q[i]) > step else np.copysign(step, q[i])  # within bounds
+        moved = h.effects(search.day, q + step * (np.arange(len(q)) == i))
+        change = added_up(moved, {key: -x for key, x in at.items()})
+        slopes[:, i] = (there.scores(change, kept) - s) / step
+    return slopes
+
+
+def squares(normal: Normal, e: np.ndarray, cap: float = WORST) -> np.ndarray:
+    """Capped squared errors [windows, HORIZONS, states] about the normal ones, in robust scales."""
+    return normal.squares(e, cap)[..., : len(STATES)]
+
+
+def reduction(search: Search, h: Hypothesis, best: Hypothesis) -> Reduction:
+    """The share 1 - (after - floor) / (before - floor) at the longest horizon, with a 95 % block-bootstrap interval.
+
+    After: each fold's blocks with the magnitudes that the other folds' scores ask for. Floor: the mean squares of the
+    day of calibration, or those of the best hypothesis where they are lower.
+    """
+    if not h.names:
+        return NOTHING_REMOVED
+    day = search.day
+    before = squares(search.normal, day.errors)
+    lowest = squares(search.normal, day.errors_with(best.effects(day)))
+    level = search.normal.level[:, : len(STATES)]
+    floor = lowest * np.minimum(1.0, level / np.maximum(lowest.mean(axis=0), 1e-12))
+    after, there = np.empty_like(before), changed_car(search, h)
+    for fold in range(FOLDS):
+        held = day.block % FOLDS == fold
+        q = held_out_magnitudes(search, there, h, fold)
+        after[held] = squares(search.normal, day.errors_with(h.effects(day, q)))[held]
+    return reduction_of((before, after, floor), day.block, STATES, day.ahead, -1)
+
+
+def held_out_magnitudes(search: Search, there: Search, h: Hypothesis, fold: int) -> np.ndarray:
+    """Magnitudes that the scores of the other folds' blocks ask for: one Gauss-Newton step from the fit to all.
+
+    Args:
+        there: the search at the car with the hypothesis.
+    """
+    day = search.day
+    kept = np.arange(day.blocks) % FOLDS != fold
+    at = there.scores({}, kept)
+    slopes = slopes_at(there, search, h, h.magnitudes, at, kept)
+    hessian = slopes.T @ there.scatter.inverse @ slopes
+    moved = h.magnitudes - np.linalg.lstsq(hessian, slopes.T @ there.scatter.inverse @ at, rcond=None)[0]
+    ranges = [search.ranges[name] for name in h.names]
+    return np.clip(moved, [r.low for r in ranges], [r.high for r in ranges])
+
+
+def where(search: Search, best: Hypothesis, unexplained: bool = False) -> dict[str, object]:
+    """Shares of the gap by state and run, the regions that hold it, and when it sets in (the keys of `where.find_gap`).
+
+    Args:
+        unexplained: the gap is what goes beyond the day of calibration, not what `best` removes.
+    """
+    day = search.day
+    before = squares(search.normal, day.errors, LOST if unexplained else WORST)
+    normal = search.normal.level[:, : len(STATES)]
+    gap = (before - (normal if unexplained else squares(search.normal, day.errors_with(best.effects(day)))))[:, -1]
+    by_state = shares({s: float(gap[:, i].sum()) for i, s in enumerate(STATES)})
+    by_run = shares({run.name: float(gap[day.run == k].sum()) for k, run in enumerate(day.runs)})
+    onset = onsets(
+        by_run,
+        [(run.name, gap[day.run == k].sum(axis=1), run.starts * run.period) for k, run in enumerate(day.runs)],
+    )
+    return {
+        "states": by_state,
+        "runs": by_run,
+        "channels": {},
+        "regions": gap_regions(day, gap),
+        "onset": onset,
+        "lag": {},
+        "horizons": dict(zip(day.ahead, map(float, before.mean(axis=(0, 2))), strict=True)),
+    }  # fmt: skip
+
+
+def left_in(search: Search, h: Hypothesis) -> tuple[dict[str, float], list[str]]:
+    """Shares by state of the errors beyond normal that a hypothesis leaves, and the regions that hold them."""
+    day, normal = search.day, search.normal
+    rest = squares(normal, day.errors_with(h.effects(day)), LOST)[:, -1] - normal.level[-1, : len(STATES)]
+    return shares({s: float(rest[:, i].sum()) for i, s in enumerate(STATES)}), gap_regions(day, rest)
+
+
+def gap_regions(day: Day, gap: np.ndarray) -> list[str]:
+    """Operating regions that hold a gap [windows, STATES], the worst first."""
+    y = np.concatenate([run.start_y[run.starts] for run in day.runs])
+    grip = float(day.constants.friction * day.constants.gravity)
+    return regions(gap.sum(axis=1), region_of(y[:, 1], y[:, 0], y[:, 2], grip))

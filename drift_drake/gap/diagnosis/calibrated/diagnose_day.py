@@ -1,0 +1,274 @@
+"""Another day of a car calibrated by prediction: what has changed since, if anything that is not normal for it.
+
+The car need not follow the equations: `estimation.scores` knows from the day of calibration how its errors scatter in
+each direction, and what that day's drives left unknown.
+"""
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import InvalidLogError, Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.standard_output import Progress
+from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
+from drift_drake.gap.diagnosis.calibrated.gross_gap import judged_by_errors
+from drift_drake.gap.diagnosis.calibrated.posterior import (
+    at_bound,
+    day_beliefs,
+    detection_limits,
+    interval,
+    not_excluded,
+    tells_from_zero,
+)
+from drift_drake.gap.estimation.admitted import admit
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prior import Interval
+from drift_drake.gap.estimation.reduction import STATES, Reduction
+from drift_drake.gap.estimation.scores import Day, make_day
+from drift_drake.gap.estimation.unknowns import magnitudes
+from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
+from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
+from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, as_change
+from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
+from drift_drake.gap.evidence.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
+
+LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
+GROSS = 5.0  # times its scale on the day of calibration that a channel's median error may be, whatever is added
+MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
+CERTAIN = 0.98  # probability of `unknown` then
+MOST_WINDOWS = 600  # of a day, evenly chosen
+LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
+FAR_BEYOND = (
+    "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
+    "may be what the calibration could not see instead of a change since"
+)
+NEAR, NEAR_SHARE = 60.0, 0.3  # [nats] behind the best single, and share of what it explains, from where none is judged
+SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
+
+
+@dataclasses.dataclass(frozen=True)
+class DayDiagnosis:
+    """The answer, and what a report is drawn from."""
+
+    answer: Answer
+    search: Search
+    ranked: DayRanked
+    reduction: Reduction
+
+
+def diagnose_day(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
+    own: Effects = Effects(),
+    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
+    catalogue: Sequence[str] = tuple(CATALOGUE), false_alarms: float = FALSE_ALARMS,
+) -> DayDiagnosis:  # fmt: skip
+    """Diagnoses the runs of one day.
+
+    Args:
+        runs: of the same car on the same day; vehicle, own: the calibrated car; normal: what is normal for it
+            (`drift-drake identify --json`); workers: threads; progress: called with a stage's name and the share done;
+        constants: of the posterior; catalogue: effects to consider; false_alarms: rate at which a day without an
+            effect may be said to have a gap.
+
+    Raises:
+        InvalidLogError: no run can be used, a column is missing, or there is too little driving.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _stage, _share: None)
+    constants = constants or PRIORS
+    runs, doubts, warnings = admit(runs, vehicle)
+    names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
+    tell("errors and their derivatives", 0.0)
+    search = search_of(runs, vehicle, normal, own, names, case, workers)
+    none, others = hypotheses_of(search, tell)
+    tell("how far it shrinks", 0.8)
+    found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms)
+    if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
+        found, shrinks = judged_by_errors(
+            search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
+        )
+        warnings.append(FAR_BEYOND)
+    tell("what these logs can show", 0.9)
+    limits = detection_limits(search, search.curves)
+    h = found.leading
+    named = found.verdict == "effect"
+    if named:
+        warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
+    left = left_over_of(search, found, shrinks, none)
+    warnings += [left_over_sentence(left)] if left else []
+    causes = {name: interval(h, i) for i, name in enumerate(h.names)}
+    answer = Answer(
+        case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
+        ambiguity=found.ambiguity, magnitudes=causes if named else {}, where=where(search, h, found.verdict == UNKNOWN),
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high) if named else Interval(0.0, 0.0, 0.0),
+        seconds=time.perf_counter() - began, tolerances={},
+        details=details_of(search, found, shrinks, none, causes) | {
+            "decision": found.decision,
+            "false_alarm_rate": false_alarm_rate(normal, false_alarms),
+            "left_over": left,
+            "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
+            "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
+            "beliefs": day_beliefs(search, found, [none, *others, h], limits, constants),
+        },
+        warnings=[*warnings, *more],
+    )  # fmt: skip
+    tell("done", 1.0)
+    return DayDiagnosis(answer, search, found, shrinks)
+
+
+def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:
+    """The rate that was asked for, and what it was on the baseline's own recordings, left out in turn."""
+    count = len(normal.left_out_none)
+    wrong = int(np.count_nonzero(normal.left_out_none < threshold(asked)))
+    return {"asked": asked, "observed": wrong / count if count else None, "left_out": count, "alarms": wrong}
+
+
+def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hypothesis) -> dict[str, Any]:
+    """What a named cause, or `unknown`, leaves over: share of the gap, signals, driving; empty where nothing is."""
+    h = found.leading
+    if not found.something_else and found.verdict != UNKNOWN:
+        return {}
+    signals, driving = left_in(search, h)
+    rest = h.left_over or none.left_over
+    return {
+        "probability": found.something_else if found.verdict != UNKNOWN else found.probabilities[UNKNOWN],
+        "share": 1.0 - max(shrinks.estimate, 0.0),
+        "signals": signals,
+        "driving": driving,
+        "like": str(rest.like) if rest is not None else "",
+    }
+
+
+def left_over_sentence(left: Mapping[str, Any]) -> str:
+    """Where something is left that no catalogued effect explains, in words."""
+    most = sorted(left["signals"], key=lambda name: -left["signals"][name])[:2]
+    signals = " and ".join(f"{name} ({100 * left['signals'][name]:.0f} %)" for name in most)
+    driving = f", most of it at {left['driving'][0]}" if left["driving"] else ""
+    like = f"; it acts like {left['like']}" if left["like"] else ""
+    share = f"{100 * left['share']:.0f} % of the gap"
+    return f"{share} is left that no catalogued effect explains, in {signals}{driving}{like}"
+
+
+def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
+    """The car as it was calibrated; leading changes, judged at the changed car, and singles that are not excluded."""
+    none = search.none()
+    singles = search.singles(lambda share: tell("single effects", 0.1 + 0.3 * share))
+    unshown = not_excluded(search, singles)
+    least = min(h.nats for h in (none, *singles))
+    near = least + max(NEAR, NEAR_SHARE * (none.nats - least))
+    leading = judged(search, [h for h in singles if tells_from_zero(h) and h.nats <= near][:SINGLES])
+    tell("single effects", 0.5)
+    if min(h.nats for h in (none, *leading)) <= 0.5 * WORTH_A_PAIR * none.scores:
+        return none, [*leading, *unshown]
+    first = [h.names for h in leading]
+    singles = [*leading, *(h for h in singles if h.names not in first)]
+    pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.5 + 0.2 * share))
+    pairs = judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])
+    return none, [*leading, *(h for h in pairs if tells_from_zero(h)), *unshown]
+
+
+def details_of(
+    search: Search, found: DayRanked, shrinks: Reduction, none: Hypothesis, causes: dict[str, Interval]
+) -> dict[str, Any]:
+    """An answer's details; `none`: the car as it was calibrated, `causes`: of the leading hypothesis."""
+    h, named, day = found.leading, found.verdict == "effect", search.day
+    nearest = {
+        "hypothesis": hypothesis_name(h.names),
+        "magnitudes": {name: dataclasses.asdict(m) for name, m in causes.items()},
+        "removes": shrinks.estimate,
+        "free_forces_remove": None,
+    }
+    medians = np.median(np.abs(day.errors), axis=0)[:, : len(STATES)]  # at each horizon, in the states' units
+    return {
+        "criterion": "prediction",
+        "familiar": float(np.mean(day.weights)),
+        "reduction_by_state": shrinks.by_state if named else {},
+        "reduction_by_horizon": shrinks.by_horizon if named else {},
+        "nats_from_normal": {"none": none.nats, hypothesis_name(h.names): h.nats},
+        "leading_known": hypothesis_name(h.names),
+        "at_least": at_bound(h, search.ranges) if named else [],
+        "with": brought_along(h, day) if named else {},
+        "errors": dict(zip(day.ahead, medians.tolist(), strict=True)),
+        "nearest": nearest if found.verdict == UNKNOWN else {},
+    }
+
+
+def search_of(
+    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal, own: Effects, names: Sequence[str], case: str,
+    workers: int,
+) -> Search:  # fmt: skip
+    """The search for causes in usable runs of one day, among the effects of these names.
+
+    Raises:
+        InvalidLogError: a column is missing, or there is too little driving.
+    """
+    if any(run.beta is None for run in runs):
+        raise InvalidLogError(
+            f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"
+        )
+    windows = [windowed(run, run.filled, normal.stride) for run in runs]
+    covered = sum(len(run.starts) * rows_between_starts(normal.stride, run.period) * run.period for run in windows)
+    if covered < LEAST_TIME:
+        raise InvalidLogError(
+            f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
+        )
+    day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal,
+                   workers)  # fmt: skip
+    return Search(day, normal, vehicle, names, workers)
+
+
+def ranked_hypotheses(
+    search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
+    false_alarms: float = FALSE_ALARMS,
+) -> tuple[DayRanked, Reduction]:  # fmt: skip
+    """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
+    kept = [none, *others]
+    # Nothing can be judged where too little of the driving is known from the calibration.
+    doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
+    counts = len(search.ranges), constants, doubt, false_alarms
+    while True:
+        found = ranked(kept, *counts)
+        leading = stated(search, found.leading)
+        shrinks = reduction(search, leading, leading)
+        if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
+            break
+        kept = [h for h in kept if h is not found.leading]
+    if gross(search, leading) > GROSS:
+        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms)
+    return dataclasses.replace(found, leading=leading), shrinks
+
+
+def unseen_sentence(name: str, q: float) -> str:
+    """That the day asks for more of the car's build than its calibration knows."""
+    return (
+        f"beside it the day asks for {name} of {q:.2g}{CATALOGUE[name].suffix}, which belongs to the car's build: the "
+        "day of calibration did not show it; calibrate on such drives too"
+    )
+
+
+def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
+    """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
+    own = magnitudes(h.names, h.magnitudes)
+    return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
+
+
+def gross(search: Search, h: Hypothesis) -> float:
+    """The largest median error of a channel at the longest horizon under a hypothesis, in deviations that are normal.
+
+    Clipped scores cannot tell how far off a car is that is wrong throughout: a column in another unit, say. Normal is
+    the scale on the day of calibration with what another recording differs by.
+    """
+    day, normal = search.day, search.normal
+    of_effects = day.jacobian.reshape(*day.errors.shape, -1)[:, -1, :, : len(normal.names)]
+    apart = np.sqrt(np.diag(normal.recording)) * of_effects
+    e = day.errors_with(h.effects(day))[:, -1] / normal.scales[-1]
+    deviations = np.abs(e) / np.sqrt(1.0 + np.sum(apart**2, axis=-1))
+    return float(np.max(np.median(deviations, axis=0)) / MEDIAN_OF_NORMAL)

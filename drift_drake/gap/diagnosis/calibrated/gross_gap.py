@@ -1,0 +1,225 @@
+"""A gap far beyond what is normal: hypotheses judged by the errors themselves, at the shortest horizon.
+
+Scores are clipped, and nearly linear around the calibrated car alone. Where a car is off by many times what is normal
+(drifts on a slippery floor of a car that was calibrated in grip), what counts is what removes most of the errors while
+no prediction has yet diverged. The scale of what is left is unknown: the likelihood is concentrated over it.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from scipy.optimize import minimize
+
+from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
+from drift_drake.gap.estimation.scores import Day
+from drift_drake.gap.estimation.windows import thinned
+from drift_drake.gap.evidence.hypotheses import (
+    EXTENSIONS,
+    Hypothesis,
+    Search,
+    concluded,
+    effects_of,
+)
+from drift_drake.gap.evidence.posterior import PosteriorConstants, hypothesis_name
+from drift_drake.gap.evidence.ranges import RATE_LIMIT, at_end, at_shares, clipped, farther, tried_first
+from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
+
+FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
+PER_BLOCK = 4.0  # independent errors in a block of time
+SEEDS, PARTNERS = 4, 4  # singles that pairs are grown from, partners each that are fitted jointly
+PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, beside a single
+EVALUATIONS, SPREAD = 60, 0.3  # of a joint fit, and its first simplex, of the reach
+STEP = 0.05  # of the reach, for second derivatives
+MOST_WINDOWS = 200  # evenly chosen
+
+Kept = np.ndarray | None
+
+
+def misfits(search: Search, e: np.ndarray) -> np.ndarray:
+    """Saturating misfit [windows] of errors [windows, horizons, channels], at the first horizon."""
+    used = np.all([run.used for run in search.day.runs], axis=0)
+    squares = np.mean((e[:, 0] / search.normal.scales[0])[:, used] ** 2, axis=1)
+    return np.asarray(squares / (1.0 + squares / FAR))
+
+
+def nats(search: Search, misfit: float) -> float:
+    """Negative log likelihood of a mean misfit whose scale is unknown, but for a constant."""
+    return 0.5 * PER_BLOCK * search.day.blocks * float(np.log(max(misfit, 1e-12)))
+
+
+def mean_misfit(search: Search, names: Sequence[str], q: Sequence[float] | np.ndarray, kept: Kept = None) -> float:
+    """Mean misfit once effects are added, over the windows that are kept [windows] (bool)."""
+    of = misfits(search, search.day.errors_with(effects_of(names, np.asarray(q), 0.0, search.day), 1))
+    return float(np.mean(of if kept is None else of[kept]))
+
+
+def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.ndarray, kept: Kept = None) -> np.ndarray:
+    """Magnitudes [k] of the least misfit near a start."""
+    ranges = [search.ranges[name] for name in names]
+    reach = np.array([r.high for r in ranges])
+
+    def cost(x: np.ndarray) -> float:
+        return mean_misfit(search, names, [clipped(float(u), r) for u, r in zip(x * reach, ranges, strict=True)], kept)
+
+    at = np.array(start) / reach
+    inwards = np.where(at > 0.5 * (np.array([r.low for r in ranges]) / reach + 1.0), -1.0, 1.0)
+    simplex = np.vstack([at, at + SPREAD * np.diag(inwards)])
+    found = minimize(cost, at, method="Nelder-Mead", options={
+        "maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": simplex})  # fmt: skip
+    return np.array([clipped(float(u), r) for u, r in zip(found.x * reach, ranges, strict=True)])
+
+
+def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesis:
+    """A fitted hypothesis, its covariance from second differences of its log likelihood."""
+    order = np.argsort(names)
+    names, q = tuple(names[i] for i in order), q[order]
+    ranges = [search.ranges[name] for name in names]
+    steps = np.array([STEP * r.high for r in ranges])
+    k = len(q)
+
+    def at(*shifts: float) -> float:
+        return nats(search, mean_misfit(search, names, q + np.array(shifts) * steps))
+
+    middle, unit = at(*np.zeros(k)), np.eye(k)
+    ups, downs = [at(*row) for row in unit], [at(*-row) for row in unit]
+    # At a bound, or where it is not convex, the steps themselves are what is known.
+    hessian = np.diag([max(up + down - 2.0 * middle, 0.1) for up, down in zip(ups, downs, strict=True)])
+    if k == 2:
+        mixed = 0.5 * (at(1.0, 1.0) + at(-1.0, -1.0) - ups[0] - ups[1] - downs[0] - downs[1] + 2.0 * middle)
+        largest = 0.9 * float(np.sqrt(hessian[0, 0] * hessian[1, 1]))
+        hessian[0, 1] = hessian[1, 0] = float(np.clip(mixed, -largest, largest))
+    covariance = np.linalg.inv(hessian) * np.outer(steps, steps)
+    return concluded(names, q, covariance, middle, ranges, 0.0)
+
+
+def judged_by_errors(
+    search: Search, constants: PosteriorConstants, progress: Callable[[float], None]
+) -> tuple[DayRanked, Reduction]:
+    """Probabilities of hypotheses by what they remove, and what the leading known one does.
+
+    The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best are at the
+    ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
+    """
+    whole, search = search, search.on(fewer_windows(search.day, MOST_WINDOWS))
+    singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
+    for _ in range(EXTENSIONS):
+        if not widened_at_ends(search, sorted(singles, key=lambda h: h.nats)[:SEEDS]):
+            break
+        singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
+    pairs = followed(search, grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share)))
+    none = search.none()
+    level = nats(search, mean_misfit(search, (), ()))
+    known = [h for h in (*singles, *pairs) if tells_from_zero(h)]
+    known.append(dataclasses.replace(none, nats=level, log_evidence=-level))
+    values = {hypothesis_name(h.names): h.log_evidence + prior(h, len(search.ranges), constants) for h in known}
+    leading = concluded_from(values, known, 0.0).leading
+    whole.ranges |= {name: search.ranges[name] for name in leading.names}
+    progress(0.8)
+    shrinks = held_out_reduction(search, leading)
+    return concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks
+
+
+def widened_at_ends(search: Search, hypotheses: Sequence[Hypothesis]) -> set[str]:
+    """Widens `search.ranges` of causes whose magnitudes are at an end; their names.
+
+    A gap this large may well go beyond what is usual, and a second cause would make up for what the first may not be.
+    """
+    ends = {name for h in hypotheses for name, q in zip(h.names, h.magnitudes, strict=True)
+            if at_end(float(q), search.ranges[name])}  # fmt: skip
+    wider = {name: farther(name, search.ranges[name], search.vehicle) for name in ends - {RATE_LIMIT}}
+    wider = {name: r for name, r in wider.items() if r != search.ranges[name]}
+    search.ranges |= wider
+    return set(wider)
+
+
+def followed(search: Search, pairs: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Pairs fitted farther out while the best is at an end of a range, which is widened for all that have the cause."""
+    pairs = list(pairs)
+    for _ in range(EXTENSIONS if pairs else 0):
+        wider = widened_at_ends(search, [min(pairs, key=lambda h: h.nats)])
+        if not wider:
+            break
+        pairs = [hypothesis(search, h.names, fitted(search, h.names, h.magnitudes)) if wider & set(h.names) else h
+                 for h in pairs]  # fmt: skip
+    return pairs
+
+
+def grown_singles(
+    search: Search, progress: Callable[[float], None]
+) -> tuple[list[Hypothesis], dict[str, tuple[float, float]]]:
+    """The best single effects, and of every one the best magnitude of a grid with its misfit, best first."""
+
+    def start_of(name: str) -> tuple[float, float]:
+        r = search.ranges[name]
+        tried = [(clipped(q, r), mean_misfit(search, [name], [clipped(q, r)])) for q in tried_first(r)]
+        return min(tried, key=lambda item: item[1])
+
+    names = list(search.ranges)
+    starts = {}
+    with ThreadPoolExecutor(search.threads) as pool:
+        for done, (name, start) in enumerate(zip(names, pool.map(start_of, names), strict=True)):
+            starts[name] = start
+            progress((done + 1) / len(names))
+        best = dict(sorted(starts.items(), key=lambda item: item[1][1]))
+        leading = list(best)[: 2 * SEEDS]
+        out = list(pool.map(lambda name: hypothesis(search, [name], fitted(search, [name], [best[name][0]])), leading))
+    return out, best
+
+
+def grown_pairs(
+    search: Search, starts: Mapping[str, tuple[float, float]], progress: Callable[[float], None]
+) -> list[Hypothesis]:
+    """Pairs of the best singles with the partners that remove most beside them, jointly fitted."""
+
+    def partners(seed: str) -> list[tuple[float, str, float]]:
+        tried = []
+        for other in (name for name in starts if name != seed):
+            r = search.ranges[other]
+            shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
+            tried += [(mean_misfit(search, [seed, other], [starts[seed][0], q]), other, q)
+                      for q in (clipped(q, r) for q in at_shares(r, shares))]  # fmt: skip
+        best = {
+            other: (misfit, other, q) for misfit, other, q in sorted(tried, reverse=True)
+        }  # the last of each counts
+        return sorted(best.values())[:PARTNERS]
+
+    def fit(job: tuple[tuple[str, ...], list[float]]) -> Hypothesis:
+        return hypothesis(search, job[0], fitted(search, *job))
+
+    seeds, jobs, out = list(starts)[:SEEDS], dict[tuple[str, ...], list[float]](), []
+    with ThreadPoolExecutor(search.threads) as pool:
+        for seed, tried in zip(seeds, pool.map(partners, seeds), strict=True):
+            for _, other, q in tried:
+                if (other, seed) not in jobs:
+                    jobs[seed, other] = [starts[seed][0], q]
+        for done, h in enumerate(pool.map(fit, jobs.items())):
+            out.append(h)
+            progress((done + 1) / len(jobs))
+    return out
+
+
+def fewer_windows(day: Day, most: int) -> Day:
+    """The day with at most so many windows, evenly chosen."""
+    runs = thinned(day.runs, most)
+    every = max(int(np.ceil(len(day.errors) / most)), 1)
+    rows = np.concatenate([np.flatnonzero(day.run == k)[::every] for k in range(len(runs))])
+    parts = {name: getattr(day, name)[rows] for name in ("errors", "jacobian", "block", "run", "weights")}
+    return dataclasses.replace(day, runs=runs, **parts)
+
+
+def held_out_reduction(search: Search, h: Hypothesis) -> Reduction:
+    """Share of the misfit that a hypothesis removes on blocks that were not fitted, with a 95 % interval."""
+    day = search.day
+    if not h.names:
+        return NOTHING_REMOVED
+    before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day), 1))
+    for fold in range(FOLDS):
+        held = day.block % FOLDS == fold
+        if np.any(held) and np.any(~held):
+            q = fitted(search, h.names, h.magnitudes, ~held)
+            after[held] = misfits(search, day.errors_with(effects_of(h.names, q, 0.0, day), 1))[held]
+    parts = [part[:, None, None] for part in (before, after, np.zeros_like(before))]
+    return reduction_of(parts, day.block, (), day.ahead[:1], 0)

@@ -1,0 +1,114 @@
+"""Logs and the car of their simulator to where it is wrong, and why: the function behind `drift-drake diagnose`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.given import Vehicle, vehicle_given
+from drift_drake.car.log.given import Logs, logs_given
+from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.run_folder import plain
+from drift_drake.common.standard_output import Progress
+from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis
+from drift_drake.gap.diagnosis.folders import answer_folder, answer_runs
+from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
+from drift_drake.gap.diagnosis.options import USUAL_ALARMS, check_options, check_trust
+from drift_drake.gap.estimation.usable import MOST_SECONDS
+from drift_drake.gap.identification.calibration import Calibration, CarTrust, Identification, read_trust, trust_of
+
+GivenCalibration = str | Path | Calibration | Identification
+
+
+def diagnose(
+    logs: Logs, vehicle: Vehicle, calibration: GivenCalibration | None = None, *, case: str | None = None,
+    catalogue: Sequence[str] = tuple(CATALOGUE), without: Sequence[str] = (), every: int = 1,
+    process_scale: float = 1.0, noise_scale: float = 1.0, row_weight: float = 1.0,
+    false_alarms: float | None = None, most_seconds: float = MOST_SECONDS, workers: int = 2,
+    progress: Progress | None = None,
+) -> Diagnosis | DayDiagnosis:  # fmt: skip
+    """Finds where a simulator is wrong, which effect it lacks, how large that is, and how far adding it helps.
+
+        found = drift_drake.diagnose("logs/monday", "car.yaml", calibration="car.json")
+        print(found.answer.sentence())
+
+    Args:
+        logs: path of a case folder or of a run's file, or runs of one car on one day;
+        vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
+        calibration: what `identify` found of this car (its JSON's path, or the object), so that what is normal for the
+            car is no gap; case: name in the answer; catalogue: names of the effects to consider;
+        without: columns to leave out; every: rows of the logs that make one here;
+        process_scale, noise_scale: factors on process and sensor noise [1]; row_weight: what a row is worth, (0, 1];
+            these three are part of a calibration;
+        false_alarms: relative to a calibration by prediction, how often a day without a change may be said to have a
+            gap (0.001 to 0.2; 0.05 if it is not given);
+        most_seconds: of logs that are looked at [s]; a calibration by prediction has a limit of its own;
+        workers: threads; progress: called with a stage and the share done.
+
+    Returns:
+        A diagnosis, whose `answer` has verdict, causes, magnitudes (in the catalogue's units) with 95 % intervals, and
+        the share of the gap that they remove; `report` draws it.
+
+    Raises:
+        InvalidLogError: no run can be used, or a column cannot be left out; InvalidVehicleError: of vehicle or effects;
+        InvalidCalibrationError: of the calibration; InvalidOptionError: another argument is out of range.
+    """
+    car = vehicle_given(vehicle)
+    check_options(catalogue, without, every, most_seconds, workers)
+    options: dict[str, Any] = {
+        "own": car.effects, "catalogue": tuple(catalogue), "most_seconds": most_seconds, "progress": progress,
+        **trust_options(calibration, process_scale, noise_scale, row_weight, false_alarms, catalogue),
+    }  # fmt: skip
+    if isinstance(logs, str | Path):
+        return answer_folder(logs, car.parameters, workers, without=tuple(without), every=every, **options)
+    given = logs_given(logs, case)
+    runs = [run.without(*without).thinned(every) for run in given.runs]
+    return answer_runs(runs, car.parameters, given.case, workers, **options)
+
+
+def trust_options(
+    calibration: GivenCalibration | None,
+    process_scale: float = 1.0,
+    noise_scale: float = 1.0,
+    row_weight: float = 1.0,
+    false_alarms: float | None = None,
+    catalogue: Sequence[str] = (),
+) -> dict[str, Any]:
+    """How far to trust sensors and model, from the calibration or the factors: options of `answer_folder`.
+
+    Raises:
+        InvalidOptionError: both are given, or a factor is out of range;
+        InvalidCalibrationError: the calibration cannot be used.
+    """
+    check_trust(calibration, process_scale, noise_scale, row_weight, false_alarms)
+    if calibration is not None:
+        trust = trust_given(calibration, catalogue)
+    else:
+        trust = CarTrust(noise_scale, process_scale, row_weight, None)
+    if trust.normal is None and false_alarms is not None:
+        raise InvalidOptionError(
+            "--false-alarms is a rate relative to a --calibration by prediction; give one ('drift-drake identify "
+            "--criterion prediction --json'), or leave the rate out"
+        )
+    by_prediction = {"false_alarms": false_alarms or USUAL_ALARMS}
+    return {"normal": trust.normal} | (trust.options() if trust.normal is None else by_prediction)
+
+
+def trust_given(calibration: GivenCalibration, catalogue: Sequence[str] = ()) -> CarTrust:
+    """How far to trust sensors and model, of a calibration's JSON or object; `catalogue`: effects that it has to know.
+
+    Raises:
+        InvalidOptionError: it is neither; InvalidCalibrationError: the JSON cannot be used.
+    """
+    if isinstance(calibration, str | Path):
+        trust = read_trust(calibration)
+        trust.check_knows(catalogue, calibration)
+        return trust
+    found = calibration.calibration if isinstance(calibration, Identification) else calibration
+    if not isinstance(found, Calibration):
+        raise InvalidOptionError(
+            f"calibration: {type(calibration).__name__} is none; give what 'identify' found, or its JSON's path"
+        )
+    trust = trust_of(plain(found))
+    trust.check_knows(catalogue, "the calibration")
+    return trust

@@ -1,0 +1,341 @@
+"""How scores scatter from one recording of a car to the next where nothing has changed, from its calibration's logs.
+
+A linear mixed model (Laird and Ware 1982). A stretch of driving with information I has the scores -I (d + e) + n: d is
+what the car deviates by every day, of which its baseline tells what its drives show; e is what the equations ask for
+otherwise on one stretch than on another, small for sensors and actuators, larger for tyres and body; n is the scatter
+of blocks of time, which hangs together within a stretch and grows with the slip of the driven tyres. So what both days
+share cancels, and what the baseline did not show widens the scatter only where the other day's drives depend on it. The
+scale of n is the car's own: recordings are left out of the baseline in turn and asked how far they lie from what the
+others predict, together with what is known of other cars.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.gap.estimation.normal import Normal, capped_squares
+from drift_drake.gap.estimation.prediction_constants import (
+    CALIBRATED,
+    FROM_LEFT_OUT,
+    HANGS,
+    HARDER,
+    LEFT_OF_FITTED,
+    LEFT_OF_OTHERS,
+    MODEL_FORM,
+    MORE_SO,
+    ODD,
+    OFF_SHAPE,
+    PARTIAL_PRIOR,
+    PARTIAL_VARIES,
+    REGULAR,
+    SCALE,
+    SCALE_WORTH,
+    SHRUNK,
+    SLIGHT,
+    TYRES_AND_BODY,
+)
+from drift_drake.gap.estimation.robust_fit import robust_scales
+from drift_drake.gap.estimation.scores import (
+    Day,
+    block_information,
+    block_scores,
+    drive_coverage,
+    flat_scores,
+    pulls,
+    scores_by_recording,
+    shrunk,
+    spread,
+    summed_over,
+    window_scores,
+)
+from drift_drake.gap.estimation.windows import regimes
+
+TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
+
+
+class Stretches(NamedTuple):
+    """Scores and information of stretches of driving, each within one recording."""
+
+    scores: np.ndarray  # [K, m]
+    information: np.ndarray  # [K, m, m]
+    blocks: np.ndarray  # [K] of time
+    harder: np.ndarray  # [K] times the variance of a baseline's blocks, by how much the tyres slip
+    recording: np.ndarray  # [K] index
+
+    def kept(self, which: np.ndarray) -> "Stretches":
+        """Those of a mask [K]."""
+        return Stretches(*(part[which] for part in self))
+
+
+class Spread(NamedTuple):
+    """How scores scatter: from block to block, and from stretch to stretch and recording to recording in units."""
+
+    covariance: np.ndarray  # from block to block [m, m]
+    information: np.ndarray  # diagonal of a block's information [m]
+    ratio: float  # of that scatter to the one that the information tells of
+    blocks: int  # that show it
+    stretch: np.ndarray  # variances from stretch to stretch [m]
+    recording: np.ndarray  # variances from recording to recording [m]
+
+    def of_blocks(self, information: np.ndarray, blocks: float) -> np.ndarray:
+        """Covariance of one stretch's scores that its blocks make [m, m]."""
+        own = np.diag(information) / blocks
+        grown = np.sqrt(own / np.maximum(self.information, 1e-300 + 1e-6 * own))
+        known = SHRUNK / (SHRUNK + self.blocks)
+        seen = (1.0 - known) * self.covariance * np.outer(grown, grown) + known * self.ratio * information / blocks
+        out = blocks * (1.0 + HANGS * (blocks - 1.0)) * seen
+        variance = np.diag(out)
+        return np.asarray(out + np.diag(OFF_SHAPE * variance + TINY * np.mean(variance) + 1e-300))
+
+    def of_stretches(self, some: Stretches, scale: float = 1.0) -> np.ndarray:
+        """Covariance of the summed scores of stretches of one recording [m, m]; scale: of what their blocks make."""
+        total = some.information.sum(axis=0)
+        out = (total * self.recording) @ total
+        for information, blocks, harder in zip(some.information, some.blocks, some.harder, strict=True):
+            out = out + (information * self.stretch) @ information
+            out = out + scale * harder * self.of_blocks(information, blocks)
+        return np.asarray(out)
+
+
+class Known(NamedTuple):
+    """What is known of a car's deviations [m], as a normal distribution."""
+
+    mean: np.ndarray  # [m]
+    covariance: np.ndarray  # [m, m]
+
+
+def slipping_of(day: Day) -> np.ndarray:
+    """How much the tyres slip along the wheels in each window [windows], as a logarithm."""
+    return np.log(SLIGHT + np.concatenate([regimes(run)[:, -1] for run in day.runs]))
+
+
+def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray, slipping: float) -> Stretches:
+    """A day's stretches, under the car that it is judged by; slipping: mean of `slipping_of` its baseline's windows."""
+    slips = slipping_of(day) - slipping
+    stretch = day.stretch
+    each = [stretch == k for k in range(int(stretch.max()) + 1)]
+    return Stretches(
+        summed_over(window_scores(day, day.errors, scales, precision), stretch),
+        np.array([block_information(day, scales, precision, windows) for windows in each]),
+        np.array([float(len(np.unique(day.block[windows]))) for windows in each]),
+        np.array([np.exp(HARDER * np.mean(slips[windows])) for windows in each]),
+        np.array([day.recordings[day.run[windows][0]] for windows in each]),
+    )
+
+
+def known_from(stretches: Stretches, model: Spread, prior: np.ndarray) -> Known:
+    """What stretches tell of a car's deviations; prior: standard deviations [m] before them."""
+    precision, pull = np.diag(1.0 / prior**2), np.zeros(len(prior))
+    for k in np.unique(stretches.recording):
+        some = stretches.kept(stretches.recording == k)
+        information, scores = some.information.sum(axis=0), some.scores.sum(axis=0)
+        solved = np.linalg.solve(model.of_stretches(some), np.column_stack([information, scores]))
+        precision = precision + information @ solved[:, :-1]
+        pull = pull - information @ solved[:, -1]
+    covariance = np.linalg.inv(0.5 * (precision + precision.T))
+    return Known(covariance @ pull, covariance)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How a day's summed scores scatter if nothing has changed, and their mean."""
+
+    mean: np.ndarray  # [m]
+    covariance: np.ndarray  # [m, m]
+    inverse: np.ndarray  # of the covariance [m, m]
+    information: np.ndarray  # of the day: what a unit of each effect takes off the scores [m, m]
+
+    def weight(self, apart: float = 0.0) -> np.ndarray:
+        """The inverse covariance [m, m] once each score scatters by a further share `apart` of its variance, alone."""
+        if apart == 0.0:
+            return self.inverse
+        return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
+
+
+def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 1.0) -> Scatter:
+    """How the summed scores of stretches scatter, of a car of which something is known.
+
+    Args:
+        scale: of what blocks scatter by and of what is not known of the car. What equations lack from stretch to
+            stretch and what varies from recording to recording is known of other cars: recordings of the same kinds of
+            driving would show too little of it.
+    """
+    total = stretches.information.sum(axis=0)
+    covariance = scale * total @ known.covariance @ total
+    for k in np.unique(stretches.recording):
+        covariance = covariance + model.of_stretches(stretches.kept(stretches.recording == k), scale)
+    covariance = 0.5 * (covariance + covariance.T)
+    return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
+
+
+def scatter_of(day: Day, normal: Normal) -> Scatter:
+    """How this day's scores scatter if the car is the one of its baseline."""
+    stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
+    model = spread_of(normal, normal.names, normal.everyday)
+    return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
+
+
+def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarray) -> Spread:
+    """How scores scatter, by what a baseline shows of the effects `names` and what varies by itself, in units [n]."""
+    scores = len(shown.information)
+    recording = np.concatenate([everyday, np.zeros(scores - len(names))]) ** 2
+    return Spread(shown.covariance, shown.information, shown.ratio, shown.blocks, variances_of_stretches(names, scores),
+                  recording)  # fmt: skip
+
+
+def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
+    """Variances [m], in units, of what effects and partial effects are worth from one stretch to the next."""
+    own = [MORE_SO.get(name, TYRES_AND_BODY) if CATALOGUE[name].of_tyres_or_body else 0.0 for name in names]
+    return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
+
+
+def left_of(prior: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+    """Standard deviations [n] of what a calibrated car may deviate by, before its scores are looked at.
+
+    Args:
+        prior: of the effects before calibration [n]; fitted: which of them were [n] (bool).
+    """
+    return np.asarray(np.where(fitted, LEFT_OF_FITTED, LEFT_OF_OTHERS) * prior)
+
+
+def with_partial(left: np.ndarray, scores: int) -> np.ndarray:
+    """The same of effects [n] and their partial effects [m]."""
+    return np.concatenate([left, np.full(scores - len(left), PARTIAL_PRIOR)])
+
+
+class LeftOut(NamedTuple):
+    """A part of a baseline, and what the others tell of the car."""
+
+    stretches: Stretches
+    known: Known
+    model: Spread
+
+    def at(self, scale: float) -> Scatter:
+        """How its scores scatter, at a scale (`predicted`)."""
+        return predicted(self.stretches, self.known, self.model, scale)
+
+    @property
+    def distance(self) -> float:
+        """Squared distance of its scores from what the others predict, per score, at a scale of one."""
+        scatter = self.at(1.0)
+        x = self.stretches.scores.sum(axis=0) - scatter.mean
+        return float(x @ scatter.inverse @ x / len(x))
+
+
+def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[LeftOut]:
+    """Each recording and what the others tell, to first order; stretches where there is but one recording."""
+    part = stretches.recording if len(np.unique(stretches.recording)) > 1 else np.arange(len(stretches.blocks))
+    if len(np.unique(part)) < 2:
+        return []
+    return [LeftOut(stretches.kept(part == k), known_from(stretches.kept(part != k), model, prior), model)
+            for k in np.unique(part)]  # fmt: skip
+
+
+def scale_of(distances: np.ndarray) -> float:
+    """Scale of the scatter of another recording: what recordings left out show, and what is known of other cars.
+
+    Args:
+        distances: of each that was left out (`LeftOut.distance`) [K].
+    """
+    if not len(distances):
+        return SCALE
+    seen = np.log(np.maximum(FROM_LEFT_OUT * distances, TINY))
+    middle = np.median(seen)
+    seen = np.clip(seen, middle - np.log(ODD), middle + np.log(ODD))
+    return float(np.exp((SCALE_WORTH * np.log(SCALE) + np.sum(seen)) / (SCALE_WORTH + len(seen))))
+
+
+class Seen(NamedTuple):
+    """What a baseline shows, before anything is believed of cars."""
+
+    stretches: Stretches
+    covariance: np.ndarray  # from block to block, as hard as it is driven on the whole [m, m]
+    information: np.ndarray  # diagonal of a block's information [m]
+    ratio: float  # of that scatter to the one that the information tells of
+    blocks: int
+    slipping: float  # mean of `slipping_of`
+    score: np.ndarray  # of the blocks [blocks, m]
+
+
+def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
+    """What a day of calibration shows, under the calibrated car."""
+    slipping = float(np.mean(slipping_of(day)))
+    stretches = stretches_of(day, scales, precision, slipping)
+    score, stretch = block_scores(day, day.errors, scales, precision), np.zeros(day.blocks, dtype=int)
+    stretch[day.block] = day.stretch
+    scatter = np.atleast_2d(np.cov((score / np.sqrt(stretches.harder[stretch])[:, None]).T))
+    if len(score) <= 2:
+        scatter = np.maximum(scatter, 0.0) * np.eye(score.shape[1])
+    diagonal = np.diag(stretches.information.sum(axis=0))
+    shown = diagonal > TINY * diagonal.max()
+    ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
+    return Seen(stretches, scatter, diagonal / len(score), ratio, len(score), slipping, score)
+
+
+class Learnt(NamedTuple):
+    """What a day of calibration shows of its car."""
+
+    normal: Normal
+    pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
+    left_out: list[LeftOut]  # its recordings, or the stretches of its only one
+
+
+def learn_normal(
+    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray, left: np.ndarray
+) -> Learnt:
+    """What is normal, from the day of calibration.
+
+    Args:
+        day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
+        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
+            they differ by from one recording to the next at least (`between_recordings`); left: what the car may
+            deviate by (`left_of`).
+    """
+    n = len(names)
+    scales = robust_scales(day.errors)
+    f = flat_scores(day.errors, scales)
+    precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
+    seen = seen_of(day, scales, precision)
+    total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, everyday)
+    before = with_partial(left, len(total))
+    known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
+    distances = np.array([part.distance for part in apart])
+    unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, everyday, names,
+                                                      steps)  # fmt: skip
+    offset = np.median(day.errors, axis=0)
+    normal = Normal(
+        names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
+        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
+        covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
+        left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
+        left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
+        offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
+    )  # fmt: skip
+    return Learnt(normal, pulled, apart)
+
+
+def parameters_left_open(
+    day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, everyday: np.ndarray,
+    names: tuple[str, ...], steps: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Covariance of what a baseline leaves unknown of the effects and of what they differ by from recording to
+    recording [n, n], and what each recording pulls the estimates by [K, n]; in units.
+
+    Args:
+        score: of the blocks [blocks, n]; information: of the whole day [n, n].
+    """
+    variances = np.diag(np.cov(score.T) if len(score) > 2 else np.maximum(np.cov(score.T), 0.0))
+    seen = np.diag(information) > 0.0
+    ratio = float(np.mean(variances[seen] * len(score) / np.diag(information)[seen]))
+    temper = max(ratio, 1.0) * CALIBRATED
+    alone = np.linalg.inv(np.diag(1.0 / prior**2) + information / temper)
+    by_recording, blocks = scores_by_recording(day, score)
+    pulled = pulls(by_recording / temper, blocks, alone)
+    model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
+    seen_apart = spread(pulled)
+    # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
+    chance = len(pulled) / CALIBRATED
+    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
+    return alone + model_form + recording / len(pulled), recording, pulled

@@ -1,0 +1,310 @@
+"""The diagnosis's filter state: how it moves, what is measured of it, and both linearised; compiled.
+
+z: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats front and rear,
+filtered accelerations a_x and a_y, and states of effects from other packages. Measurements [9] are in the order of
+`CHANNELS`.
+
+The commands are known exactly, so that what actuators make of them (delays, lags, rate limits) is computed once, ahead
+of the filter, on the grid of times that its Runge-Kutta stages use. A sensor that is late by q is, seen from the car,
+commands that come early by nothing and act late by q: measured rows are then taken at the car's own time.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.delays import DELAYS, HASTENERS, command_delays
+from drift_drake.car.effects.magnitudes import (
+    MEMORIES,
+    Effects,
+    Memory,
+    measured,
+    unbiased,
+)
+from drift_drake.car.scalar import cos, fixed_tuple, jitable, sin
+from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
+from drift_drake.car.single_track.motion_with_effects import (
+    changed_constants,
+    motion_with_effects,
+    road_wheel,
+    settled_memory,
+    steering_rate,
+)
+
+SUBSTEPS = 2  # Runge-Kutta steps a row
+STAGES = 2 * SUBSTEPS  # grid intervals a row: a step's middle is a stage too
+RATE_STEPS = 5  # inner steps of the rate limiter in one grid interval
+CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
+FILTER_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", "front_slip", "rear_slip")
+HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
+SIZE = 7 + HELD  # of z
+CORRECTED = 9  # of z, with a covariance
+MEASURED = 9
+UNRELAXED = 7  # of the corrected, that are left where tyres do not relax: none moves by the others, nor do these
+FREE = 5  # of them, by which others move: none does by the place
+STABLE = 2.5  # rate times step up to which Runge-Kutta steps and the transition are stable
+MOST_SPLITS, MOST_SQUARINGS = 15, 8
+MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
+
+
+@compiled
+def delayed(command: Any, before: Any, period: Any, delay: Any) -> Any:
+    """The command [rows], linear between rows and `before` the first, on the grid [STAGES (rows - 1) + 1].
+
+    A delay below zero looks ahead, up to the last row, whose command is held.
+    """
+    rows = len(command)
+    count = STAGES * (rows - 1) + 1
+    out = np.empty(count)
+    for i in range(count):
+        place = min(i / STAGES - delay / period, rows - 1.0)
+        if place < 0.0:
+            out[i] = before
+        else:
+            row = min(int(place), rows - 2)
+            out[i] = command[row] + (place - row) * (command[row + 1] - command[row])
+    return out
+
+
+@compiled
+def first_order_lag(command: Any, before: Any, step: Any, time_constant: Any) -> Any:
+    """Exact response of a first-order lag, settled at `before`, to a command that is linear between grid points."""
+    out = np.empty(len(command))
+    out[0] = before
+    decay = np.exp(-step / time_constant)
+    for i in range(len(command) - 1):
+        ramp = (command[i + 1] - command[i]) / step * time_constant
+        out[i + 1] = decay * (out[i] - command[i] + ramp) + command[i + 1] - ramp
+    return out
+
+
+@compiled
+def limited_steering(command: Any, before: Any, step: Any, effects: Any) -> Any:
+    """Road-wheel angle that follows the command with lag and rate limit, by Heun steps of a grid interval's fifth."""
+    out = np.empty(len(command))
+    out[0] = before
+    h = step / RATE_STEPS
+    for i in range(len(command) - 1):
+        angle = out[i]
+        for j in range(RATE_STEPS):
+            start = command[i] + (command[i + 1] - command[i]) * (j / RATE_STEPS)
+            end = command[i] + (command[i + 1] - command[i]) * ((j + 1) / RATE_STEPS)
+            first = steering_rate(angle, start, effects)
+            second = steering_rate(angle + h * first, end, effects)
+            angle += 0.5 * h * (first + second)
+        out[i + 1] = angle
+    return out
+
+
+def actuated(
+    delta_cmd: np.ndarray, tau_cmd: np.ndarray, before: tuple[float, float], period: float, effects: Effects
+) -> tuple[np.ndarray, np.ndarray]:
+    """Road-wheel angle (before its offset) [rad] and engine torque [N m] on the stages' grid, in the sensors' time.
+
+    A sensor that is late by q is, seen from the car, commands that act late by q: measured rows are taken at the car's
+    own time.
+
+    Args:
+        delta_cmd, tau_cmd: commands, one a row; before: what they were before the first row, where the actuators
+            had settled; period: time between rows [s]; effects: magnitudes.
+    """
+    step = period / STAGES
+    late_delta, late_torque = command_delays(effects)
+    first = float(road_wheel(before[0], effects))
+    delta = delayed(road_wheel(delta_cmd, effects), first, period, late_delta + effects.sensor_latency)
+    torque = delayed(tau_cmd, before[1], period, late_torque + effects.sensor_latency)
+    if effects.steering_rate_limit > 0.0:
+        delta = limited_steering(delta, first, step, effects)
+    elif effects.steering_lag > 0.0:
+        delta = first_order_lag(delta, first, step, effects.steering_lag)
+    if effects.torque_lag > 0.0:
+        torque = first_order_lag(torque, before[1], step, effects.torque_lag)
+    return delta, torque
+
+
+def without_actuators(effects: Effects) -> Effects:
+    """The effects that are left once `actuated` has taken those of the commands."""
+    taken = ("steering_ratio_error", "steering_lag", "steering_rate_limit", "torque_lag", "sensor_latency")
+    return effects._replace(**dict.fromkeys((*taken, *DELAYS, *HASTENERS), 0.0))
+
+
+@jitable
+def state_rates(
+    z: Any, delta: Any, torque: Any, constants: Any, effects: Any, force_x: Any, force_y: Any, moment: Any
+) -> Any:
+    """Rates of z and the body acceleration (a_x, a_y), on floats or complex numbers."""
+    zero = 0.0 * z[0]
+    memory = Memory(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
+    motion, rates = motion_with_effects(
+        z[0], z[1], z[2], z[3], z[4], memory, delta + zero, torque + zero, constants, effects, force_x, force_y, moment
+    )
+    course = z[4] + z[2]
+    return (
+        motion.r_dot,
+        motion.v_dot,
+        motion.beta_dot,
+        motion.omega_r_dot,
+        z[0],
+        z[1] * cos(course),
+        z[1] * sin(course),
+        *rates[2:],
+        motion.a_x,
+        motion.a_y,
+    )
+
+
+@jitable
+def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
+    rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
+    for i, rate in enumerate(rates):
+        out[i] = rate
+
+
+@compiled
+def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
+    """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
+    p = changed_constants(constants, effects)
+    stiffness = (p.rear_stiffness + p.front_coupling * p.front_stiffness) * (1.0 + effects.longitudinal_stiffness_error)
+    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(z[3], MIN_SLIP_SPEED))
+
+
+@compiled
+def between(values: Any, place: Any) -> Any:
+    """Linear between the grid's points; `place` counts them."""
+    i = min(int(place), len(values) - 2)
+    return values[i] + (place - i) * (values[i + 1] - values[i])
+
+
+@jitable
+def runge_kutta(
+    z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
+) -> Any:
+    """One step of h seconds, in place, between two places of the commands' grid.
+
+    k [SIZE + 2] and w [2, SIZE] are scratch.
+    """
+    middle = 0.5 * (at + end)
+    rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
+    for i in range(SIZE):
+        w[1, i] = k[i]
+        w[0, i] = z[i] + 0.5 * h * k[i]
+    rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
+    for i in range(SIZE):
+        w[1, i] += 2.0 * k[i]
+        w[0, i] = z[i] + 0.5 * h * k[i]
+    rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
+    for i in range(SIZE):
+        w[1, i] += 2.0 * k[i]
+        w[0, i] = z[i] + h * k[i]
+    rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
+    for i in range(SIZE):
+        z[i] += h / 6.0 * (w[1, i] + k[i])
+    z[1] = max(z[1], MIN_FILTER_SPEED)
+    z[3] = max(z[3], 0.0)
+
+
+@compiled
+def advance_row(
+    z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
+) -> Any:
+    """One row of Runge-Kutta steps, in place, under a further force and moment; k [SIZE + 2], w [2, SIZE] are scratch.
+
+    The steps are split where the driven rim of a light axle settles faster than they could follow.
+    """
+    splits = min(int(step * wheel_rate(z, constants, effects) / STABLE), MOST_SPLITS) + 1
+    h = step / splits
+    for substep in range(SUBSTEPS * splits):
+        at = STAGES * row + 2.0 * substep / splits
+        end = at + 2.0 / splits
+        runge_kutta(z, delta, torque, at, end, h, constants, effects, push, k, w)
+
+
+@compiled
+def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
+    """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
+    r, v, beta, omega_r = unbiased(y[first, 0], y[first, 1], y[first, 2], y[first, 3], effects)
+    z[0] = r
+    z[1] = max(v, MIN_FILTER_SPEED)
+    z[2] = beta if used[2] else y[first, 2]
+    z[3] = omega_r if used[3] else z[1]
+    for i in range(3):
+        z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
+    at = STAGES * first
+    memory = settled_memory(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
+    for i, state in enumerate(memory[2:]):
+        z[7 + i] = state
+
+
+@compiled
+def predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
+    out[0], out[1], out[2], out[3] = measured(z[0], z[1], z[2], z[3], effects)
+    out[4], out[5] = a_x, a_y
+    out[6], out[7], out[8] = z[4], z[5], z[6]
+
+
+@compiled
+def linearise(
+    z: Any,
+    delta: Any,
+    torque: Any,
+    constants: Any,
+    effects: Any,
+    relaxed: Any,
+    graded: Any,
+    probe: Any,
+    jacobian: Any,
+) -> Any:
+    """Complex-step Jacobian [SIZE + 2, 9] of the rates and accelerations with respect to the corrected states."""
+    for j in range(CORRECTED):
+        for i in range(SIZE + 2):
+            jacobian[i, j] = 0.0
+    for j in range(CORRECTED):
+        if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
+            continue
+        for i in range(SIZE):
+            probe[i] = z[i]
+        probe[j] += 1e-20j
+        rates = state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)
+        for i, rate in enumerate(rates):
+            jacobian[i, j] = rate.imag * 1e20
+    course = z[4] + z[2]
+    if not graded:
+        jacobian[5, 4] = -z[1] * np.sin(course)
+        jacobian[6, 4] = z[1] * np.cos(course)
+
+
+@compiled
+def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: Any) -> Any:
+    """exp(A period) to fourth order, A the first n rows and columns of the Jacobian.
+
+    Where the rim settles too fast for that, of a part of the period, and squared back to the whole.
+    """
+    by = n if n > UNRELAXED else FREE
+    squarings = 0
+    while -jacobian[3, 3] * period > STABLE and squarings < MOST_SQUARINGS:
+        period *= 0.5
+        squarings += 1
+    for i in range(n):
+        for j in range(n):
+            f[i, j] = 1.0 if i == j else 0.0
+            power[i, j] = f[i, j]
+    for order in range(1, 5):
+        for i in range(n):
+            for j in range(by):
+                total = 0.0
+                for m in range(by):
+                    total += jacobian[i, m] * power[m, j]
+                scratch[i, j] = total * period / order
+        for i in range(n):
+            for j in range(by):
+                power[i, j] = scratch[i, j]
+                f[i, j] += power[i, j]
+    for _ in range(squarings):
+        for i in range(n):
+            for j in range(n):
+                total = 0.0
+                for m in range(n):
+                    total += f[i, m] * f[m, j]
+                power[i, j] = total
+        f[:] = power

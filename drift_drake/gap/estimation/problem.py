@@ -1,0 +1,310 @@
+"""The runs of one case as measurements for the filter, and the innovations of a hypothesis' parameters.
+
+A parameter vector theta holds the nuisances first: the tolerances of the vehicle, in units of their standard
+deviation; then what the two commands were before each run's first row, relative to that row, in units of
+`START_STEERING` and `START_TORQUE`, where an effect with memory of the commands makes them matter. Then come the
+magnitudes of a hypothesis' effects, in the units of the catalogue.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.delays import HASTENERS
+from drift_drake.car.effects.magnitudes import Effects, combined
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
+from drift_drake.car.road import NO_PUSH, on_road, with_bank
+from drift_drake.gap.estimation.filter import filter_run, observe_run
+from drift_drake.gap.estimation.filter_state import (
+    CHANNELS,
+    CORRECTED,
+    FILTER_STATES,
+    MEASURED,
+    SIZE,
+    STAGES,
+    actuated,
+    without_actuators,
+)
+from drift_drake.gap.estimation.prior import bounds, scale
+from drift_drake.gap.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
+
+NUISANCES = (
+    "mass",
+    "yaw_inertia",
+    "front_axle_distance",
+    "wheel_radius",
+    "rear_axle_inertia",
+    "torque",
+    "friction",
+    "front_stiffness",
+    "rear_stiffness",
+    "steering_offset",
+    "wheel_speed_scale",  # the rim speed is logged with the radius that the vehicle file states
+    "limiter_settling",  # how sharply a rate limiter lets go: no two actuators or simulators agree on it
+)
+TOLERANCES = len(NUISANCES) - 1  # nuisances that are deviations of the vehicle
+NUISANCE_STEP = 0.05  # of a tolerance, for differences
+LIMITER_SETTLING = 0.004  # [s] time constant of a rate-limited wheel that can follow
+LIMITER_DEVIATION = 0.7  # of its logarithm
+
+START_STEERING, START_TORQUE = 0.03, 0.06  # [rad], [of the torque's range] that commands may jump by at the first row
+START_MATTERS = tuple(  # effects under which the commands before the first row act on the car
+    frozenset(name for name, info in CATALOGUE.items() if command in (*info.remembers, info.delays))
+    for command in ("delta_cmd", "tau_cmd")
+)
+FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] that are tried where nothing tells it
+TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
+WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
+LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
+WAITED_FOR = frozenset({"sensor_latency", *HASTENERS})  # late sensors are an early clock of the commands as well
+# Process noise of a car that is modelled well: standard deviation per root second of each filter state.
+PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
+FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
+FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
+NO_ROWS = np.empty((0, SIZE))
+NO_STATE = np.empty(0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Everyday:
+    """The misfit that a calibrated car has every day, as `identify` learns it (`freeform.applied`)."""
+
+    forces: Mapping[str, Sequence[float]]  # by channel, weights of `freeform.state_functions` in `freeform.FORCE_UNIT`
+    offsets: Mapping[str, float]  # of sensors, in noise levels
+    row_weight: float  # what one row is worth beside them
+
+
+@dataclasses.dataclass(frozen=True)
+class Filtered:
+    """What judges parameters: the innovations [rows, 9] of all runs and the log determinant that goes with them."""
+
+    innovations: list[np.ndarray]
+    logdet: float  # times the row weight
+
+
+@dataclasses.dataclass(frozen=True)
+class Gains:
+    """Frozen gains and whitening matrices [rows, 9, 9] of all runs, and what the filter found with them."""
+
+    gain: list[np.ndarray]
+    whitening: list[np.ndarray]
+    filtered: Filtered
+
+    @property
+    def innovations(self) -> list[np.ndarray]:
+        """Of all runs [rows, 9]."""
+        return self.filtered.innovations
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """What a case gives the estimator."""
+
+    runs: list[RunData]
+    vehicle: VehicleParameters
+    nominal: Constants
+    tolerance: np.ndarray  # standard deviations of NUISANCES
+    noise: np.ndarray  # [9] standard deviations of the channels
+    process: np.ndarray  # [9] variances a second of the first nine filter states
+    rim_fed: bool = False  # no torque is logged: the rim speed is fed as measured, and the axle's dynamics are left out
+    exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
+    own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
+    ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
+    everyday: Everyday | None = None  # whose trace the runs hold
+    step: float = NUISANCE_STEP  # for differences
+    row_weight: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
+
+    def replace(self, **changes: object) -> "Problem":
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Magnitudes of an effect that are believed possible."""
+        return self.ranges.get(name) or bounds(name, self.vehicle)
+
+    def unit_of(self, name: str) -> float:
+        """Unit of a magnitude in the solver: the far end of its practical range."""
+        return max(abs(q) for q in self.ranges[name]) if name in self.ranges else scale(name, self.vehicle)
+
+    @property
+    def nuisances(self) -> int:
+        """Parameters ahead of the magnitudes."""
+        return len(NUISANCES) + 2 * len(self.runs)
+
+    @property
+    def count(self) -> int:
+        """Measurements that count."""
+        return int(sum(np.sum(run.counted) * np.sum(run.used) for run in self.runs))
+
+
+def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviations of NUISANCES."""
+    stated = dataclasses.asdict(vehicle.tolerance)
+    return np.array([stated[name] for name in NUISANCES[:-2]] + [stated["wheel_radius"], LIMITER_DEVIATION])
+
+
+def make_problem(
+    runs: Sequence[Run],
+    vehicle: VehicleParameters,
+    process_scale: float = 1.0,
+    noise_scale: float = 1.0,
+    stated: Mapping[str, float] | None = None,
+    own: Effects = Effects(),
+    row_weight: float = 1.0,
+) -> Problem:
+    """Runs and vehicle as the estimator wants them; noise levels are estimated here.
+
+    `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
+    `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
+    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `row_weight`
+    is what one row is worth: below one where innovations hang together, as `identify` finds it.
+    """
+    data = [prepare_run(run) for run in runs]
+    process = (PROCESS_NOISE * process_scale) ** 2
+    fed = any(run.tau_cmd is None for run in runs)
+    if fed:
+        process[FILTER_STATES.index("omega_r")] = FED_RIM**2
+    known = np.array([(stated or {}).get(name, 0.0) for name in CHANNELS])
+    noise = noise_scale * np.maximum(noise_levels(data), known)
+    tolerance = tolerance_deviations(vehicle)
+    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own,
+                      row_weight=row_weight)  # fmt: skip
+    return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
+
+
+def started(problem: Problem, index: int, run: Run) -> RunData:
+    """A run whose first sideslip, where no column tells it, is the one that the nominal car's filter likes best."""
+    data = problem.runs[index]
+    if run.beta is not None or first_sideslip(run) is not None:
+        return data
+    rows = min(round(TRIAL_TIME / run.period), len(run))
+    trials = []
+    for sideslip in FIRST_SIDESLIPS:
+        y = data.y[:rows].copy()
+        y[:, CHANNELS.index("beta")] = sideslip
+        trial = dataclasses.replace(
+            data, y=y, delta=data.delta[:rows], tau=data.tau[:rows], counted=np.arange(rows) > 0
+        )
+        alone = problem.replace(runs=[trial])
+        e = filter_case(alone, np.zeros(alone.nuisances), ()).innovations[0]
+        trials.append((float(np.sum(np.minimum(e**2, WORST_INNOVATION))), sideslip))
+    y = data.y.copy()
+    y[:, CHANNELS.index("beta")] = min(trials, key=lambda trial: trial[0])[1]
+    counted = data.counted & (np.arange(len(y)) * run.period >= TRIAL_TIME)
+    return dataclasses.replace(data, y=y, counted=counted)
+
+
+def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Constants, Effects]:
+    """Constants and effects of a parameter vector under a hypothesis' effects."""
+    n = dict(zip(NUISANCES, (float(d) for d in theta[: len(NUISANCES)] * problem.tolerance), strict=True))
+    p = problem.nominal
+    changes = {name: getattr(p, name) * (1.0 + n[name]) for name in RELATIVE}
+    changes["rear_axle_inertia"] *= FED_INERTIA if problem.rim_fed else 1.0
+    constants = p._replace(
+        **changes,
+        front_axle_distance=p.front_axle_distance + n["front_axle_distance"],
+        rear_axle_distance=p.rear_axle_distance - n["front_axle_distance"],
+        gear_ratio=p.gear_ratio * (1.0 + n["torque"]),
+    )
+    magnitudes = dict(zip(names, (float(q) for q in theta[problem.nuisances :]), strict=True))
+    magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + n["steering_offset"]
+    wheel = magnitudes.get("wheel_radius_error", 0.0)
+    magnitudes["wheel_radius_error"] = (1.0 + wheel) * (1.0 + n["wheel_speed_scale"]) - 1.0
+    if "steering_rate_limit" in magnitudes and "steering_lag" not in magnitudes:
+        magnitudes["steering_lag"] = LIMITER_SETTLING * float(np.exp(n["limiter_settling"]))
+    return constants, combined(problem.own, Effects(**magnitudes))
+
+
+def first_row(run: RunData, names: Sequence[str]) -> int:
+    """Row that the filter starts from."""
+    return round(LATE_START / run.period) if WAITED_FOR.intersection(names) else 0
+
+
+def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
+    """What a run's commands become before they reach the car (`filter_state.actuated`)."""
+    run, vehicle = problem.runs[index], problem.vehicle
+    at = len(NUISANCES) + 2 * index
+    before = (
+        float(run.delta[0] + START_STEERING * theta[at]),
+        float(run.tau[0] + START_TORQUE * (vehicle.torque_max - vehicle.torque_min) * theta[at + 1]),
+    )
+    return actuated(run.delta, run.tau, before, run.period, effects)
+
+
+def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Gains:
+    """The full filter over all runs: innovations with gains that fit these parameters."""
+    constants, effects = car(problem, theta, names)
+    gains, whitenings, innovations, logdet = [], [], [], 0.0
+    for i, run in enumerate(problem.runs):
+        rows = len(run.y)
+        e, k = np.empty((rows, MEASURED)), np.empty((rows, CORRECTED, MEASURED))
+        w = np.empty((rows, MEASURED, MEASURED))
+        delta, torque = run_commands(problem, i, theta, effects)
+        dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
+        filter_run(
+            run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
+            problem.noise**2, problem.process, banked, e, k, w,
+        )  # fmt: skip
+        # The whitening matrices are inverse Cholesky factors of the innovations' covariances; zero where the filter has
+        # lost the car, whose innovations are no numbers then.
+        with np.errstate(divide="ignore"):
+            logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
+        if run.trace is not None:
+            e += run.trace
+        gains.append(k)
+        whitenings.append(w)
+        innovations.append(e)
+    return Gains(gains, whitenings, Filtered(innovations, problem.row_weight * logdet))
+
+
+def observe(
+    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
+    push: np.ndarray = NO_PUSH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
+    since: int = 0, known: np.ndarray = NO_STATE,
+) -> np.ndarray:  # fmt: skip
+    """Whitened innovations [rows, 9] of one run under frozen gains.
+
+    Args:
+        push: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
+        states: filled with the corrected states, if it has a row for each of the run's;
+        since, known: row that it starts from, and the corrected state [SIZE] there; innovations are those from it on,
+            the first zero.
+    """
+    run = problem.runs[index]
+    constants, effects = car(problem, theta, names)
+    delta, torque = run_commands(problem, index, theta, effects)
+    if extra_torque is not None:
+        grid = np.arange(len(torque)) / STAGES
+        torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
+    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
+    e = np.empty((len(run.y) - since, MEASURED))
+    observe_run(
+        run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
+        torque[STAGES * since :], run.period, constants, dynamic, with_bank(push, banked)[since:],
+        gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
+    )  # fmt: skip
+    return e if run.trace is None else e + run.trace[since:]
+
+
+def filtered_states(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
+    """Corrected states [rows, SIZE] of one run under frozen gains."""
+    states = np.empty((len(problem.runs[index].y), SIZE))
+    observe(problem, gains, theta, names, index, states=states)
+    return states
+
+
+def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
+    """Innovations that count, of all runs in a row [count], such that half their squares are weighted nats."""
+    return np.concatenate([counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)])
+
+
+def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:
+    """Rows and channels of one run's innovations [rows, 9, ...] that count, times the root of the row weight."""
+    return np.asarray(np.sqrt(problem.row_weight) * innovations[run.counted][:, run.used])
+
+
+def observe_case(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Whitened innovations that count, of all runs [count], under frozen gains."""
+    return flat(problem, [observe(problem, gains, theta, names, i) for i in range(len(problem.runs))])

@@ -1,0 +1,97 @@
+"""What is unknown of a car, by name: deviations from its vehicle file, as effects of the catalogue.
+
+A deviation of the file's own parameters is an effect too (`yaw_inertia_error`, `cg_shift`, ...), so that one vector of
+named magnitudes serves calibration, diagnosis and tolerances alike.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import Tolerance, VehicleParameters
+from drift_drake.car.single_track.motion_with_effects import changed_constants
+
+OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
+FIELDS = {  # of the vehicle file, that an effect is a deviation of
+    "torque_gain_error": "gear_ratio", "cg_shift": "front_axle_distance", "drivetrain_inertia_error":
+    "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
+    "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
+}  # fmt: skip
+BROAD = Tolerance(  # standard deviations where the vehicle file states no tolerance
+    mass=0.2,
+    yaw_inertia=0.3,
+    front_axle_distance=0.05,  # of the wheelbase here
+    wheel_radius=0.05,
+    rear_axle_inertia=0.5,
+    torque=0.2,
+    friction=0.3,
+    front_stiffness=0.5,
+    rear_stiffness=0.5,
+    steering_offset=0.02,
+)
+CAUTION = 2.0  # stated tolerances that a first guess may be off, as one standard deviation
+LEAST = -0.8  # relative deviation, below which a mass, an inertia or a stiffness makes no car
+LEAST_SHARE = 0.15  # of the wheelbase, between an axle and the centre of gravity
+FURTHEST = 2.0  # times the practical range that a magnitude may reach
+FIRST_SHARE = 0.05  # of its range that an unsigned effect starts from
+SHORTEST_RELAXATION = 0.04  # of the wheelbase: shorter ones are no lag that a log shows
+DIFFERENCE = 0.01  # of a unit, for derivatives
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """One magnitude: its unit for steps, its prior's standard deviation around zero, its bounds, where it starts."""
+
+    name: str
+    unit: float
+    prior: float
+    low: float
+    high: float
+    start: float
+
+
+def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> Unknown:
+    """What is believed of one effect before the logs.
+
+    Args:
+        vehicle: the first guess; stated: tolerances that its file states (`Tolerance`'s names), believed with caution.
+    """
+    info = CATALOGUE[name]
+    bottom, top = info.range_for(vehicle)
+    size = max(abs(bottom), abs(top))
+    if info.tolerance:
+        prior = getattr(BROAD, info.tolerance) * (wheelbase(vehicle) if name == "cg_shift" else 1.0)
+        if info.tolerance in stated:
+            prior = CAUTION * max(float(getattr(vehicle.tolerance, info.tolerance)), 1e-6)
+        low, high = LEAST, -5.0 * LEAST
+        if name == "cg_shift":
+            low = LEAST_SHARE * wheelbase(vehicle) - vehicle.front_axle_distance
+            high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase(vehicle)
+        elif name == "steering_offset":
+            low, high = -FURTHEST * size, FURTHEST * size
+        return Unknown(name, min(size, prior), prior, low, high, 0.0)
+    low = -FURTHEST * size if info.signed else 0.0
+    if name == "tyre_relaxation":
+        low = SHORTEST_RELAXATION * wheelbase(vehicle)
+    start = 0.0 if info.signed else max(FIRST_SHARE * size, low)
+    return Unknown(name, size, size, low, FURTHEST * size, start)
+
+
+def added(effects: Effects, more: Mapping[str, float]) -> Effects:
+    """Effects with further magnitudes added."""
+    return effects._replace(**{name: getattr(effects, name) + value for name, value in more.items()})
+
+
+def magnitudes(names: Sequence[str], theta: np.ndarray) -> dict[str, float]:
+    """A vector of magnitudes by name."""
+    return dict(zip(names, (float(q) for q in theta), strict=True))
+
+
+def folded(vehicle: VehicleParameters, effects: Effects) -> tuple[VehicleParameters, Effects]:
+    """The same car with deviations of the file's own parameters put into the parameters; the other effects stay."""
+    changed = changed_constants(vehicle.constants(), effects)
+    rest = effects._replace(**{name: 0.0 for name in OWN if name != "steering_offset"})
+    return vehicle.with_constants(changed), rest

@@ -1,0 +1,333 @@
+"""Which change makes another day's scores normal: hypotheses over `none`, single effects and pairs, with magnitudes.
+
+A hypothesis puts its effects into the calibrated car, predicts the day's windows anew and asks how normal the scores
+of the errors that are left are (`gap.estimation.scores`). Scores are nearly linear in a magnitude, so that a few
+predictions, interpolated, find its most likely value.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.gap.estimation.baseline import Scatter, scatter_of
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.scores import Day, summed
+from drift_drake.gap.evidence.left_over import LeftOver, left_over
+from drift_drake.gap.evidence.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
+
+FADES = 0.2  # of the practical range, over which a prior falls off beyond it
+FINE = 24  # interpolated magnitudes between two of the grid
+REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
+SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
+TINY = 1e-3  # of a unit, for differences
+BUILD = 0.5  # `daily` below which an effect is of the car's build
+FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
+SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
+EXTENSIONS = 2  # of the reach of a leading hypothesis
+
+
+@dataclasses.dataclass(frozen=True)
+class Hypothesis:
+    """One change with its most likely magnitudes."""
+
+    names: tuple[str, ...]
+    magnitudes: np.ndarray  # [k]
+    covariance: np.ndarray  # [k, k]
+    nats: float  # half the squared distance of its scores from normal
+    log_evidence: float
+    follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`with_load`)
+    beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
+    scores: int = 0  # that judge it
+    left_over: LeftOver | None = None  # what it leaves over; None where it was not judged at the changed car
+
+    def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
+        """What is added to the calibrated car, with other magnitudes [k] if they are given."""
+        q = self.magnitudes if magnitudes is None else magnitudes
+        return added_up(effects_of(self.names, q, self.follows_load, day), self.beside)
+
+
+def added_up(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """The sum of two sets of effects by name."""
+    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in {**one, **other}}
+
+
+def as_change(h: Hypothesis) -> Hypothesis:
+    """A pair with one effect of the car's build as the other alone: a car's build does not change by the day.
+
+    That effect stays beside it, as something that calibration has not seen.
+    """
+    built = [name for name in h.names if CATALOGUE[name].daily < BUILD]
+    if len(h.names) != 2 or len(built) != 1:
+        return h
+    at = 1 - h.names.index(built[0])
+    return dataclasses.replace(
+        h, names=(h.names[at],), magnitudes=h.magnitudes[[at]], covariance=h.covariance[[at]][:, [at]],
+        beside={built[0]: float(h.magnitudes[1 - at])},
+    )  # fmt: skip
+
+
+def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float, day: Day) -> dict[str, float]:
+    """Effects by name; those that the loads bring along are added."""
+    out: dict[str, float] = {}
+    for name, magnitude in zip(names, magnitudes, strict=True):
+        parts = with_load(name, float(magnitude), follows_load, day.constants)
+        out = added_up(out, {key: value for key, value in parts.items() if value != 0.0 or key == name})
+    return out
+
+
+def with_load(name: str, magnitude: float, share: float, constants: Constants) -> dict[str, float]:
+    """Effects of a magnitude whose axle stiffnesses follow a share of what the static loads change by.
+
+    The catalogue's `mass_error` and `cg_shift` leave the stiffnesses as they are. A real tyre's follows its load, which
+    is another signature of the same cause.
+
+    Args:
+        constants: of the calibrated car, `cg_shift`'s axle distances.
+    """
+    if name == "mass_error":
+        return {name: magnitude, "front_stiffness_error": share * magnitude, "rear_stiffness_error": share * magnitude}
+    if name == "cg_shift":
+        return {
+            name: magnitude,
+            "front_stiffness_error": -share * magnitude / float(constants.rear_axle_distance),
+            "rear_stiffness_error": share * magnitude / float(constants.front_axle_distance),
+        }
+    return {name: magnitude}
+
+
+class Search:
+    """Hypotheses of one day, fitted.
+
+    Attributes:
+        ranges: of the effects' magnitudes, by name; `singles` widens those whose most likely magnitude is at an end.
+        curves: of every single effect, once `singles` has been asked.
+    """
+
+    def __init__(self, day: Day, normal: Normal, vehicle: VehicleParameters, catalogue: Sequence[str],
+                 threads: int = 2) -> None:  # fmt: skip
+        self.day, self.normal, self.vehicle = day, normal, vehicle
+        self.scatter: Scatter = scatter_of(day, normal)
+        # A tolerance of the calibrated car is the same car's on both days.
+        self.ranges = {name: range_of(name, vehicle, tolerances=False) for name in catalogue}
+        self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
+        self.threads = threads
+        self.curves: list[Curve] = []
+
+    def on(self, day: Day) -> "Search":
+        """The same search, in the same ranges, on other windows."""
+        other = Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
+        other.ranges = dict(self.ranges)
+        return other
+
+    def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
+        """Scores less their normal mean [m] once effects are added, of the blocks that are kept [blocks] (bool)."""
+        e = self.day.errors_with(effects) if effects else self.day.errors
+        part = 1.0 if kept is None else float(np.mean(kept))
+        return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
+
+    def nats(self, scores: np.ndarray) -> np.ndarray:
+        """Half the squared distance from normal of scores [..., m]."""
+        return np.asarray(0.5 * np.einsum("...i,ij,...j->...", scores, self.scatter.inverse, scores))
+
+    def none(self) -> Hypothesis:
+        """Nothing has changed."""
+        scores = self.scores({})
+        nats, rest = float(self.nats(scores)), self.left_over(scores, np.zeros((len(scores), 0)))
+        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest)
+
+    def left_over(self, scores: np.ndarray, slopes: np.ndarray) -> LeftOver:
+        """What scores less their normal mean [m] leave over, of magnitudes with slopes [m, k]."""
+        return left_over(scores, self.scatter, self.normal.names, slopes)
+
+    def singles(self, progress: Callable[[float], None]) -> list[Hypothesis]:
+        """Every single effect with its most likely magnitude, the best refined; best first."""
+        at_zero = self.scores({})
+        variants = [
+            (name, follows) for name in self.ranges for follows in (SHARES if name in FOLLOWING else SHARES[:1])
+        ]
+        with ThreadPoolExecutor(self.threads) as pool:
+            curves = []
+            for done, curve in enumerate(pool.map(lambda v: self._curve(v[0], v[1], at_zero), variants)):
+                curves.append(curve)
+                progress((done + 1) / len(variants))
+            ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
+            refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
+        refined = [follow(self, curve) for curve in refined]
+        self.curves = [*refined, *ranked[REFINED:]]
+        found = [curve.hypothesis(self) for curve in self.curves]
+        best: dict[str, Hypothesis] = {}
+        for h in sorted(found, key=lambda h: -h.log_evidence):
+            best.setdefault(h.names[0], h)
+        return sorted(best.values(), key=lambda h: -h.log_evidence)
+
+    def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
+        curve = Curve(name, follows, [], [])
+        if name != RATE_LIMIT:  # whose zero is no limit at all
+            curve = Curve(name, follows, [0.0], [at_zero])
+        for magnitude in sorted(set(tried_first(self.ranges[name]))):
+            curve = curve.with_point(self, float(magnitude))
+        return curve
+
+    def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
+        """Pairs grown from the best singles, jointly fitted; best first."""
+        names = [h.names[0] for h in singles]
+        magnitude = {h.names[0]: float(h.magnitudes[0]) for h in singles}
+        slopes = {name: self._slope(name, magnitude[name]) for name in names}
+        jobs: dict[tuple[str, str], tuple[Hypothesis, str, float]] = {}
+        for seed in singles[:SEEDS]:
+            at = self.scores(seed.effects(self.day))
+            gains = []
+            for name in names:
+                if name != seed.names[0]:
+                    q, gain = self._partner(name, at, slopes[name])
+                    gains.append((gain, name, q))
+            for _, name, q in sorted(gains, reverse=True)[:PARTNERS]:
+                first, second = sorted((seed.names[0], name))
+                jobs.setdefault((first, second), (seed, name, q))
+        out = []
+        with ThreadPoolExecutor(self.threads) as pool:
+            for done, h in enumerate(pool.map(lambda job: self._pair(*job), jobs.values())):
+                progress((done + 1) / len(jobs))
+                out.append(h)
+        return sorted((h for h in out if h is not None), key=lambda h: -h.log_evidence)
+
+    def _slope(self, name: str, single: float) -> np.ndarray:
+        """Change of the scores per magnitude of an effect [m], over its most likely one alone."""
+        r = self.ranges[name]
+        unit = single if abs(single) >= r.least else max(r.least, TINY * r.high)
+        return np.asarray((self.scores({name: unit}) - self.scores({})) / unit)
+
+    def _partner(self, name: str, at: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
+        """Magnitude that a second effect would have beside scores `at`, to first order, and the nats that it gains."""
+        curvature = float(slope @ self.scatter.inverse @ slope)
+        q = -float(slope @ self.scatter.inverse @ at) / max(curvature, 1e-300)
+        q = clipped(q, self.ranges[name])
+        return q, float(self.nats(at) - self.nats(at + slope * q))
+
+    def _pair(self, seed: Hypothesis, name: str, start: float) -> Hypothesis | None:
+        names = (*seed.names, name)
+        order = np.argsort(names)
+        follows = seed.follows_load
+        q = np.array([float(seed.magnitudes[0]), start])
+        s = self.scores(effects_of(names, q, follows, self.day))
+        ranges = [self.ranges[n] for n in names]
+        slopes = np.zeros((len(s), 2))
+        for _ in range(PAIR_STEPS):
+            for i, r in enumerate(ranges):
+                step = 0.05 * r.high * (1.0 if q[i] + 0.05 * r.high <= r.high else -1.0)
+                moved = q + step * (np.arange(2) == i)
+                slopes[:, i] = (self.scores(effects_of(names, moved, follows, self.day)) - s) / step
+            hessian = slopes.T @ self.scatter.inverse @ slopes
+            if np.min(np.diag(hessian)) <= 0.0:
+                return None  # one of the two does nothing here
+            step2 = -np.linalg.solve(hessian + 1e-9 * np.diag(np.diag(hessian)), slopes.T @ self.scatter.inverse @ s)
+            for share in (1.0, 0.5, 0.2):
+                trial = np.array([clipped(float(x), r) for x, r in zip(q + share * step2, ranges, strict=True)])
+                after = self.scores(effects_of(names, trial, follows, self.day))
+                if self.nats(after) < self.nats(s):
+                    break
+            else:
+                break
+            gained = float(self.nats(s) - self.nats(after))
+            q, s = trial, after
+            if gained < 0.05:
+                break
+        hessian = slopes.T @ self.scatter.inverse @ slopes
+        if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > 1e12:
+            return None
+        covariance = np.linalg.inv(hessian)
+        names, q, covariance = tuple(names[i] for i in order), q[order], covariance[np.ix_(order, order)]
+        return concluded(names, q, covariance, float(self.nats(s)), [self.ranges[n] for n in names], follows)
+
+
+def concluded(
+    names: tuple[str, ...], q: np.ndarray, covariance: np.ndarray, nats: float, ranges: Sequence[Range],
+    follows: float,
+) -> Hypothesis:  # fmt: skip
+    """A fitted hypothesis with its Laplace evidence under flat priors over the ranges."""
+    widths = np.array([r.width for r in ranges])
+    sign, logdet = np.linalg.slogdet(covariance)
+    occam = 0.5 * len(q) * np.log(2.0 * np.pi) + 0.5 * (logdet if sign > 0.0 else 0.0) - float(np.sum(np.log(widths)))
+    fades = float(np.sum([unusual(x, r) for x, r in zip(q, ranges, strict=True)]))
+    return Hypothesis(names, q, covariance, nats, -nats - fades + min(float(occam), 0.0), follows)
+
+
+def unusual(q: np.ndarray | float, r: Range) -> np.ndarray:
+    """By how much a magnitude's log prior falls off beyond what is usual, heavy-tailed."""
+    below = r.usual[0] - q if r.low < 0.0 else 0.0
+    beyond = np.maximum(np.maximum(q - r.usual[1], below), 0.0) / (FADES * r.usual[1])
+    return np.asarray(2.0 * np.log1p(0.5 * np.square(beyond)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """Scores of one effect over its magnitudes, linear in between."""
+
+    name: str
+    follows: float
+    magnitudes: list[float]  # ascending
+    scores: list[np.ndarray]
+
+    def with_point(self, search: Search, magnitude: float) -> "Curve":
+        """The curve with one more magnitude predicted."""
+        if any(abs(magnitude - q) < 1e-12 for q in self.magnitudes):
+            return self
+        s = search.scores(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
+        order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
+        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order])
+
+    def fine(self) -> tuple[np.ndarray, np.ndarray]:
+        """Interpolated magnitudes [k] and scores [k, m]."""
+        at, s = np.array(self.magnitudes), np.array(self.scores)
+        share = np.linspace(0.0, 1.0, FINE)[None, :, None]
+        q = (1.0 - share[..., 0]) * at[:-1, None] + share[..., 0] * at[1:, None]
+        return q.ravel(), ((1.0 - share) * s[:-1, None] + share * s[1:, None]).reshape(-1, s.shape[1])
+
+    def best(self, search: Search) -> tuple[float, float]:
+        """Most likely magnitude that is a gap, and its nats."""
+        q, s = self.fine()
+        nats = np.where(search.ranges[self.name].allows(q), search.nats(s), np.inf)
+        i = int(np.argmin(nats))
+        return float(q[i]), float(nats[i])
+
+    def refined(self, search: Search) -> "Curve":
+        """The curve predicted anew where it is most likely, until that stays."""
+        curve = self
+        for _ in range(ROUNDS):
+            q, before = curve.best(search)
+            curve = curve.with_point(search, q)
+            if abs(curve.best(search)[1] - before) < 0.1:
+                break
+        return curve
+
+    def hypothesis(self, search: Search) -> Hypothesis:
+        """The single effect at its most likely magnitude; its variance from the slope of the scores there."""
+        q, nats = self.best(search)
+        at = np.array(self.magnitudes)
+        i = int(np.clip(np.searchsorted(at, q), 1, len(at) - 1))
+        # Over a stretch of the curve: neighbours that refinement put close together say little of the slope.
+        low, high = max(i - 2, 0), min(i + 1, len(at) - 1)
+        slope = (self.scores[high] - self.scores[low]) / (at[high] - at[low])
+        variance = 1.0 / max(float(slope @ search.scatter.inverse @ slope), 1e-300)
+        return concluded((self.name,), np.array([q]), np.array([[variance]]), nats, [search.ranges[self.name]],
+                         self.follows)  # fmt: skip
+
+
+def follow(search: Search, curve: Curve) -> Curve:
+    """Predicts a curve farther out while its most likely magnitude is at its end, and widens `search.ranges` so far.
+
+    But for a rate limit, which acts the less there.
+    """
+    for _ in range(EXTENSIONS if curve.name != RATE_LIMIT else 0):
+        r, q = search.ranges[curve.name], curve.best(search)[0]
+        wider = farther(curve.name, r, search.vehicle)
+        if not at_end(q, r) or wider == r:
+            break
+        search.ranges[curve.name] = wider
+        end = wider.high if q > 0.0 else wider.low
+        curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
+    return curve

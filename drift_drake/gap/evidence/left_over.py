@@ -1,0 +1,60 @@
+"""What a hypothesis leaves over: the evidence that something else is there too, and what it is most like.
+
+Two ways in which a gap may be unknown: it acts like an effect in part of the driving only or like something that no
+effect is like (`gap.estimation.partial`), or scores lie further off than they scatter, in any direction. Both are
+integrated over their size.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.gap.estimation.baseline import Scatter
+from drift_drake.gap.estimation.partial import Partial, partial_effects
+from drift_drake.gap.evidence.constants import OF_PARTIAL, SIZES, WIDER
+
+
+class LeftOver(NamedTuple):
+    """Beside a hypothesis."""
+
+    gain: float  # log evidence of something else being there too, over that of nothing else
+    like: Partial  # what it is most like
+
+
+def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slopes: np.ndarray) -> LeftOver:
+    """What scores under a hypothesis leave over.
+
+    Args:
+        scores: less their normal mean [m]; scatter: of the day, at the hypothesis' car; names: of the effects whose
+            scores come first; slopes: derivatives of the scores by the hypothesis' magnitudes [m, k].
+    """
+    weight = scatter.inverse
+    if slopes.shape[1]:
+        bent = weight @ slopes
+        weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ bent.T
+    there = partial_effects(names)
+    anything = widened(float(scores @ scatter.inverse @ scores), len(scores))
+    directions = scatter.information[:, len(names) :]
+    bent = weight @ directions
+    size, along = np.sum(directions * bent, axis=0), scores @ bent
+    gains = np.array([
+        0.5 * along**2 * tau**2 / (1.0 + tau**2 * size) - 0.5 * np.log1p(tau**2 * size) for tau in SIZES
+    ])  # fmt: skip
+    by_direction = log_mean(gains, 0)
+    both = np.logaddexp(np.log(OF_PARTIAL) + log_mean(by_direction, 0), np.log(1.0 - OF_PARTIAL) + anything)
+    return LeftOver(float(both), there[int(np.argmax(by_direction))])
+
+
+def widened(squared: float, count: int) -> float:
+    """Log evidence of scores that scatter more than is normal, over that of normal ones.
+
+    Args:
+        squared: distance of the scores from normal, squared; count: of the scores.
+    """
+    return float(log_mean(0.5 * squared * (1.0 - 1.0 / WIDER) - 0.5 * count * np.log(WIDER), 0))
+
+
+def log_mean(values: np.ndarray, axis: int) -> np.ndarray:
+    """Logarithm of the mean of exponentials along an axis."""
+    top = values.max(axis=axis, keepdims=True)
+    return np.asarray(np.squeeze(top, axis) + np.log(np.mean(np.exp(values - top), axis=axis)))

@@ -1,0 +1,139 @@
+"""From evidences of changes to probabilities, a verdict, and what kind of decision it is."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE, THRESHOLDS
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.posterior import (
+    NONE,
+    UNKNOWN,
+    PosteriorConstants,
+    Ranked,
+    ambiguity_set,
+    hypothesis_name,
+    log_prior,
+)
+
+Decision = Literal["none", "cause", "cause_open", "undecided"]
+TOO = f"+{UNKNOWN}"  # of a hypothesis' name: and something else too
+FALSE_ALARMS = 0.05  # rate that a user who asks for none gets
+
+
+@dataclasses.dataclass(frozen=True)
+class DayRanked(Ranked[Hypothesis]):
+    """Probabilities and a verdict of a change from a calibrated baseline.
+
+    A hypothesis named "X+unknown" is X and something else that the catalogue lacks. Where that leads, the probability
+    of X is of both.
+    """
+
+    decision: Decision = "none"
+    something_else: float = 0.0  # probability that something else is there beside the leading cause, if that is
+
+    @property
+    def most_like(self) -> str:
+        """What a gap is most like, if there is one: a cause, with something else or not, or `unknown`."""
+        return max((name for name in self.probabilities if name != NONE), key=lambda name: self.probabilities[name])
+
+
+def ranked(
+    hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, doubt: float = 0.0,
+    false_alarms: float = FALSE_ALARMS,
+) -> DayRanked:  # fmt: skip
+    """Probabilities of hypotheses, of each with something else too, and of `unknown`.
+
+    Args:
+        hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing;
+        catalogue: number of effects that were considered;
+        doubt: probability that no hypothesis can be judged at all, which is `unknown`'s;
+        false_alarms: rate at which a day without an effect may be said to have a gap.
+    """
+    values: dict[str, float] = {}
+    best: dict[str, Hypothesis] = {}
+    warm = constants.temperature  # of evidence alone: what logs say nothing of keeps its prior
+    for h in hypotheses:
+        name, value = hypothesis_name(h.names), h.log_evidence / warm + prior(h, catalogue, constants)
+        if name not in best or value > values[name]:
+            best[name], values[name] = h, value
+        if h.names and h.left_over is not None:
+            both = value + np.log(ELSE) + h.left_over.gain / warm
+            values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
+    none = best[NONE]
+    if none.left_over is not None:
+        values[UNKNOWN] = (none.log_evidence + none.left_over.gain) / warm + float(np.log(constants.prior_unknown))
+    return concluded_from(values, list(best.values()), doubt, false_alarms)
+
+
+def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float:
+    """Log prior of a hypothesis, but for a constant."""
+    names = (*h.names, *h.beside)
+    daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
+    return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
+
+
+def threshold(false_alarms: float) -> float:
+    """Probability of none below which there is a gap, at a rate of false alarms (interpolated in log odds)."""
+    rates, at = np.array(list(THRESHOLDS)), np.array(list(THRESHOLDS.values()))
+    odds = np.interp(_log_odds(np.array(false_alarms)), _log_odds(rates), _log_odds(at))
+    return float(1.0 / (1.0 + np.exp(-odds)))
+
+
+def _log_odds(p: np.ndarray) -> np.ndarray:
+    p = np.clip(p, 1e-6, 1.0 - 1e-6)
+    return np.asarray(np.log(p / (1.0 - p)))
+
+
+def concluded_from(
+    values: Mapping[str, float], hypotheses: Sequence[Hypothesis], doubt: float, false_alarms: float = FALSE_ALARMS
+) -> DayRanked:
+    """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
+
+    Args:
+        hypotheses: that are known, `none` among them; doubt: probability of `unknown` beside what `values` give it.
+    """
+    names, v = list(values), np.array(list(values.values()))
+    p = np.exp(v - np.max(v))
+    p = (1.0 - doubt) * p / np.sum(p)
+    probabilities = dict(zip(names, (float(q) for q in p), strict=True))
+    probabilities[UNKNOWN] = probabilities.get(UNKNOWN, 0.0) + doubt
+    by_name = {hypothesis_name(h.names): h for h in hypotheses}
+    causes = {
+        name: probabilities.get(name, 0.0) + probabilities.get(name + TOO, 0.0) for name in by_name if name != NONE
+    }
+    lead = max(causes, key=lambda name: causes[name], default=NONE)
+    none = probabilities.get(NONE, 0.0)
+    with_more = probabilities.get(lead + TOO, 0.0) / max(causes.get(lead, 1.0), 1e-300)
+    if with_more > 0.5 and explained(by_name[lead], by_name[NONE]) >= HALF:
+        probabilities[lead] = causes[lead]
+        del probabilities[lead + TOO]
+    elif with_more > 0.5:
+        probabilities[UNKNOWN] += probabilities.pop(lead + TOO)
+        causes[lead] = probabilities[lead]
+    verdict: str = NONE
+    decision: Decision = "none" if none >= SURE_OF_NONE else "undecided"
+    if none < threshold(false_alarms):
+        cause = causes.get(lead, 0.0)
+        verdict = "effect" if cause > probabilities[UNKNOWN] else UNKNOWN
+        decision = "cause" if verdict == "effect" and cause >= OPEN * (1.0 - none) else "cause_open"
+    probabilities = dict(sorted(probabilities.items(), key=lambda item: -item[1]))
+    known = lead if verdict != NONE and lead != NONE else NONE
+    if verdict == UNKNOWN and none > causes.get(lead, 0.0):
+        known = NONE
+    ambiguous = ambiguity_set(probabilities)
+    # With something else or without it, a cause is among them.
+    ambiguous += [name for name in causes if name + TOO in ambiguous and name not in ambiguous]
+    return DayRanked(
+        probabilities, ambiguous, verdict, by_name[known], decision,
+        with_more if verdict == "effect" and lead + TOO not in probabilities else 0.0,
+    )  # fmt: skip
+
+
+def explained(h: Hypothesis, none: Hypothesis) -> float:
+    """Share of a gap, as a squared distance from normal beyond what is usual, that a hypothesis explains."""
+    usual = 0.5 * none.scores
+    return 1.0 - max(h.nats - usual, 0.0) / max(none.nats - usual, 1e-9)

@@ -1,0 +1,239 @@
+"""What an identification says of a car: parameters with intervals, what is not identified, how well it predicts."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.plain_files import named_number, read_json
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
+from drift_drake.gap.estimation.normal import Normal, normal_from_data
+from drift_drake.gap.estimation.problem import Everyday
+from drift_drake.gap.identification.driving import Driving
+from drift_drake.gap.identification.estimate import Trust
+from drift_drake.gap.identification.held_out import HeldOut
+from drift_drake.gap.identification.options import LARGEST_SCALE
+from drift_drake.gap.identification.outlook import Outlook
+
+LEFT = 0.5  # of the prior's standard deviation that is left
+PART = 0.3  # of a direction's length that a parameter must hold to be named
+SIMILAR = 0.95  # correlation beyond which two parameters are told only together
+
+
+@dataclasses.dataclass(frozen=True)
+class Direction:
+    """A combination of parameters, in standard deviations of their priors, and the share of it that is left."""
+
+    parts: dict[str, float]
+    left: float
+
+    def sentence(self) -> str:
+        """The direction in words."""
+        if len(self.parts) == 1:
+            return f"{next(iter(self.parts))} ({100 * self.left:.0f} % of the prior's width is left)"
+        sides = [" with ".join(name for name, q in self.parts.items() if q * sign > 0.0) for sign in (1.0, -1.0)]
+        return f"{' against '.join(filter(None, sides))} ({100 * self.left:.0f} % of the priors' width is left)"
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """One unknown: its estimate with a 95 % interval, its standard deviations after and before the logs."""
+
+    unit: str
+    start: float
+    estimate: float
+    low: float
+    high: float
+    deviation: float
+    prior: float
+    widened: float  # by how much the interval is wider than that of white innovations
+    kind: str  # free, known (held by its tolerance), effect, or unseen (kept at its first guess)
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """What an identification says, as plain data. `correlation` is in the order of `parameters`."""
+
+    case: str
+    parameters: dict[str, Parameter]
+    correlation: list[list[float]]
+    not_identified: list[Direction]
+    tied: list[tuple[str, str, float]]
+    left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
+    held_out: HeldOut
+    trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
+    row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
+    everyday: Everyday | None  # and what `--calibration` takes out before, where that makes rows worth more
+    seconds: float
+    warnings: list[str]
+    criterion: str = "likelihood"  # or "prediction"
+    normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
+    watching: dict[str, Any] | None = None  # `gap.monitoring.normal.NormalScores`, for `drift-drake watch`
+    catalogue: tuple[str, ...] = tuple(CATALOGUE)  # effects that there were
+    disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
+    driving: Driving | None = None
+    outlook: Outlook = dataclasses.field(default_factory=dict)  # detection limits, after more recordings too
+
+    @property
+    def identified(self) -> list[str]:
+        """Parameters that are known to half of what was believed before, and that all recordings agree about."""
+        return [
+            name
+            for name, p in self.parameters.items()
+            if p.kind != "known" and p.deviation < LEFT * p.prior and name not in self.disagreed
+        ]
+
+    def sentence(self) -> str:
+        """What was reached, in one sentence."""
+        h = self.held_out
+        if self.held_out.ratio > 1.0:
+            return (
+                f"{self.case}: no better than the first guess: {h.judged:g} s ahead on parts that were not fitted, "
+                f"errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of its."
+            )
+        free = [name for name, p in self.parameters.items() if p.kind != "known"]
+        apart = f" (recordings disagree about {len(self.disagreed)})" if self.disagreed else ""
+        return (
+            f"{self.case}: {len(self.identified)} of {len(free)} parameters identified{apart}; {h.judged:g} s ahead on "
+            f"parts that were not fitted, errors are {h.ratio:.2f} (95 %: {h.low:.2f} to {h.high:.2f}) of the first "
+            "guess's."
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Identification:
+    """The calibrated car."""
+
+    calibration: Calibration
+    vehicle: VehicleParameters
+    effects: Effects
+    rows: int  # of the logs
+
+
+def not_identified(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:
+    """Combinations that stay as they were believed, the worst first.
+
+    Args:
+        prior: standard deviations [n]; covariance: of the posterior [n, n].
+    """
+    left, directions = np.linalg.eigh(covariance / np.outer(prior, prior))
+    out = []
+    for i in np.argsort(-left):
+        if np.sqrt(max(left[i], 0.0)) <= LEFT:
+            break
+        v = directions[:, i] * np.sign(directions[np.argmax(np.abs(directions[:, i])), i])
+        order = np.argsort(-np.abs(v))
+        parts = {names[j]: float(v[j]) for j in order if abs(v[j]) > PART}
+        out.append(Direction(parts, min(float(np.sqrt(left[i])), 1.0)))
+    return out
+
+
+def directions(parameters: Mapping[str, Parameter], correlation: np.ndarray) -> list[Direction]:
+    """`not_identified` of all parameters that are not known."""
+    free = [i for i, p in enumerate(parameters.values()) if p.kind != "known"]
+    names, sigma = list(parameters), np.array([p.deviation for p in parameters.values()])
+    prior = np.array([p.prior for p in parameters.values()])
+    covariance = correlation * np.outer(sigma, sigma)
+    return not_identified([names[i] for i in free], prior[free], covariance[np.ix_(free, free)])
+
+
+def tied(names: Sequence[str], correlation: np.ndarray) -> list[tuple[str, str, float]]:
+    """Pairs of parameters that are identified only together, the closest first."""
+    pairs = [
+        (names[i], names[j], float(correlation[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > SIMILAR
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+class InvalidCalibrationError(DriftDrakeError, ValueError):
+    """A calibration that cannot be used; the message names the file and the remedy."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CarTrust:
+    """Factors of the noise and the process, the row weight, and the misfit of every day; or what is normal."""
+
+    noise_scale: float
+    process_scale: float
+    row_weight: float
+    everyday: Everyday | None
+    normal: Normal | None = None  # of a car calibrated by prediction, in place of the others
+    catalogue: tuple[str, ...] = ()  # effects that there were when `normal` was learnt
+
+    def options(self) -> dict[str, Any]:
+        """As `diagnose` takes them."""
+        own = ("normal", "catalogue")
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in own}
+
+    def check_knows(self, effects: Sequence[str], path: str | Path) -> None:
+        """Sees that what is normal was learnt for all these effects: one that it lacks would be left out in silence.
+
+        Raises:
+            InvalidCalibrationError: an effect has been added since, by a package that was installed say.
+        """
+        lacks = [name for name in effects if name not in self.catalogue] if self.normal is not None else []
+        if lacks:
+            raise InvalidCalibrationError(
+                f"{path}: this calibration does not know {', '.join(lacks)}, which the catalogue has now: calibrate "
+                f"again (drift-drake identify --json), or leave {'it' if len(lacks) == 1 else 'them'} out (--exclude "
+                f"{' '.join(lacks)})"
+            )
+
+
+def read_trust(path: str | Path) -> CarTrust:
+    """Reads them from a calibration's JSON.
+
+    Raises:
+        InvalidCalibrationError: unreadable, not JSON, or not what `identify` writes.
+    """
+    remedy = "write it with 'drift-drake identify --json'"
+    data = read_json(path, InvalidCalibrationError, remedy)
+    try:
+        return trust_of(data)
+    except (KeyError, TypeError, AttributeError):
+        raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {remedy}") from None
+    except ValueError as error:
+        raise InvalidCalibrationError(f"{path}: {error}; {remedy}") from None
+
+
+def trust_of(data: Any) -> CarTrust:
+    """The same from the JSON's content; KeyError or TypeError where something is missing, ValueError if off."""
+    if data.get("normal"):
+        normal = normal_from_data(data["normal"])
+        known = data.get("catalogue") or normal.names
+        return CarTrust(1.0, 1.0, 1.0, None, normal, tuple(str(name) for name in known))
+    everyday = data["everyday"]
+    return CarTrust(
+        _within("trust.noise", data["trust"]["noise"], LARGEST_SCALE),
+        _within("trust.process", data["trust"]["process"], LARGEST_SCALE),
+        _within("row_weight", data["row_weight"], 1.0),
+        None if everyday is None else _everyday(everyday),
+    )
+
+
+def _everyday(data: Mapping[str, Any]) -> Everyday:
+    forces = {
+        name: [named_number(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
+    }
+    for name, weights in forces.items():
+        if len(weights) != FUNCTIONS:
+            raise ValueError(f"everyday.forces has {len(weights)} weights for {name}, expected {FUNCTIONS}")
+    offsets = {str(name): named_number(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
+    unknown = sorted(set(offsets) - set(CHANNELS)) + sorted(set(data["forces"]) - set(FORCE_CHANNELS))
+    if unknown:
+        raise ValueError(f"everyday names '{unknown[0][:60]}', which is no channel")
+    return Everyday(forces, offsets, _within("everyday.row_weight", data["row_weight"], 1.0))
+
+
+def _within(name: str, value: Any, high: float) -> float:
+    return named_number(name, value, lambda q: 0.0 < q <= high, f", give a number above 0, up to {high:g}")

@@ -1,0 +1,137 @@
+"""The most likely car: the filter's likelihood over all unknowns, its noise scaled to what the innovations show."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
+from drift_drake.car.effects.delays import DELAYS, HASTENERS
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.gap.estimation.fit import Linearised, minimise, prior_precision
+from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat
+from drift_drake.gap.estimation.unknowns import BROAD
+
+PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
+WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, beside the effects that need it
+LONGEST_LAG = 0.5  # [s]
+RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
+LARGEST_SPLIT = 0.5
+KEEPS = 0.025  # of the practical range, below which an effect is left out
+FIRST_SHARE = 0.1  # of its range that an effect starts from where the vehicle file has none
+ROUNDS = 5  # of fits, each with the noise that the last one's innovations ask for
+SETTLED = 0.02  # of the noise's scale
+ITERATIONS = 8  # of a fit
+ENOUGH = 0.5  # [nats] of a step that is not worth another
+
+
+def check_effect_names(known: Sequence[str], effects: Sequence[str]) -> None:
+    """Raises InvalidVehicleError, with the names to choose from, where one is none of a parameter or an effect."""
+    for name in known:
+        if name not in PARAMETERS:
+            raise InvalidVehicleError(f"{name} is no parameter to be held; there are {', '.join(PARAMETERS)}")
+    for name in effects:
+        if name not in Effects._fields:
+            raise InvalidVehicleError(f"{name} is no effect; the catalogue has {', '.join(Effects._fields)}")
+
+
+def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParameters:
+    """The vehicle with broad priors for tolerances, but for the `known` parameters and where its own are broader."""
+    changes = {}
+    for name in PARAMETERS:
+        if name not in known:
+            broad = getattr(BROAD, name) * (wheelbase(vehicle) if name == "front_axle_distance" else 1.0)
+            changes[name] = max(broad, getattr(vehicle.tolerance, name))
+    return vehicle.replace(tolerance=dataclasses.replace(vehicle.tolerance, **changes))
+
+
+def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
+    """Effects that the logs' columns can show."""
+    torque = all(run.tau_cmd is not None for run in runs)
+    return [name for name in effects if torque or not (name in WITH_TORQUE or "tau_cmd" in CATALOGUE[name].needs)]
+
+
+def effect_ranges(
+    names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]
+) -> dict[str, tuple[float, float]]:
+    """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
+    top = max(float(np.max(run.v)) for run in runs)
+    weight = vehicle.mass * vehicle.gravity
+    own = {
+        "aero_drag": (0.0, RETARDATION * weight / top**2),
+        "rolling_resistance": (0.0, RETARDATION),
+        "drivetrain_friction": (0.0, RETARDATION * weight * vehicle.wheel_radius),
+        "front_rear_friction_split": (-LARGEST_SPLIT, LARGEST_SPLIT),
+        "steering_lag": (0.0, LONGEST_LAG),
+        "torque_lag": (0.0, LONGEST_LAG),
+        **dict.fromkeys(DELAYS, (0.0, LONGEST_LAG)),
+        **dict.fromkeys(HASTENERS, (-LONGEST_LAG, LONGEST_LAG)),
+    }
+    return {name: own[name] for name in names if name in own}
+
+
+def first_magnitude(name: str, effects: Effects, low: float, high: float, share: float = FIRST_SHARE) -> float:
+    """Where an effect starts: at the vehicle file's magnitude, else a share of its range from its least."""
+    given = float(getattr(effects, name))
+    if given != 0.0:
+        return float(np.clip(given, low, high))
+    return max(low, 0.0) + (share * (high - low) if low >= 0.0 else 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Trust:
+    """How far the filter trusts the sensors and the model: factors on both standard deviations."""
+
+    noise: float
+    process: float
+
+
+def trusted(problem: Problem, trust: Trust) -> Problem:
+    """The problem with its noise levels scaled."""
+    return problem.replace(noise=problem.noise * trust.noise, process=problem.process * trust.process**2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """A mode of the posterior, and the noise that goes with it."""
+
+    names: tuple[str, ...]
+    theta: np.ndarray  # as in `diagnosis.problem`
+    at: Linearised
+    problem: Problem  # scaled by `trust`
+    trust: Trust
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of theta, as if the innovations were white and the model right [n, n]."""
+        return np.linalg.inv(self.at.jacobian.information + np.diag(prior_precision(self.problem, len(self.theta))))
+
+
+def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> float:
+    """Of the innovations that count."""
+    return float(np.mean(flat(problem, filter_case(problem, theta, names).innovations) ** 2))
+
+
+def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float) -> Estimate:
+    """Fits under noise whose common scale is such that the innovations have mean square one.
+
+    Args:
+        problem: with noise as the logs and the process noise of a well modelled car have it.
+        theta: to start from; deafness: noise of the sensors beside that of the process, times as stated.
+    """
+    scale = 1.0
+    for round_number in range(ROUNDS):
+        trust = Trust(scale * deafness, scale)
+        held = trusted(problem, trust)
+        if round_number > 0:
+            at = minimise(held, names, theta, ITERATIONS, ENOUGH)
+            theta = at.theta
+            found = float(np.mean(flat(held, at.filtered.innovations) ** 2))
+        else:
+            found = mean_square(held, theta, names)
+        scale *= float(np.sqrt(found))
+        if round_number > 0 and abs(np.sqrt(found) - 1.0) < SETTLED:
+            break
+    return Estimate(tuple(names), theta, at, held, trust)

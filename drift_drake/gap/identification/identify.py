@@ -1,0 +1,283 @@
+"""From logs of a car and a first guess of it to the calibrated car, with intervals and what the logs cannot tell.
+
+Two criteria: the filter's likelihood, exact where its innovations are white, and robust prediction errors where they
+are not (`by_prediction`). The logs choose.
+"""
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.standard_output import Progress
+from drift_drake.gap.estimation.admitted import admit
+from drift_drake.gap.estimation.prior import TWO_SIDED
+from drift_drake.gap.estimation.unknowns import FIELDS, OWN, folded
+from drift_drake.gap.estimation.usable import part_of, seen_effects
+from drift_drake.gap.estimation.windows import stride_of, windowed
+from drift_drake.gap.identification.by_likelihood import NO_PEAK, identify_by_likelihood, stretched
+from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction
+from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied
+from drift_drake.gap.identification.driving import CIRCLES, GRIP_EFFECTS, ONE_RECORDING, SLIPPERY, STEPS, driving_of
+from drift_drake.gap.identification.estimate import Trust, check_effect_names
+from drift_drake.gap.identification.held_out import HeldOut
+from drift_drake.gap.identification.kept import held_still, kept_at_first_guess
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.gap.identification.whiteness import whiteness
+
+WHITE = 0.1  # row weight of that fit, from which they are
+FURTHER = (  # that a car may have beside those asked for, taken in where held-out prediction asks for them
+    "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
+    "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop", "longitudinal_stiffness_error",
+)  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """What is asked of an identification; see `identify`."""
+
+    vehicle: VehicleParameters
+    effects: Effects
+    case: str
+    known: tuple[str, ...]
+    names: tuple[str, ...]
+    stated: Mapping[str, float] | None
+    criterion: Criterion
+    tolerances: frozenset[str]
+    unseen: tuple[str, ...] = ()  # parameters (names of tolerances) that the drives cannot show
+
+    def without_unseen(self, names: Sequence[str]) -> list[str]:
+        """Effects of these names that the drives may show."""
+        return [name for name in names if not ("friction" in self.unseen and name in GRIP_EFFECTS)]
+
+
+def identify(
+    runs: Sequence[Run],
+    vehicle: VehicleParameters,
+    effects: Effects = Effects(),
+    case: str = "case",
+    known: Sequence[str] = KNOWN,
+    names: Sequence[str] = EFFECTS,
+    stated: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+    criterion: Criterion = "auto",
+    tolerances: frozenset[str] = frozenset(),
+    force: bool = False,
+    unseen: Sequence[str] | None = None,
+) -> Identification:
+    """Calibrates a car on runs. Parameters that the drives cannot show stay at their first guess.
+
+    Args:
+        runs: of one car, of one or several days; vehicle, effects: the first guess;
+        known: parameters whose tolerance in the vehicle is believed as it is;
+        names: effects that may belong to the car, beside those of the first guess;
+        stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
+        criterion: "auto" is the likelihood where innovations are white beside the car that it finds, else prediction;
+        tolerances: names of those that the vehicle file states: prediction believes them, times two;
+        force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as;
+        unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show.
+
+    Raises:
+        InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
+            it, or prediction is asked for without the column beta.
+        InvalidVehicleError: a name that is no parameter or effect.
+    """
+    began = time.perf_counter()
+    tell = progress or (lambda _stage, _share: None)
+    check_effect_names(known, names)
+    runs, _, warnings = admit(runs, vehicle)
+    warnings += [
+        f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
+    ]
+    driving = driving_of(runs, vehicle)
+    if driving.gentle and not force:
+        raise InvalidLogError(driving.too_gentle(case))
+    found_unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
+    asked = Asked(vehicle, effects, case, tuple(known), tuple(name for name in names if name not in OWN), stated,
+                  criterion, tolerances, found_unseen if unseen is None else tuple(unseen))  # fmt: skip
+    found = calibrated(runs, asked, tell)
+    shows = driving.shows_friction_of(vehicle.friction, found.vehicle.friction)
+    if unseen is None and not shows and "friction" not in (*asked.unseen, *known):
+        asked = dataclasses.replace(asked, unseen=("friction", *asked.unseen))
+        found = calibrated(runs, asked, tell)
+    if not force:
+        check_known(found.calibration)
+    c = found.calibration
+    more = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
+    c = dataclasses.replace(
+        c, seconds=time.perf_counter() - began, driving=driving,
+        warnings=[*warnings, *c.warnings, *more, *kept_sentences(asked)],
+    )  # fmt: skip
+    tell("done", 1.0)
+    return dataclasses.replace(found, calibration=c)
+
+
+def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:
+    """The car by the criterion that is asked for, or that its logs choose; runs: parts that can be used."""
+    lacks_beta = any(run.beta is None for run in runs)
+    criterion, warnings = asked.criterion, list[str]()
+    if criterion == "prediction" and lacks_beta:
+        raise InvalidLogError(
+            f"{asked.case}: column beta is missing; prediction needs it, choose --criterion likelihood"
+        )
+    if criterion == "auto" and lacks_beta:
+        criterion, warnings = "likelihood", ["column beta is missing: calibrated by likelihood"]
+    found = None
+    part, left_out = part_of(runs)  # the filter's derivatives are kept for every row
+    if criterion != "likelihood":
+        predicted = by_prediction(runs, asked, lambda stage, share: tell(stage, 0.5 * share))
+        why = []
+        if criterion == "auto":
+            white = whiteness(part, predicted.vehicle, predicted.effects, asked.stated)
+            why = [white.sentence()]
+            found = white_or_none(part, asked, tell) if white.may_be_white else None
+        if found is None:
+            found = stated_in_full(predicted, why, asked, sum(len(run) for run in runs))
+    if found is None:
+        found = by_likelihood(part, asked, tell)
+    found = kept_at_first_guess(found, asked.vehicle, asked.effects, asked.unseen, asked.tolerances, asked.known)
+    c = found.calibration
+    warnings += left_out if c.criterion == "likelihood" else []
+    return dataclasses.replace(found, calibration=dataclasses.replace(c, warnings=[*warnings, *c.warnings]))
+
+
+def check_known(c: Calibration) -> None:
+    """Raises InvalidLogError where a parameter that is known came out far from what is known of it."""
+    off = stretched(c.parameters)
+    if off:
+        raise InvalidLogError(
+            f"{c.case}: {off[0]}; nothing is calibrated: give it a tolerance in the vehicle file that it is known to, "
+            f"or drive {STEPS}, and {CIRCLES} (--force writes it nevertheless)"
+        )
+
+
+def kept_sentences(asked: Asked) -> list[str]:
+    """Which parameters stay at their first guess."""
+    if not asked.unseen:
+        return []
+    names = ", ".join(asked.unseen)
+    slippery = f" ({SLIPPERY})" if "friction" in asked.unseen else ""
+    return [f"{names}: kept at the first guess, and as uncertain as before: these drives do not show it{slippery}"]
+
+
+def white_or_none(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification | None:
+    """The car calibrated by likelihood if its innovations are then white; None if not, if the filter fails, or if no
+    run is long enough for it."""
+    try:
+        found = by_likelihood(runs, asked, tell)
+    except InvalidLogError:
+        return None
+    return found if found.calibration.row_weight >= WHITE else None
+
+
+def by_likelihood(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:
+    """The most likely car.
+
+    Raises:
+        InvalidLogError: no run is long enough, or the likelihood has no peak.
+    """
+    vehicle, known = held_still(asked.vehicle, asked.unseen), (*asked.known, *asked.unseen)
+    try:
+        return identify_by_likelihood(
+            runs, vehicle, asked.effects, asked.case, known, asked.without_unseen(asked.names), asked.stated, tell
+        )
+    except np.linalg.LinAlgError:
+        raise InvalidLogError(NO_PEAK.format(case=asked.case)) from None
+
+
+def by_prediction(runs: Sequence[Run], asked: Asked, tell: Progress) -> PredictionFit:
+    """The car that predicts best; parameters that are known, or that the drives cannot show, stay as they are."""
+    held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.unseen)}
+    seen, _ = seen_effects(runs, tuple(CATALOGUE))
+    own = [name for name in OWN if name not in held and name in seen]
+    if not own:
+        raise InvalidLogError(
+            f"{asked.case}: nothing is left to be calibrated: every parameter is known (--known) or not shown by these "
+            f"drives; drive {CIRCLES}"
+        )
+    further = asked.without_unseen(list(dict.fromkeys([*asked.names, *FURTHER])))
+    candidates = [name for name in further if name in seen and name not in OWN]
+    stated = asked.tolerances | frozenset(asked.known)
+    windows = [windowed(run, run.filled, stride_of(asked.vehicle)) for run in runs]
+    return fit_by_prediction(windows, asked.vehicle, asked.effects, own, candidates, stated, seen, tell)
+
+
+def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int) -> Identification:
+    """Parameters, tolerances and the file, all of one fit by prediction; `why`: that was the criterion."""
+    parameters: dict[str, Parameter] = {}
+    changes: dict[str, float] = {}
+    start, _ = folded(asked.vehicle, asked.effects)
+    left = found.left_open
+    for u, sigma, wide in zip(found.unknowns, left.deviations, left.stated, strict=True):
+        info = CATALOGUE[u.name]
+        field = FIELDS.get(u.name)
+        scale = 1.0 if field is None or u.name == "cg_shift" else float(getattr(start, field))
+        origin = float(getattr(start, field)) if field else 0.0
+        value = float(getattr(found.vehicle if field else found.effects, field or u.name))
+        prior, sigma, wide = (float(min(q, u.prior)) * scale for q in (u.prior, sigma, wide))
+        low, high = value - TWO_SIDED * wide, value + TWO_SIDED * wide
+        low = max(low, 0.0) if not info.signed or (field and u.name != "cg_shift") else low
+        unit = VehicleParameters.__dataclass_fields__[field].metadata["unit"] if field else info.unit
+        kind = "free" if u.name in OWN else "effect"
+        first = origin if field else float(getattr(asked.effects, u.name))
+        parameters[field or u.name] = Parameter(unit, first, value, low, high, wide, prior, 1.0, kind)
+        if info.tolerance:
+            relative = info.tolerance not in ("front_axle_distance", "steering_offset")
+            changes[info.tolerance] = sigma / (value if relative else 1.0)
+    calibration = Calibration(
+        case=asked.case, parameters=parameters, correlation=left.correlation.tolist(),
+        not_identified=directions(parameters, left.correlation), tied=tied(list(parameters), left.correlation),
+        left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
+        seconds=0.0, warnings=[*why, *worse_states(found.held_out), *beyond_stated(parameters, asked), *left.sentences],
+        criterion="prediction", normal=found.normal, disagreed=left.disagreed, outlook=found.outlook,
+    )  # fmt: skip
+    tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)
+    return Identification(calibration, found.vehicle.replace(tolerance=tolerance), found.effects, rows)
+
+
+def beyond_stated(parameters: Mapping[str, Parameter], asked: Asked) -> list[str]:
+    """Warnings of parameters that came out more than three times the tolerance that the vehicle file states."""
+    tolerances = {}
+    for name in OWN:
+        info, field = CATALOGUE[name], FIELDS.get(name, name)
+        if info.tolerance in asked.tolerances and field in parameters:
+            relative = info.tolerance not in ("front_axle_distance", "steering_offset")
+            tolerance = float(getattr(asked.vehicle.tolerance, info.tolerance))
+            tolerances[field] = tolerance * (parameters[field].start if relative else 1.0)
+    return stretched({name: dataclasses.replace(parameters[name], kind="known", prior=max(tolerance, 1e-12))
+                      for name, tolerance in tolerances.items()})  # fmt: skip
+
+
+def worse_states(h: HeldOut) -> list[str]:
+    """Warnings of states that the calibrated car predicts worse than the first guess."""
+    rows = zip(h.states, h.before[-1], h.after[-1], strict=True)
+    return [f"{state} is predicted worse than by the first guess ({after:.3g}, {before:.3g} before)"
+            for state, before, after in rows if state in h.worse]  # fmt: skip
+
+
+class Days(NamedTuple):
+    """Runs of all case folders, one for each day, with the noise that imports stated, and a name for them together."""
+
+    runs: list[Run]
+    stated: dict[str, float]
+    case: str
+
+
+def read_days(folders: Sequence[str | Path]) -> Days:
+    """Reads case folders (`log.table.read_case`); runs of several days have their folder's name before their own."""
+    runs, noise = [], dict[str, list[float]]()
+    for folder in folders:
+        day = read_case(folder)
+        prefix = f"{Path(folder).resolve().name}/" if len(folders) > 1 else ""
+        runs += [dataclasses.replace(run, name=prefix + run.name) for run in day]
+        for name, level in stated_noise(folder).items():
+            noise.setdefault(name, []).append(level)
+    stated = {name: float(np.median(levels)) for name, levels in noise.items()}
+    return Days(runs, stated, "+".join(Path(folder).resolve().name for folder in folders))

@@ -1,0 +1,159 @@
+"""Which column of a topic is its clock, in which unit, and which columns are read at the same ticks."""
+
+import dataclasses
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pandas.api.types import is_numeric_dtype
+
+from drift_drake.car.log.numbers import as_numbers, without_endless
+from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.names import bracketed, concepts, fit, stated_unit
+from drift_drake.gap.logs.wording.spelling import PACKED, unit_of
+
+STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
+         "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip
+"""Steps between two readings, 20 kHz (of s 1.2 kHz) to 0.5 Hz, by the unit that is then guessed, the first first."""
+DATES = (25569.0, 73050.0), (719529.0, 767011.0)  # 1970 to 2100 as days of spreadsheets, and of MATLAB
+ADVANCES = 0.9  # share of a clock's steps that do not go back
+STANDS = 0.5  # share of steps from which a clock repeats its readings
+FEWEST = 0.9  # share of a column's texts that are numbers, from which it is one of numbers
+TOGETHER = 0.9  # share of two columns' readings that stand in the same rows, where one clock serves both
+
+
+def own_name(topic: Topic, column: str) -> str:
+    """A column's name without its topic's."""
+    return str(column).removeprefix(f"{topic.name}.") if topic.name else str(column)
+
+
+def with_numbers(topic: Topic) -> Topic:
+    """The topic, columns of numbers with a few other texts among them as numbers (NaN where they are not)."""
+    found = {}
+    for column, values in topic.table.items():
+        if not is_numeric_dtype(values):
+            numbers = as_numbers(values)
+            if numbers.notna().sum() > FEWEST * values.notna().sum():
+                found[str(column)] = numbers
+    return dataclasses.replace(topic, table=topic.table.assign(**found)) if found else topic
+
+
+def numbers_of_column(topic: Topic, column: str) -> Array:
+    return without_endless(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
+
+
+def clock_of(topic: Topic) -> str | None:
+    """The column of times: as the format says, or a name of a clock, and (nearly) never backwards."""
+    if topic.clock:
+        return topic.clock
+    if topic.name and topic.name in topic.table:  # of `by_clock`
+        return topic.name
+    best: tuple[float, str] | None = None
+    for column in map(str, topic.table.columns):
+        fits = fit("time", own_name(topic, column), topic.units.get(column, ""))
+        if fits is None or (slow := _advances(topic, column)) is None:
+            continue
+        rank = fits[0] + 1.5 * slow + 0.5 * column.endswith("log_time")
+        if best is None or rank < best[0]:
+            best = rank, column
+    return None if best is None else best[1]
+
+
+def _advances(topic: Topic, column: str) -> bool | None:
+    """Whether a column of times repeats most of its readings; None where it does not advance."""
+    if not is_numeric_dtype(topic.table[column]):
+        return None
+    t = seconds(topic, column)
+    steps = np.diff(t[np.isfinite(t)])
+    if len(steps) < 1 or np.mean(steps >= 0.0) <= ADVANCES or np.sum(steps) <= 0.0:
+        return None
+    return bool(np.mean(steps == 0.0) > STANDS)
+
+
+def by_clock(topic: Topic) -> list[Topic]:
+    """A table in which each signal stands beside times of its own (`r_time, r, v_time, v`), as topics; else itself."""
+    main = clock_of(topic)
+    several = main is not None and " (column " in main
+    if (main is not None and not several) or len(topic.table.columns) < 4:
+        return [topic]
+    named = [c for c in map(str, topic.table.columns) if concepts(bracketed(own_name(topic, c))[0])[0] & {"time", "t"}]
+    timed = [column for column in named if _advances(topic, column) is not None]
+    if len(timed) < 2:
+        return [topic]
+    parts: dict[str, list[str]] = {column: [column] for column in timed}
+    clock = timed[0]
+    for column in map(str, topic.table.columns):
+        clock = column if column in parts else clock
+        if column not in parts:
+            parts[clock].append(column)
+    return [
+        dataclasses.replace(topic, name=clock, table=topic.table[columns])
+        for clock, columns in parts.items()
+        if columns[1:]
+    ]
+
+
+def time_unit(topic: Topic, column: str) -> str:
+    """The unit of a clock: packed where it jumps so, as stated (`?` where that is not known), or by its steps."""
+    numbers = numbers_of_column(topic, column)
+    if packed := packed_unit(numbers):
+        return packed
+    _, stated = stated_unit(str(column), topic.units.get(column, ""), "time")
+    if stated is not None:
+        known = unit_of(stated.text, ("time",))
+        if known is not None:
+            return known.name
+        if re.fullmatch(r"h+\W?m+\W?s+\W?[s\d0f#]*", stated.text.lower()):
+            return next((unit for unit in PACKED if np.isfinite(packed_seconds(numbers, unit)).any()), "?")
+        return "?"
+    seen = numbers[np.isfinite(numbers)]
+    steps = np.diff(seen)
+    if not np.any(steps > 0.0):
+        return "s"
+    step = float(np.median(steps[steps > 0.0]))
+    if any(low < seen[0] < high for low, high in DATES) and step < STEPS["h"][1]:
+        return "day"
+    return next((unit for unit, (low, high) in STEPS.items() if low <= step <= high), "ns" if step > 1.0 else "s")
+
+
+def seconds(topic: Topic, column: str) -> Array:
+    """Times [s] of a topic's rows by that column."""
+    numbers, unit = numbers_of_column(topic, column), time_unit(topic, column)
+    return clock_seconds(numbers, "s" if unit == "?" else unit)
+
+
+def rate_of(t: Array) -> float:
+    """Readings a second of a clock [n] [s]; 0 where it does not advance."""
+    steps = np.diff(t[np.isfinite(t)])
+    steps = steps[steps > 0.0]
+    return float(1.0 / np.median(steps)) if len(steps) else 0.0
+
+
+def read_together(topic: Topic, columns: Sequence[str]) -> list[list[str]]:
+    """Groups of columns that are read in the same rows; a table with blanks has several, the fullest first."""
+    rows: dict[str, NDArray[np.bool_]] = {}
+    groups: list[list[str]] = []
+    for column in columns:
+        here = np.isfinite(numbers_of_column(topic, column))
+        rows[column] = here
+        home = next((group for group in groups if _together(rows[group[0]], here)), None)
+        if home is None:
+            groups.append([column])
+        else:
+            home.append(column)
+    return sorted(groups, key=lambda group: -int(np.count_nonzero(rows[group[0]])))
+
+
+def _together(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
+    """Whether two columns are read in the same rows, while both are read at all."""
+    if one.all() and other.all():
+        return True
+    a, b = np.flatnonzero(one), np.flatnonzero(other)
+    if not len(a) or not len(b):
+        return True
+    part = slice(max(a[0], b[0]), min(a[-1], b[-1]) + 1)
+    both, either = np.count_nonzero((one & other)[part]), np.count_nonzero((one | other)[part])
+    return bool(either > 0 and both >= TOGETHER * either)

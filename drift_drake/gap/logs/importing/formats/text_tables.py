@@ -1,0 +1,85 @@
+"""CSV and other text tables, as spreadsheets and race loggers write them (`layout`), to one topic."""
+
+import bz2
+import gzip
+import lzma
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from pandas.api.types import is_numeric_dtype
+
+from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, OTHERWISE, Layout, layout_of
+from drift_drake.gap.logs.importing.formats.long_tables import as_wide
+from drift_drake.gap.logs.importing.formats.times import with_times
+from drift_drake.gap.logs.importing.formats.topics import Topic
+
+PACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+FEW = 0.5  # share of a column's texts that are numbers with a comma, from which all are read so
+
+
+def read_csv(path: Path) -> list[Topic]:
+    """The table of a text file; ValueError or OSError where it is none."""
+    with PACKERS.get(path.suffix.lower(), _plain)(path) as stream:
+        head = stream.read(HEAD + 1)
+    layout = layout_of(head[:HEAD], len(head) <= HEAD)
+    if not layout.plain:
+        try:
+            return [_read(path, layout)]
+        except UnicodeDecodeError:  # of an umlaut below the first lines
+            return [_read(path, Layout(**{**vars(layout), "encoding": OTHERWISE}))]
+    try:
+        table = pd.read_csv(path, low_memory=False)
+        header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
+    except UnicodeDecodeError:
+        table = pd.read_csv(path, low_memory=False, encoding=OTHERWISE)
+        header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE).iloc[0]
+    return [topic_of_table(table, [str(name).strip() for name in header])]
+
+
+def _plain(path: Path) -> Any:
+    return path.open("rb")
+
+
+def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[str] = (), first_line: int = 2) -> Topic:
+    """The topic of a table by the names in its file; where one is there twice, both say which column they are. Times
+    that are no numbers become seconds."""
+    if len(names) != len(table.columns):  # rows that are longer than their header
+        names = [str(name).strip() for name in table.columns]
+    unique = [name if names.count(name) == 1 else f"{name} (column {number})" for number, name in enumerate(names, 1)]
+    table.columns = pd.Index(unique)
+    table, times = with_times(table)
+    if (wide := as_wide(table, times)) is not None:
+        table, units_of_signals = wide
+        return Topic("", table, units_of_signals | dict.fromkeys(times, "s"), first_line)
+    stated = {name: unit for name, unit in zip(unique, units, strict=False) if unit}
+    return Topic("", table, stated | dict.fromkeys(times, "s"), first_line)
+
+
+def _read(path: Path, layout: Layout) -> Topic:
+    """A table that is not as pandas takes it by itself."""
+    width = len(layout.names)
+    options: dict[str, Any] = {
+        "sep": layout.separator, "encoding": layout.encoding, "header": None, "names": range(width), "index_col": False,
+        "skiprows": layout.start, "comment": layout.comment, "skipinitialspace": True, "low_memory": False,
+    }  # fmt: skip
+    if layout.separator == BLANKS:
+        options.pop("skipinitialspace")
+    table = pd.read_csv(path, decimal=layout.decimal, thousands=layout.thousands, **options)
+    if layout.decimal == "." and layout.separator != "," and any(_has_commas(table[k]) for k in table):
+        table = pd.read_csv(path, decimal=",", **options)  # the first lines held whole numbers alone
+    empty = [k for k, name in enumerate(layout.names) if not name and table[k].isna().all()]
+    table = table.drop(columns=empty)
+    kept = [k for k in range(width) if k not in empty]
+    names = [layout.names[k] or f"column {k + 1}" for k in kept]
+    units = [layout.units[k] for k in kept] if layout.units else []
+    return topic_of_table(table, names, units, layout.start + 1)
+
+
+def _has_commas(values: "pd.Series[Any]") -> bool:
+    if is_numeric_dtype(values):
+        return False
+    texts = values.dropna().astype(str)
+    return len(texts) > 0 and float(np.mean(texts.str.fullmatch(DECIMAL_COMMA.pattern))) > FEW

@@ -1,0 +1,308 @@
+"""A first mapping of a recorder's topics: of names, units and numbers, and of the motion where these leave a choice."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pandas.api.types import is_numeric_dtype
+
+from drift_drake.gap.logs.importing.clocks import (
+    by_clock,
+    clock_of,
+    numbers_of_column,
+    own_name,
+    rate_of,
+    read_together,
+    seconds,
+    time_unit,
+)
+from drift_drake.gap.logs.importing.evidence import (
+    LIKE,
+    RADII,
+    Trace,
+    better,
+    derivative,
+    is_raw,
+    likeness,
+    ratio,
+    steering_unit,
+    travelled,
+    units_by_motion,
+    wheel_unit,
+)
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
+from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.gap.logs.wording.spelling import DIMENSIONS, unit_of
+
+LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
+              "delta_cmd", "tau_cmd")  # fmt: skip
+NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
+LARGEST = {"delta_cmd": 4.0 * np.pi, "beta": np.pi, "course": 7.0}  # [rad] of a steering wheel, of a spinning car
+NEAR = 1.0  # of ranks, between which the motion decides
+MOST_ROWS = 60_000  # that the motion is judged on
+MOST_NAMED = 6  # columns in a sentence
+BACKWARDS = 0.2  # share of readings below zero from which vx is no car's forward speed
+SLOWER = 1.0  # what a constant column, and one without a clock, count against it
+FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
+METRES = 1.11e5  # of a degree
+FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
+RADIUS = 0.3  # [m] of a wheel, where nothing tells it
+
+
+class ColumnChoice(NamedTuple):
+    """A column that may be a quantity: how badly its name fits, and its unit (None: not stated, `?`: not known)."""
+
+    topic: Topic
+    column: str
+    rank: float
+    unit: str | None
+
+
+class Guess(NamedTuple):
+    """A mapping file's content; quantities that a log needs and nothing looks like; sentences on what was chosen."""
+
+    mapping: dict[str, Any]
+    missing: list[str]
+    notes: list[str]
+
+
+def guessed_mapping(topics: Sequence[Topic]) -> Guess:
+    """A first mapping of these topics."""
+    topics = [part for topic in topics for part in by_clock(topic)]
+    clocks = {topic.name: clock for topic in topics if (clock := clock_of(topic)) is not None}
+    times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
+    rates = {name: rate_of(t) for name, t in times.items()}
+    ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
+    choices = {name: fits for name in LOOKED_FOR if (fits := _candidates(name, ordered, clocks))}
+    signals = _Traces(times)
+    found = _one_position(_chosen(choices, signals), signals)
+    notes = _choices_said(found, choices)
+    units, said = _units(found, signals, ordered)
+    entries, of_column = _clock_entries(found, clocks, rates)
+    if len(set(of_column.values())) > len({topic.name for topic, *_ in found.values()}):
+        said.append("Columns are read in rows of their own: each such group has a clock of its own, of the same times.")
+    lines: dict[str, Any] = {}
+    for key, (topic, column, *_) in found.items():
+        lines[key] = {"column": column, "unit": units[key]}
+        if len(entries) > 1:
+            lines[key]["clock"] = of_column[topic.name, column]
+    said += _adapted(lines, found, signals, units)
+    said += [
+        f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks'."
+        for name in dict.fromkeys(topic.name for topic, *_ in found.values())
+        if name not in clocks
+    ]
+    known = set(found) | ({"v"} if {"vx", "latitude"} & set(found) else set())
+    known |= {"r", "v"} if {"x", "y", "psi"} <= set(found) else set()
+    frame = next((c.topic.frame for c in found.values() if c.topic.frame), "iso8855")
+    mapping = {"frame": frame, "clocks": entries, "signals": lines}
+    return Guess(mapping, [name for name in NEEDED if name not in known], notes + said)
+
+
+class _Traces:
+    """Readings of candidates, thinned, by their topic's clock (by rows where there is none)."""
+
+    def __init__(self, times: Mapping[str, np.ndarray]) -> None:
+        self.times = times
+
+    def __call__(self, candidate: ColumnChoice) -> Trace:
+        values = numbers_of_column(candidate.topic, candidate.column)
+        t = self.times.get(candidate.topic.name, np.arange(float(len(values))))
+        thin = slice(None, None, 1 + len(values) // MOST_ROWS)
+        return Trace(t[thin], values[thin], candidate.unit)
+
+
+def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
+    """All columns that may be this quantity, the best first."""
+    found = []
+    for topic in ordered:
+        for column in topic.table.columns:
+            if column == clocks.get(topic.name) or not is_numeric_dtype(topic.table[column]):
+                continue
+            fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
+            if column in topic.known:
+                said = topic.known[column] == quantity
+                unit = unit_of(topic.units.get(column, ""), dimensions_of(quantity)) if said else None
+                fits = (FORMAT_SAYS, unit.name if unit else None) if said else None
+            if fits is None:
+                continue
+            values = numbers_of_column(topic, column)
+            seen = values[np.isfinite(values)]
+            if not len(seen):
+                continue
+            late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
+            found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
+    return sorted(found, key=lambda candidate: candidate.rank)
+
+
+def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict[str, ColumnChoice]:
+    """One column for each quantity, none for two."""
+    found: dict[str, ColumnChoice] = {}
+    taken: set[tuple[str, str]] = set()
+
+    def take(name: str, candidate: ColumnChoice) -> None:
+        if name in found:
+            taken.discard((found[name].topic.name, found[name].column))
+        found[name] = candidate
+        taken.add((candidate.topic.name, candidate.column))
+
+    for name, candidates in choices.items():
+        free = [c for c in candidates if c.rank < LIMIT and (c.topic.name, c.column) not in taken]
+        if free:
+            take(name, free[0])
+    for name in ("r", "v", "ay", "psi", "omega_r", "delta_cmd"):
+        if name in found:
+            near = [found[name]] + [
+                c for c in choices[name]
+                if c.rank < min(LIMIT, found[name].rank + NEAR) and (c.topic.name, c.column) not in taken
+            ]  # fmt: skip
+            if len(near) > 1:
+                known = {key: signals(c) for key, c in found.items() if key != name}
+                take(name, near[better(name, [signals(c) for c in near], known)])
+    if {"vx", "vy"} <= set(found) and "v" in found and np.mean(signals(found["vx"]).values < 0.0) > BACKWARDS:
+        found.pop("vx"), found.pop("vy")  # of a fixed frame
+    if {"vx", "vy"} <= set(found):
+        found.pop("v", None)
+    elif "v" in found:
+        found.pop("vx", None), found.pop("vy", None)
+    return found
+
+
+def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> dict[str, ColumnChoice]:
+    """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it."""
+    halves = [found[name] for name in ("latitude", "longitude") if name in found]
+    if len(halves) == 2 and halves[0].topic is halves[1].topic:
+        (t, north, _), (_, east, _) = (dataclasses.astuple(signals(half)) for half in halves)
+        seen = np.isfinite(t) & np.isfinite(north) & np.isfinite(east)
+        steps, lasting = METRES * np.hypot(np.diff(north[seen]), np.diff(east[seen])), np.diff(t[seen])
+        moved = (steps > 0.0) & (lasting > 0.0)
+        if not moved.any() or np.median(steps[moved] / lasting[moved]) < FASTEST:
+            return {key: c for key, c in found.items() if key not in ("x", "y")}
+    return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}
+
+
+def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[ColumnChoice]]) -> list[str]:
+    """Sentences on quantities that several columns may be."""
+    sentences = []
+    used = {(c.topic.name, c.column) for c in found.values()}
+    for name, candidates in choices.items():
+        others = [c.column for c in candidates if (c.topic.name, c.column) not in used]
+        listed = ", ".join(others[:MOST_NAMED]) + (
+            f" and {len(others) - MOST_NAMED} more" if others[MOST_NAMED:] else ""
+        )
+        if name in found and others:
+            sentences.append(f"{name} is taken from {found[name].column}; it may also be {listed}.")
+        elif others and name in NEEDED and not ({"vx", "vy"} <= set(found) and name == "v"):
+            sentences.append(f"{name} may be {listed}, whose name says that it is something else.")
+        if name == "v" and name in found and found[name].rank >= DRIVEN and fit("omega_r", found[name].column):
+            sentences.append("v is the wheels' speed, which slips: take the car's own if there is one.")
+    return sentences
+
+
+def _units(
+    found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]
+) -> tuple[dict[str, str], list[str]]:
+    """Units of the chosen columns: as stated, else by names and motion, else SI; and sentences on them."""
+    units = {key: c.unit for key, c in found.items()}
+    sentences = []
+    for key, c in found.items():
+        if c.unit == "?":
+            _, stated = stated_unit(own_name(c.topic, c.column), c.topic.units.get(c.column, ""), key)
+            text = stated.text if stated else ""
+            sentences.append(
+                f"The unit '{text}' of {c.column} is not known: write one of {', '.join(units_of(key))} for '?'."
+            )
+        if key != "omega_r" and is_raw(signals(c)):  # a wheel may turn that fast
+            units[key] = "?"
+            sentences.append(
+                f"{c.column} cannot be in {c.unit}, as the file says, with these numbers: of raw counts, write the "
+                "unit for '?' and add 'scale: FACTOR' to its line."
+            )
+        if c.unit is None and QUANTITIES[key] == "acceleration" and is_in_g(c.column):
+            units[key] = "g"
+    read = {key: dataclasses.replace(signals(c), unit=units[key]) for key, c in found.items()}
+    told = units_by_motion(read, _speed_of_position(found, signals, topics))
+    for key, size in LARGEST.items():
+        if key in found and units[key] is None and np.nanmax(np.abs(read[key].values), initial=0.0) > size:
+            told[key] = "deg"
+    if "omega_r" in found and units["omega_r"] is None and "v" in found:
+        speed = dataclasses.replace(read["v"], unit=told.get("v", units["v"])).si()
+        if unit := wheel_unit(read["omega_r"], speed):
+            told["omega_r"] = unit
+    if {"delta_cmd", "v", "r"} <= set(found) and units["delta_cmd"] is None and "delta_cmd" not in told:
+        v, r = (dataclasses.replace(read[key], unit=told.get(key, units[key])).si() for key in ("v", "r"))
+        if unit := steering_unit(read["delta_cmd"], v, r, is_handwheel(found["delta_cmd"].column)):
+            told["delta_cmd"] = unit
+    told |= {key: "deg" for key in ("latitude", "longitude") if key in found and units[key] is None}
+    plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
+    guessed = {key: unit for key, unit in told.items() if units[key] is None and unit != plain[key]}
+    silent = [key for key in found if units[key] is None and key not in told]
+    if guessed:
+        listed = ", ".join(f"{key} in {unit}" for key, unit in guessed.items())
+        sentences.append(f"The file states no unit of {', '.join(guessed)}: the numbers fit {listed}.")
+    if silent:
+        sentences.append(f"The file states no unit of {', '.join(silent)}: SI is assumed.")
+    return {key: units[key] or told.get(key) or plain[key] for key in found}, sentences
+
+
+def _speed_of_position(found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]) -> Trace | None:
+    """Speed by x and y in metres, or by latitude and longitude in degrees."""
+    if {"x", "y"} <= set(found) and found["x"].unit in (None, "m"):
+        return travelled(signals(found["x"]), signals(found["y"]), degrees=False)
+    for topic in topics:
+        names = {
+            own_name(topic, column).lower().split(".")[-1].split(" ")[0]: str(column) for column in topic.table.columns
+        }
+        place = [
+            next((names[n] for n in words if n in names), None)
+            for words in (("latitude", "lat"), ("longitude", "lon", "long"))
+        ]
+        if all(name is not None and is_numeric_dtype(topic.table[name]) for name in place):
+            north, east = (signals(ColumnChoice(topic, str(name), 0.0, "deg")) for name in place)
+            if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0:
+                return travelled(north, east, degrees=True)
+    return None
+
+
+def _clock_entries(
+    found: Mapping[str, ColumnChoice], clocks: Mapping[str, str], rates: Mapping[str, float]
+) -> tuple[dict[str, Any], dict[tuple[str, str], str]]:
+    """The mapping's clocks, and the clock of each column by topic and column."""
+    tables = {c.topic.name: c.topic for c in found.values()}
+    used = sorted(tables, key=lambda name: (-rates.get(name, 0.0), name))
+    entries: dict[str, Any] = {}
+    of_column: dict[tuple[str, str], str] = {}
+    for topic in used:
+        bare = re.sub(r"\W+", "_", topic).strip("_") or ("recorder" if len(used) == 1 else "table")
+        column = clocks.get(topic, "?")
+        unit = time_unit(tables[topic], column) if column != "?" else "s"
+        quantity = {c.column: key for key, c in found.items() if c.topic.name == topic}
+        for number, group in enumerate(read_together(tables[topic], list(quantity))):
+            name = bare if number == 0 else f"{bare}_{quantity[group[0]]}"
+            entries[name] = {"column": column} | ({} if unit == "s" else {"unit": unit})
+            of_column |= {(topic, one): name for one in group}
+    if not entries and clocks:
+        entries = {"recorder": {"column": next(iter(clocks.values()))}}
+    return entries, of_column
+
+
+def _adapted(
+    lines: dict[str, Any], found: Mapping[str, ColumnChoice], signals: _Traces, units: Mapping[str, str]
+) -> list[str]:
+    """Adds a wheel's radius and a compass' frame to the lines of signals; sentences on them."""
+    read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
+    sentences = []
+    if "omega_r" in lines and dimension(units["omega_r"]) == "angular rate":
+        told = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
+        lines["omega_r"]["radius"] = round(told, 3) if RADII[0] < told < RADII[1] else RADIUS
+        sentences.append(f"The radius of omega_r is {'that of v' if told else 'a guess'}: write the wheel's own.")
+    if "course" in lines:  # receivers count it clockwise from north
+        same = "r" in read and likeness(read["r"], derivative(read["course"], turns=True)) > LIKE
+        lines["course"] |= {} if same else {"frame": "ned"}
+    if {"psi", "r"} <= set(read) and likeness(read["r"], derivative(read["psi"], turns=True)) < -LIKE:
+        lines["psi"]["frame"] = "ned"
+        sentences.append("psi turns against r: it is taken for a compass' heading, positive to the right (frame: ned).")
+    return sentences

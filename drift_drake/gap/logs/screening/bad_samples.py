@@ -1,0 +1,170 @@
+"""Bad samples of a channel: spikes, a few rows far from what those on both sides say, and frozen rows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from drift_drake.car.log.driving import in_spans, spans
+from drift_drake.gap.logs.noise import white_noise_level
+
+LONGEST = 5  # rows of a spike; what lasts longer may be the car
+BESIDE = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
+FROM_RANGE = 4.0  # half ranges of the rows beside that a spike lies outside of them
+FROM_NOISE = 8.0  # standard deviations of the channel's white noise
+FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
+USUAL = 0.99
+STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a small change
+PASSES = 10  # a large spike hides smaller ones beside it
+# Of frozen rows.
+SHORTEST = 5  # rows
+LONGEST_HOLD = 0.5  # [s] that any sensor holds a reading for: longer stretches are no yardstick of its usual hold
+BEYOND_HOLD = 3.0  # times as long as the channel usually holds a reading
+FINE = 0.1  # of the usual change from reading to reading, below which its resolution explains no repetition
+MOVES = 0.1  # of the usual change, from which a channel moves before and after
+STOPS = 0.2  # the same where only one side is there to tell
+JUMP = 5.0  # usual changes, and changes right after it, that a coarse channel has missed when it is released
+STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line between slower readings
+STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
+FAR = 20.0  # usual changes to a value that no car reaches within a row
+EDGE = 5  # readings beside a stretch that tell whether the channel moved
+
+
+def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
+    """Spans of rows (start, stop), in order, that are spikes of the signal [n].
+
+    A row is one where it lies outside of the range of its neighbours on both sides, by far more than that range, than
+    the channel's white noise and than its rows usually do. Beside a step the range holds the step, so that hard
+    steering, wheel spin or a reading that is held for some rows are none.
+
+    Args:
+        resolution: step of the signal's numbers (`noise.step`).
+    """
+    if len(values) <= 2 * BESIDE + LONGEST:
+        return []
+    found: list[tuple[int, int]] = []
+    cleaned = values.astype(float)
+    for _ in range(PASSES):
+        new = _clear_spikes(cleaned, resolution)
+        if not new:
+            break
+        found += new
+        cleaned = filled(values, found)
+    return spans(in_spans(found, len(values)))
+
+
+def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:
+    """The signal [n] with bad spans of rows on the line between the rows beside them."""
+    good, rows = ~in_spans(bad, len(values)), np.arange(len(values))
+    return np.where(good, values, np.interp(rows, rows[good], values[good]))
+
+
+def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
+    """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
+    taken = np.zeros(len(values), dtype=np.bool_)
+    noise, medians = white_noise_level(values), np.median(sliding_window_view(values, BESIDE), axis=1)
+    found = []
+    for width in range(LONGEST, 0, -1):
+        outside, half_range = _outside_neighbours(values, medians, width)
+        usual = max(float(np.quantile(outside, USUAL)), 0.0)
+        least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))
+        # What is as small as the rounding of the numbers is no evidence.
+        least = np.maximum(least, max(STEPS * resolution, 1e-5 * float(np.max(np.abs(values)))))
+        for i in np.flatnonzero(outside > least):
+            start, stop = int(i) + BESIDE, int(i) + BESIDE + width
+            near = slice(max(start - LONGEST, 0), stop + LONGEST)
+            if not np.any(taken[near]):
+                taken[start:stop] = True
+                found.append((start, stop))
+    return found
+
+
+def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """How far each window of `width` rows lies outside of its neighbours' range, and half that range.
+
+    Both [n - 2 BESIDE - width + 1], in the signal's unit, beside the line through the medians of either side; of the
+    neighbours the farthest is left out. Of a window's rows the one that lies outside least counts.
+
+    Args:
+        medians: of the signal's stretches of BESIDE rows [n - BESIDE + 1].
+    """
+    total = 2 * BESIDE + width
+    window = sliding_window_view(values, total)
+    left, right = medians[: len(window)], medians[BESIDE + width :]
+    place = np.arange(total) - 0.5 * (total - 1)
+    rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (BESIDE + width))[:, None] * place
+    beside = np.sort(np.concatenate([rest[:, :BESIDE], rest[:, BESIDE + width :]], axis=1), axis=1)
+    middle = 0.5 * (beside[:, BESIDE - 1] + beside[:, BESIDE])
+    lowest_farthest = middle - beside[:, 0] > beside[:, -1] - middle
+    low = np.where(lowest_farthest, beside[:, 1], beside[:, 0])
+    high = np.where(lowest_farthest, beside[:, -1], beside[:, -2])
+    half_range = 0.5 * (high - low)
+    apart = np.abs(rest[:, BESIDE : BESIDE + width] - 0.5 * (high + low)[:, None])
+    return np.min(apart, axis=1) - half_range, half_range
+
+
+def frozen(values: np.ndarray, v: np.ndarray, resolution: float, period: float = 0.01) -> list[tuple[int, int]]:
+    """Spans of rows (start, stop) in which the signal [n] repeats one value although it should have changed.
+
+    Slow sensors hold each reading for some rows, and coarse ones repeat readings while the car hardly moves: a stretch
+    is frozen where it lasts much longer than the channel's usual hold and the channel moves on both sides of it; where
+    the resolution is coarse, or rows are interpolated between slower readings that may repeat, only if the value has
+    jumped by many steps when it ends.
+
+    Args:
+        v: speed [n]; a standing car repeats everything. resolution: step of the signal's numbers (`noise.step`);
+        period: time between rows [s].
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])
+    lengths = np.diff(edges)
+    if len(lengths) < 2 * EDGE:
+        return []  # constant, or hardly ever read
+    readings = values[edges[:-1]]
+    changes = np.abs(np.diff(readings))
+    usual = float(np.median(changes))
+    short = lengths[lengths * period <= LONGEST_HOLD]
+    hold = _weighted_median(short if len(short) else lengths)
+    fine = resolution < FINE * usual and not _interpolated(values)
+    standing = STANDING * float(np.quantile(v, 0.95))
+    found = []
+    for i in np.flatnonzero(lengths >= max(SHORTEST, BEYOND_HOLD * hold)):
+        start, stop = int(edges[i]), int(edges[i + 1])
+        before, after = changes[max(i - EDGE, 0) : i], changes[i : i + EDGE]
+        jump = max(_jump(before[::-1], usual), _jump(after, usual))
+        if float(np.median(v[start:stop])) < standing and jump < FAR:
+            continue
+        if fine:
+            moved = [float(np.mean(part)) for part in (before, after) if len(part)]
+            least = MOVES if len(moved) == 2 else STOPS
+            # A channel that is zero up to its first change, or from its last on, may have nothing to tell.
+            idle = len(moved) < 2 and values[start] == 0.0 and jump < JUMP
+            reported = not idle and all(m >= least * usual for m in moved)
+        else:
+            reported = jump >= JUMP
+        if reported:
+            found.append((start, stop))
+    return found
+
+
+def _weighted_median(lengths: np.ndarray) -> float:
+    """Length of the stretch that a row of the run usually lies in."""
+    ordered = np.sort(lengths)
+    return float(ordered[np.searchsorted(np.cumsum(ordered), 0.5 * np.sum(ordered))])
+
+
+def _jump(changes: np.ndarray, usual: float) -> float:
+    """The first of the changes beside a stretch, in usual ones or those that follow it, whichever are larger."""
+    if not len(changes):
+        return 0.0
+    following = float(np.median(changes[1:])) if len(changes) > 1 else 0.0
+    return float(changes[0]) / max(usual, following)
+
+
+def _interpolated(values: np.ndarray) -> bool:
+    """Whether rows lie on lines between slower readings: two of five bend, if at all, far less than some do."""
+    first = np.diff(values)
+    bends = np.abs(np.diff(first))[first[1:] != 0.0]
+    if not len(bends):
+        return True
+    few, most = np.quantile(bends, [0.4, 0.97])
+    return bool(few < STRAIGHT * most)

@@ -1,0 +1,167 @@
+"""Whether a log's columns agree with each other: the one cause that explains the rest first, what it explains left out.
+
+Dead columns, misnamed ones, units, signs and clocks, scales, biases and points of measurement are asked in that order;
+each doubt is taken out of the columns before the next question. What no other column tells is named too.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.car.effects.record import wheelbase
+from drift_drake.car.log.table import COLUMNS, Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.logs.screening.dead import dead_columns
+from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.misnamed import magnitudes, no_speed, swapped_accelerations, swapped_speeds
+from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts
+from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
+from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
+from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
+from drift_drake.gap.logs.screening.timing import timing_doubts
+from drift_drake.gap.logs.screening.unit_mistakes import mistakes
+
+ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
+
+
+@dataclasses.dataclass(frozen=True)
+class Consistency:
+    """Doubts, the one that explains most first; unchecked: columns that no other column tells anything of.
+
+    right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
+    what the wheelbase, or one of 1 m, asks for, 1 where it cannot be told.
+    """
+
+    doubts: list[Suspicion]
+    unchecked: tuple[str, ...]
+    right: list[dict[str, np.ndarray]]
+    windows: Windows
+    steer: float = 1.0
+    complete: bool = True  # whether there is a speed, without which nothing else was asked
+
+
+def consistency_of(runs: Sequence[Run], vehicle: VehicleParameters | None = None) -> Consistency:
+    """`consistency` of runs."""
+    columns = [{name: values for name in COLUMNS if (values := run.column(name)) is not None} for run in runs]
+    return consistency(columns, [run.period for run in runs], vehicle)
+
+
+def consistency(
+    runs: Sequence[Columns], periods: Sequence[float], vehicle: VehicleParameters | None = None,
+    length: float | None = None, stated: Mapping[str, str] | None = None, derived: Sequence[str] = (),
+) -> Consistency:  # fmt: skip
+    """Holds the columns of one car's runs against each other.
+
+    Args:
+        runs: columns of the log format [rows] by run; periods: time between rows [s]; vehicle: what the vehicle file
+            says; length: the wheelbase [m] where there is no such file; stated: units of a mapping, by column; derived:
+            columns that were made of each other, and check nothing.
+    """
+    length = wheelbase(vehicle) if vehicle is not None else length
+    right = [{name: np.asarray(values, dtype=float) for name, values in columns.items() if values is not None}
+             for columns in runs]  # fmt: skip
+    doubts = _misnamed(right, periods)
+    bad = {doubt.column for doubt in doubts}
+    for doubt in doubts:
+        out = {doubt.column, *(("ax", "ay") if "swapped" in doubt.sentence else ())} - {"r", "v", "delta_cmd"}
+        for columns in right:
+            for name in out & set(columns):
+                columns.pop(str(name))
+    if bad & {"v"}:
+        return Consistency(doubts, (), right, _windows(right, periods), complete=False)
+    kinds, car = _kinds(vehicle, length)
+    if bad & {"r", "delta_cmd"}:
+        kinds = {name: kind for name, kind in kinds.items() if not set(kind.powers) & bad}
+    held: list[Relation] = []
+
+    def found_in(w: Windows) -> list[Relation]:
+        held[:] = relations(w, car, kinds)
+        return held
+
+    wrong, windows = contradictions(_windows(right, periods), found_in, mistakes(vehicle, stated))
+    for doubt in wrong:
+        _take_out(right, doubt)
+    periods = [_period(period, wrong) for period in periods]
+    doubts += wrong
+    m = motion_of_columns(right, periods)
+    without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
+    doubts += _fine(right, periods, m, vehicle, length, without)
+    steer = next((at.size for at in held if at.name == "steer"), 1.0)
+    return Consistency(doubts, _unchecked(m, held, derived, without, right), right, windows, steer)
+
+
+def _misnamed(runs: Sequence[dict[str, np.ndarray]], periods: Sequence[float]) -> list[Suspicion]:
+    """Columns that are no measurement of what they are called."""
+    dead = dead_columns(runs, periods)
+    doubts = [Suspicion(sentence, name, None, sentence) for name, sentence in dead.items()]
+    if "v" not in dead:
+        doubts += no_speed(motion_of_columns(runs, periods, 0.0))
+    if any(doubt.column == "v" for doubt in doubts):
+        return doubts
+    m = motion_of_columns(runs, periods)
+    doubts += magnitudes(runs, m) + swapped_accelerations(m) + swapped_speeds(m)
+    return list({doubt.column: doubt for doubt in reversed(doubts)}.values())[::-1]
+
+
+def _kinds(vehicle: VehicleParameters | None, length: float | None) -> tuple[dict[str, Kind], VehicleParameters]:
+    """The relations that can be asked, and the car that they are asked of."""
+    kinds = dict(KINDS)
+    if vehicle is not None:
+        return kinds, vehicle
+    kinds.pop("drive")
+    if length is None:  # of steering then only the sign is judged
+        kinds["steer"] = dataclasses.replace(KINDS["steer"], tolerance=math.inf)
+    half = 0.5 * (length or 1.0)
+    return kinds, dataclasses.replace(VehicleParameters(), front_axle_distance=half, rear_axle_distance=half)
+
+
+def _windows(runs: Sequence[Columns], periods: Sequence[float]) -> Windows:
+    parts = [windows_of_columns(columns, period, index)
+             for index, (columns, period) in enumerate(zip(runs, periods, strict=True))]  # fmt: skip
+    return Windows.joined(parts)
+
+
+def _take_out(runs: Sequence[dict[str, np.ndarray]], doubt: Suspicion) -> None:
+    if doubt.column is None or doubt.factor is None:
+        return
+    for columns in runs:
+        if doubt.column in columns:
+            columns[doubt.column] = columns[doubt.column] / doubt.factor
+
+
+def _period(period: float, doubts: Sequence[Suspicion]) -> float:
+    return period / math.prod(doubt.factor for doubt in doubts if doubt.column == "t" and doubt.factor is not None)
+
+
+def _fine(
+    runs: Sequence[Columns], periods: Sequence[float], m: Kinematics, vehicle: VehicleParameters | None,
+    length: float | None, without: Sequence[str],
+) -> list[Suspicion]:  # fmt: skip
+    """What is asked once units and signs are right: scales, biases, points of measurement, commands."""
+    if not len(m.r):
+        return []
+    scales = scale_doubts(m, without)
+    bad = [*without, *(doubt.column for doubt in scales if doubt.column is not None)]
+    doubts = scales + bias_doubts(m, bad)
+    if not {"v", "r", "omega_r"} & set(bad):
+        doubts += arm_doubts(m, length)
+    if not {"v", "r", "delta_cmd"} & set(bad) and length is not None:
+        doubts += ratio_doubts(m, length)
+    if "delta_cmd" not in without:
+        doubts += reach_doubts(runs, vehicle)
+    if not doubts and not without:
+        doubts += timing_doubts(runs, periods)
+    return doubts + held_doubts(runs, periods)
+
+
+def _unchecked(
+    m: Kinematics, held: Sequence[Relation], derived: Sequence[str], without: Sequence[str], runs: Sequence[Columns]
+) -> tuple[str, ...]:
+    """Columns that are in no relation that these logs could tell, but those in doubt."""
+    found = [set(at.powers) for at in agreements(m)] if len(m.r) else []
+    # Of steering, with an understeer that is not known, hardly more than the sign is told.
+    found += [set(at.kind.mirrors) | (set() if at.name == "steer" else set(at.kind.powers)) for at in held]
+    told = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
+    return tuple(name for name in ASKED if name in runs[0] and name not in told)

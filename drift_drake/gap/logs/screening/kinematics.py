@@ -1,0 +1,149 @@
+"""What a log's columns say of one motion, over windows: rates of heading, course and velocity, exact for any car.
+
+Products are taken row by row, before they are averaged, so that turns, drifts and spins are as good as straight lines.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drift_drake.car.log.table import COLUMNS, Run
+from drift_drake.gap.logs.screening.averaging import Averaging, PerWindow, averaging
+from drift_drake.gap.logs.screening.relations import MOVING, continuous
+
+Columns = Mapping[str, np.ndarray | None]
+BLOCK = 4  # windows, 1.2 s, within which errors may be alike
+
+
+@dataclasses.dataclass(frozen=True)
+class Kinematics(PerWindow):
+    """Windows [windows] in which the car moves; NaN where a column is missing.
+
+    r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
+    `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
+    forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
+    x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y;
+    slid: mean of the direction of travel less `psi`.
+    """
+
+    run: np.ndarray
+    block: np.ndarray
+    r: np.ndarray
+    v: np.ndarray
+    beta: np.ndarray
+    omega_r: np.ndarray
+    ax: np.ndarray
+    ay: np.ndarray
+    delta_cmd: np.ndarray
+    turning: np.ndarray
+    swing: np.ndarray
+    gain: np.ndarray
+    spin: np.ndarray
+    rim_gain: np.ndarray
+    along: np.ndarray
+    across: np.ndarray
+    turned: np.ndarray
+    circling: np.ndarray
+    forward: np.ndarray
+    sideways: np.ndarray
+    course: np.ndarray
+    heading: np.ndarray
+    yawed: np.ndarray
+    moved: np.ndarray
+    slid: np.ndarray
+
+    def lag(self, values: np.ndarray) -> np.ndarray:
+        """What a small delay adds to values [windows]: their slope from window to window of a run, zero at gaps."""
+        out = np.zeros(len(values))
+        inside = np.flatnonzero((self.run[2:] == self.run[:-2]) & (self.block[2:] - self.block[:-2] <= 1)) + 1
+        out[inside] = values[inside + 1] - values[inside - 1]
+        return out
+
+
+def motion_of(runs: Sequence[Run]) -> Kinematics:
+    """Windows through all runs."""
+    return motion_of_columns([{name: run.column(name) for name in COLUMNS} for run in runs],
+                             [run.period for run in runs])  # fmt: skip
+
+
+def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Kinematics:
+    """Windows through the columns of several runs, which may lack all but `r` and `v`, a row each period [s].
+
+    slowest: share of a run's high speeds below which a window is left out.
+    """
+    parts, blocks = [], 0
+    for index, (columns, period) in enumerate(zip(runs, periods, strict=True)):
+        parts.append(_of_run(columns, period, index, blocks, slowest))
+        blocks += len(np.asarray(columns["v"]))
+    return Kinematics.joined(parts)
+
+
+def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Kinematics:
+    count = len(np.asarray(columns["v"]))
+    over = averaging(count, period)
+    mean, change = over.mean, over.change
+
+    def evened(angle: np.ndarray) -> np.ndarray:
+        """Over as many rows as the direction of travel is taken."""
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
+        return np.asarray(uniform_filter1d(angle, 2 * over.part + 1, mode="nearest"))
+
+    def column(name: str) -> np.ndarray:
+        values = columns.get(name)
+        return np.full(count, np.nan) if values is None else np.asarray(values, dtype=float)
+
+    v, r, beta = column("v"), column("r"), continuous(column("beta"))
+    forward, sideways = v * np.cos(beta), v * np.sin(beta)
+    psi = continuous(column("psi"))
+    slip = np.nan_to_num(beta)
+    course, moved = _path(column("x"), column("y"), over)
+    found = Kinematics(
+        run=np.full(len(over.starts), index),
+        block=first_block + np.arange(len(over.starts)) // BLOCK,
+        r=mean(r),
+        v=mean(v),
+        beta=mean(beta),
+        omega_r=mean(column("omega_r")),
+        ax=mean(column("ax")),
+        ay=mean(column("ay")),
+        delta_cmd=mean(column("delta_cmd")),
+        turning=change(psi),
+        swing=change(beta),
+        gain=change(v),
+        spin=change(r),
+        rim_gain=change(column("omega_r")),
+        along=change(forward) - mean(r * sideways),
+        across=change(sideways) + mean(r * forward),
+        turned=mean(v * r),
+        circling=mean(r * r),
+        forward=mean(forward),
+        sideways=mean(sideways),
+        course=change(course),
+        heading=change(evened(psi + slip)),
+        yawed=change(evened(np.cumsum(r) * period + slip)),
+        moved=moved,
+        slid=mean(np.angle(np.exp(1j * (course - psi)))),
+    )
+    return found.where(found.v > slowest * float(np.quantile(v, 0.9)))
+
+
+def _path(x: np.ndarray, y: np.ndarray, over: Averaging) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of travel [rows] along positions, by chords of two parts' length, and speed [windows] along them.
+
+    A chord is shorter than its arc: by a 24th of the squared angle that the course turns on it.
+    """
+    rows, part = np.arange(len(x)), over.part
+    ahead, behind = np.minimum(rows + part, len(x) - 1), np.maximum(rows - part, 0)
+    direction = np.arctan2(y[ahead] - y[behind], x[ahead] - x[behind])
+    sums_x, sums_y = (np.concatenate([[0.0], np.cumsum(values)]) for values in (x, y))
+    half = (over.width - part) // 2
+
+    def at(row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return (sums_x[row + part] - sums_x[row]) / part, (sums_y[row + part] - sums_y[row]) / part
+
+    (x0, y0), (x1, y1), (x2, y2) = (at(over.starts + k * half) for k in range(3))
+    turned = np.angle(np.exp(1j * (np.arctan2(y2 - y1, x2 - x1) - np.arctan2(y1 - y0, x1 - x0))))
+    length = np.hypot(x1 - x0, y1 - y0) + np.hypot(x2 - x1, y2 - y1)
+    return np.unwrap(direction), length * (1.0 + turned**2 / 24.0) / (2 * half * over.period)

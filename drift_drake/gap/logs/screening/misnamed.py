@@ -1,0 +1,155 @@
+"""Columns that are not what they are called: a magnitude without its sign, another's readings, no speed at all."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drift_drake.gap.logs.screening.gains import Bounds, gain, mean
+from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics
+from drift_drake.gap.logs.screening.suspicions import Suspicion
+
+FEWEST = 12  # windows
+LARGE, BOTH_SIDES = 0.25, 0.05  # of the largest, that so many of the windows go beyond to either side
+BELOW = 0.03  # of a magnitude's size that noise takes it below zero
+LIKE = 0.8  # correlation from which a column follows another
+UNLIKE = 0.5  # below which it does not
+NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of none
+SLOWER = 5.0  # times slower than the motion asks for
+APART = 0.03  # of a speed by which two of them have to differ to be told apart
+NEARER = 3.0  # times nearer to what the positions or the accelerations say
+STEADY = 0.15  # [rad] of sideslip up to which a car goes where it steers
+SMALLEST = 1e-9
+
+
+def magnitudes(runs: Sequence[Columns], m: Kinematics) -> list[Suspicion]:
+    """Columns that are never negative though others say that the car turns, slides or speeds up both ways."""
+    swing = np.where(np.isfinite(m.swing), m.swing, 0.0)
+    steered = np.where(np.abs(np.nan_to_num(m.beta)) < STEADY, m.delta_cmd * m.v, np.nan)  # a drift steers against r
+    witnesses = {
+        "r": (m.r, [(m.turning, "psi turns"), (m.course - swing, "the course of x, y turns"), (m.ay, "ay points"),
+                    (steered, "delta_cmd points")]),
+        "ay": (m.ay, [(m.turned, "r turns"), (m.v * m.turning, "psi turns")]),
+        "delta_cmd": (m.delta_cmd * m.v, [(m.r, "r turns"), (m.turning, "psi turns")]),
+        "beta": (m.beta, [(m.slid, "the course of x, y leaves psi"), (m.turned, "r turns")]),
+        "ax": (m.ax, [(m.gain, "v changes")]),
+    }  # fmt: skip
+    found = []
+    for name, (own, others) in witnesses.items():
+        side = _only_side(runs, name)
+        if side == 0:
+            continue
+        for other, words in others:
+            if _both_sides(other) and _like(np.abs(own), np.abs(other)) > LIKE:
+                found.append(Suspicion(
+                    f"column {name} is never {'negative' if side > 0 else 'positive'} though {words} to both sides: it "
+                    "is a magnitude, and its sign stands in another column; multiply the two in 'formulas' "
+                    f"({name}: magnitude * direction)", name, None, f"{words} to both sides"))  # fmt: skip
+                break
+    return found
+
+
+def _only_side(runs: Sequence[Columns], name: str) -> int:
+    """The sign of a column that has one, zero of one that has both or is not there."""
+    parts = [np.asarray(values) for columns in runs if (values := columns.get(name)) is not None]
+    if not parts:
+        return 0
+    low, high = np.quantile(np.concatenate(parts), [0.002, 0.998])
+    if high > 0.0 and -low < BELOW * high:
+        return 1
+    return -1 if low < 0.0 and high < BELOW * -low else 0
+
+
+def _both_sides(values: np.ndarray) -> bool:
+    values = values[np.isfinite(values)]
+    if len(values) < FEWEST:
+        return False
+    top = float(np.quantile(np.abs(values), 0.95))
+    return top > 0.0 and min(float(np.mean(sign * values > LARGE * top)) for sign in (1.0, -1.0)) > BOTH_SIDES
+
+
+def _like(a: np.ndarray, b: np.ndarray) -> float:
+    """Correlation of two signals [windows], zero where one does not vary or is not there."""
+    known = np.isfinite(a) & np.isfinite(b)
+    a, b = a[known], b[known]
+    if len(a) < FEWEST or min(np.ptp(a), np.ptp(b)) < SMALLEST:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def swapped_accelerations(m: Kinematics) -> list[Suspicion]:
+    """Accelerations of which one follows what the other should: swapped, or of a sensor that is turned by 90 deg."""
+    along = np.where(np.isfinite(m.along), m.along, m.gain)
+    across = np.where(np.isfinite(m.across), m.across, m.turned)
+    right = max(abs(_like(m.ax, along)), abs(_like(m.ay, across)))
+    crossed = {"ax": _like(m.ax, across), "ay": _like(m.ay, along)}
+    strong = {name: q for name, q in crossed.items() if abs(q) > LIKE}
+    if right > UNLIKE or not strong:
+        return []
+    # The other one may be too small to tell, or not be there: it may not speak against it.
+    words = {"ax": "v r, the lateral acceleration", "ay": "the rate of v, the longitudinal one"}
+    said = " and ".join(f"{name} follows {words[name]} (correlation {q:.2f})" for name, q in strong.items())
+    signs = " and their signs" if any(q < 0.0 for q in strong.values()) else ""
+    return [Suspicion(f"columns ax and ay look swapped: {said}; exchange the two{signs} in the mapping", "ax", None,
+                      said)]  # fmt: skip
+
+
+def swapped_speeds(m: Kinematics) -> list[Suspicion]:
+    """A speed and a rim's speed that are each other: where a wheel slips, the positions or accelerations say which."""
+    known = np.isfinite(m.omega_r) & np.isfinite(m.moved) & (m.moved > 0.0)
+    if np.count_nonzero(known) >= FEWEST:
+        # A scale that is off moves all windows alike.
+        off = {name: float(np.std(np.log(np.maximum(values[known], SMALLEST) / m.moved[known])))
+               for name, values in (("v", m.v), ("omega_r", m.omega_r))}  # fmt: skip
+        if off["v"] > APART and off["v"] > NEARER * off["omega_r"]:
+            said = f"omega_r lies {100.0 * off['omega_r']:.2g} % from the speed along x, y, v {100.0 * off['v']:.2g} %"
+            return [Suspicion(f"columns v and omega_r look swapped: {said}; exchange the two in the mapping", "v", None,
+                              said)]  # fmt: skip
+        return []
+    return _swapped_by_acceleration(m)
+
+
+def _swapped_by_acceleration(m: Kinematics) -> list[Suspicion]:
+    known = np.isfinite(m.omega_r) & np.isfinite(m.ax) & np.isfinite(m.rim_gain)
+    if np.count_nonzero(known) < FEWEST:
+        return []
+    slipped = float(np.std(np.log(np.maximum(m.omega_r[known], SMALLEST) / m.v[known])))
+    straight = np.abs(m.turned[known] * np.sin(np.nan_to_num(m.beta[known]))) < 1.0
+    off = {name: _left(m.ax[known][straight], rate[known][straight])
+           for name, rate in (("v", m.gain), ("omega_r", m.rim_gain))}  # fmt: skip
+    if slipped < APART or off["v"] < NEARER * off["omega_r"]:
+        return []
+    said = f"the rate of omega_r lies {off['omega_r']:.2g} m/s^2 from ax, that of v {off['v']:.2g} m/s^2"
+    return [Suspicion(f"columns v and omega_r look swapped: {said}; exchange the two in the mapping", "v", None, said)]
+
+
+def _left(values: np.ndarray, of: np.ndarray) -> float:
+    """Standard deviation [windows] of what one signal leaves of another."""
+    return float(np.std(values - of)) if len(values) >= FEWEST else 0.0
+
+
+def no_speed(m_all: Kinematics) -> list[Suspicion]:
+    """A speed that is nearly zero beside a car that turns or moves: another column was taken.
+
+    Args:
+        m_all: windows of any speed.
+    """
+    usual = float(np.median(np.abs(m_all.v))) if len(m_all.v) else np.inf
+    if usual > NEARLY_ZERO:
+        return []
+    asked: list[tuple[Bounds, str]] = []
+    across = gain(m_all.ay, m_all.r, m_all.spin[:, None], m_all.block)
+    if across is not None:
+        asked.append((across, "ay over r"))
+    for values, words in ((m_all.moved, "x, y"), (m_all.omega_r, "omega_r")):
+        known = np.isfinite(values)
+        found = mean(values[known], m_all.block[known]) if known.any() else None
+        if found is not None:
+            asked.append((found, words))
+    for found, words in asked:
+        if max(SLOWER * usual, NEARLY_ZERO) < found.low and found.high < FASTEST:
+            sentence = (
+                f"column v reads {usual:.2g} m/s though {words} ask for {found.middle:.2g} m/s: it is no speed of the "
+                "car; map the column that is"
+            )
+            return [Suspicion(sentence, "v", None, f"{words} ask for {found.middle:.2g} m/s")]
+    return []

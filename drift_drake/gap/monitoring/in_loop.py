@@ -1,0 +1,191 @@
+"""The monitor in a closed loop's diagram: its wires, what is logged of it, and the events of a run."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
+
+from drift_drake.car.effects.magnitudes import COUNT
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE
+from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.step_model import StepModel
+from drift_drake.common.updates import declare_update
+from drift_drake.drive.loop.watch import LoopPorts, Paced, Watched
+from drift_drake.drive.reference.trajectory import Reference
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.monitoring.bank import BankState
+from drift_drake.gap.monitoring.correction import GapCorrection, SlowDown
+from drift_drake.gap.monitoring.evidence import TRUSTED, Sums
+from drift_drake.gap.monitoring.monitor import Events, Monitor, State, after_row
+
+_MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
+_FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}
+PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
+FURTHER = ("magnitude", "low", "high")
+Policy = Literal["watch", "correct", "slow", "correct_or_slow", "forget"]
+"""What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected; an
+adapter forgets."""
+CORRECTING: tuple[Policy, ...] = ("correct", "correct_or_slow")
+SLOWING: tuple[Policy, ...] = ("slow", "correct_or_slow")
+
+
+class GapMonitor(LeafSystem):
+    """Says while the car drives what the simulator lacks, since when and by how much.
+
+    Input ports:
+        measured_state [7]: (r, v, beta, omega_r, e, dphi, s); NaN where there is no reading.
+        command [2]: (delta [rad], tau [N m]) in force.
+        log_row [10] (optional): `sensors.LOG_ROW`, of which psi, ax and ay are used where the monitor uses them.
+
+    Output ports, new every 0.1 s and held in between:
+        posterior: probabilities of `monitor.labels`: none, each effect, unknown.
+        magnitude [3]: of the leading effect, and its 95 % interval; in the catalogue's unit.
+        onset [1]: time of the change [s], NaN while none is more probable.
+        trusted [1]: 1 while the simulator may be believed (none at 0.5 or more), else 0.
+
+    State in the Context, all discrete, each period of the monitor: a `monitor.State`, one group an array.
+    """
+
+    def __init__(self, monitor: Monitor) -> None:
+        LeafSystem.__init__(self)
+        self.monitor = monitor
+        self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
+        self._command = self.DeclareVectorInputPort("command", 2)
+        self._log_row = self.DeclareVectorInputPort("log_row", len(LOG_ROW))
+        arrays = _arrays(monitor.start())
+        self._shapes = [a.shape for a in arrays]
+        self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays]
+        declare_update(self, monitor.bank.period, self._update)
+        verdict = {self.discrete_state_ticket(self._groups[-1])}
+        for name, size, calc in (
+            ("posterior", len(monitor.labels), lambda context: self.state(context).verdict[:-4]),
+            ("magnitude", 3, lambda context: self.state(context).verdict[-4:-1]),
+            ("onset", 1, self._onset),
+            ("trusted", 1, lambda context: [float(self._trusted(context))]),
+        ):
+            self.DeclareVectorOutputPort(
+                name, size, lambda context, output, calc=calc: output.SetFromVector(calc(context)),
+                prerequisites_of_calc=verdict,
+            )  # fmt: skip
+
+    def state(self, context: Context) -> State:
+        """The state in a Context of this system."""
+        groups = zip(self._groups, self._shapes, strict=True)
+        return _state([context.get_discrete_state(group).value().reshape(shape) for group, shape in groups])
+
+    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+        y = np.full(len(CHANNELS), np.nan)
+        y[_MEASURED] = self._measured.Eval(context)[:4]
+        if self._log_row.HasValue(context):
+            row = self._log_row.Eval(context)
+            for name, at in _FURTHER.items():
+                y[CHANNELS.index(name)] = row[at]
+        before = self.state(context)
+        after = after_row(self.monitor, before, y, np.array(self._command.Eval(context)), context.get_time())
+        for group, new, old in zip(self._groups, _arrays(after), _arrays(before), strict=True):
+            if new is not old:
+                discrete.set_value(group, new.ravel())
+
+    def _trusted(self, context: Context) -> bool:
+        return bool(self.state(context).verdict[0] >= TRUSTED)
+
+    def _onset(self, context: Context) -> list[float]:
+        return [np.nan if self._trusted(context) else float(self.state(context).verdict[-1])]
+
+
+def _arrays(state: State) -> list[np.ndarray]:
+    """All arrays of a state, in the order of the Context's groups."""
+    return [state.clock, *state.bank, *(np.atleast_1d(a) for a in state.block), state.history, state.verdict]
+
+
+def _state(arrays: list[np.ndarray]) -> State:
+    """The inverse of `_arrays`."""
+    clock, *rest = arrays
+    bank, block = BankState(*rest[:5]), Sums(*(a[0] for a in rest[5:8]), *rest[8:10])
+    return State(clock, bank, block, rest[10], rest[11])
+
+
+class GapWatch:
+    """A monitor in a closed loop (`drive.loop.watch.LoopWatch`), and what follows from what it sees.
+
+    Args:
+        policy: see `Policy`; a correction needs an `EffectsStepModel` as the controller's model.
+    """
+
+    def __init__(self, monitor: Monitor, policy: Policy = "watch") -> None:
+        self.monitor, self.policy = monitor, policy
+
+    @property
+    def effects_size(self) -> int:
+        """Of a correction, which the controller's model takes."""
+        return COUNT if self.policy in CORRECTING else 0
+
+    def watching(self, builder: DiagramBuilder, ports: LoopPorts, model: StepModel | None) -> Watched:
+        """Adds the monitor and, by the policy, the correction of the controller's model.
+
+        Raises:
+            ValueError: a correction of a model that takes none.
+        """
+        if self.policy in CORRECTING and not isinstance(model, EffectsStepModel):
+            raise ValueError("a correction needs an EffectsStepModel, which takes it")
+        system = builder.AddNamedSystem("monitor", GapMonitor(self.monitor))
+        for name in ("measured_state", "command", "log_row"):
+            builder.Connect(getattr(ports, name), system.GetInputPort(name))
+        logged = logged_ports(system)
+        if self.policy not in CORRECTING:
+            trusted = system.GetOutputPort("trusted") if self.policy == "forget" else None
+            return Watched(ports.measured_state, logged, trusted=trusted)
+        correction = builder.AddNamedSystem("correction", GapCorrection(self.monitor))
+        for name in ("posterior", "magnitude"):
+            builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
+        builder.Connect(ports.measured_state, correction.GetInputPort("measured_state"))
+        return Watched(correction.GetOutputPort("corrected_state"), logged, correction.GetOutputPort("effects"))
+
+    def pacing(
+        self, builder: DiagramBuilder, ports: LoopPorts, plan: OutputPort, parameters: VehicleParameters,
+        reference: Reference, steps: int, period: float,
+    ) -> Paced:  # fmt: skip
+        """Adds, by the policy, the slow-down between plans and actuator."""
+        if self.policy not in SLOWING:
+            return Paced(plan)
+        system = SlowDown(parameters, reference, self.monitor.labels, steps, period)
+        builder.AddNamedSystem("slow_down", system)
+        monitor = builder.GetSubsystemByName("monitor")
+        wires = {"plan": plan, "state": ports.measured_state, "command": ports.command, "reading": ports.reading,
+                 "posterior": monitor.GetOutputPort("posterior")}  # fmt: skip
+        if self.policy in CORRECTING:
+            wires["correction"] = builder.GetSubsystemByName("correction").GetOutputPort("correction")
+        for name, port in wires.items():
+            if port is not None:
+                builder.Connect(port, system.GetInputPort(name))
+        return Paced(
+            system.GetOutputPort("paced_plan"), system.pace, {"slow": (system.GetOutputPort("slow"), ("slow",))}
+        )
+
+
+def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str]]]:
+    """Ports and columns of a run's table."""
+    return {
+        "gap_posterior": (system.GetOutputPort("posterior"), [f"{PREFIX}{name}" for name in system.monitor.labels]),
+        "gap_magnitude": (system.GetOutputPort("magnitude"), [f"{PREFIX}{name}" for name in FURTHER]),
+        "gap_onset": (system.GetOutputPort("onset"), [f"{PREFIX}onset"]),
+    }
+
+
+def verdicts_of(monitor: Monitor, table: pd.DataFrame) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
+    """The monitor's verdicts during a run, from its table: times [s], verdicts (`monitor.State`), and their events."""
+    columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
+    rows = table[columns].to_numpy()
+    new = np.flatnonzero(np.any(np.diff(rows[:, : len(monitor.labels)], axis=0) != 0.0, axis=1)) + 1
+    reported = Events()
+    for i in new:
+        reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
+        yield float(table["t"].iloc[i]), rows[i], events
+
+
+def events_of(monitor: Monitor, table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The events of a run, from its table."""
+    return [event for _, _, events in verdicts_of(monitor, table) for event in events]

@@ -1,0 +1,243 @@
+"""The monitor as plain functions: one row in, and every tenth of a second a verdict out."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.driving import slowest
+from drift_drake.car.log.plausible import ABSURD
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.sensors import NoiseLevels
+from drift_drake.common.errors import unit_suffix
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.problem import PROCESS_NOISE
+from drift_drake.gap.estimation.reduction import STATES
+from drift_drake.gap.evidence.posterior import UNKNOWN
+from drift_drake.gap.monitoring import bank as filters
+from drift_drake.gap.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes, on_bank
+from drift_drake.gap.monitoring.evidence import (
+    ALARM,
+    NAMED,
+    TRUSTED,
+    EvidenceProblem,
+    Sums,
+    evidence_problem,
+    labels,
+    no_history,
+    no_sums,
+    packed,
+    renewed,
+    unpacked,
+    verdict_of,
+    with_block,
+)
+
+BLOCK = 0.1  # [s] between verdicts
+SETTLING = 0.35  # [s] after the first row that do not count: commands before it are unknown
+CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
+PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
+FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
+TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
+TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
+SPIN = 1.2  # [rad]
+PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
+
+
+class State(NamedTuple):
+    """What is carried from row to row."""
+
+    clock: np.ndarray  # [4] rows since the start (0: not started), rows in the block, blocks since a change (0: none),
+    # and rows that may be left out
+    bank: BankState
+    block: Sums
+    history: np.ndarray  # `evidence.packed`
+    verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class Monitor:
+    """What does not change during a drive."""
+
+    bank: Bank
+    used: np.ndarray  # [9] channels
+    problem: EvidenceProblem
+    slowest: float  # [m/s] below which the equations are not judged
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the posterior's entries: none, the effects, unknown."""
+        return labels(self.problem)
+
+    def start(self) -> State:
+        """Before the first row."""
+        n = len(self.problem.nodes)
+        p = np.zeros(len(self.labels) + 4)
+        p[0], p[-4:] = 1.0, np.nan
+        return State(np.zeros(4), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
+
+
+def seen(used: Sequence[str]) -> list[str]:
+    """Effects that the measured channels `used` can show; the commands are known.
+
+    Live, commands do not act before they are given, and that they act later is a latency of the sensors.
+    """
+    return [name for name, info in CATALOGUE.items() if set(info.needs) <= {*used, "tau_cmd"} and not info.hastens]
+
+
+def make_monitor(
+    vehicle: VehicleParameters, own: Effects | None = None, used: Sequence[str] = STATES, period: float = 0.01,
+    noise: NoiseLevels | None = None,
+) -> Monitor:  # fmt: skip
+    """A monitor of the simulator's car.
+
+    Args:
+        vehicle, own: the simulator's car; used: measured channels (of `CHANNELS`, x and y are of no use here);
+        period: [s] between rows; noise: of the sensors.
+    """
+    own, noise = own or Effects(), noise or NoiseLevels()
+    nodes = make_nodes(seen(used), vehicle)
+    levels = np.array([max(getattr(noise, name), 1e-6) for name in CHANNELS])
+    bank = make_bank(nodes, vehicle, own, period, levels**2, (PROCESS_SCALE * PROCESS_NOISE) ** 2)
+    mask = np.array([name in used for name in CHANNELS])
+    problem = evidence_problem(nodes, tolerances(nodes, vehicle))
+    return Monitor(bank, mask, problem, slowest(vehicle))
+
+
+def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
+    """Standard deviation [n] of each node's amplitude within the vehicle file's tolerances."""
+    out = np.zeros(len(nodes))
+    for i, node in enumerate(nodes):
+        tolerance = TOLERANCES.get(node.name)
+        if tolerance:
+            out[i] = abs(float(getattr(vehicle.tolerance, tolerance)) / node.magnitude)
+    return out
+
+
+def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
+    """The state after one more row, at t [s]; y, command and road as `row_taken` wants them."""
+    state = row_taken(monitor, state, y, command, road)
+    return _closed(monitor, state, t) if state.clock[1] >= max(round(BLOCK / monitor.bank.period), 1) else state
+
+
+def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, road: float = 0.0) -> State:
+    """The state with one more row in its block.
+
+    Args:
+        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]);
+        road: its known bank [rad]; an effect `road_bank` comes to it.
+    """
+    used = monitor.used & (np.abs(y) < ABSURD)
+    commanded = bool((np.abs(command) < ABSURD).all())
+    y = np.where(used, y, 0.0)
+    rows, filled, edge, left = state.clock
+    if rows == 0.0:
+        if not used[:2].all() or not commanded:
+            return state
+        bank = filters.make_state(monitor.bank)
+        filters.start_bank(y, used, command, monitor.bank, bank)
+        return state._replace(clock=np.array([1.0, filled, edge, allowance(monitor.bank)]), bank=bank)
+    if not commanded:
+        command = state.bank.commands[-1].copy()
+    bank, innovations, left = gated_row(on_bank(monitor.bank, road), state.bank, left, y, used, command)
+    if not np.isfinite(bank.z).all():  # all cars of the bank begin anew at the next row, and what was found stays
+        return state._replace(clock=np.array([0.0, filled, edge, left]))
+    block, (_, v, beta) = state.block, bank.z[0, :3]
+    settled = rows * monitor.bank.period >= SETTLING
+    if innovations is not None and settled and v > monitor.slowest and abs(beta) < SPIN:
+        block = with_row(block, innovations, used)
+    return state._replace(clock=np.array([rows + 1.0, filled + 1.0, edge, left]), bank=bank, block=block)
+
+
+def with_row(block: Sums, innovations: np.ndarray, used: np.ndarray) -> Sums:
+    """The block with one more row of innovations [1 + n, 9]."""
+    nu = innovations[0][used]
+    signatures = nu - innovations[1:][:, used]
+    squares = float(nu @ nu)
+    share = min(1.0, CLIPPED**2 / max(squares, 1e-12))
+    return Sums(
+        block.rows + 1.0, block.energy + share * squares, block.freedom + len(nu),
+        block.score + share * (signatures @ nu), block.information + share * (signatures @ signatures.T),
+    )  # fmt: skip
+
+
+def _closed(monitor: Monitor, state: State, t: float) -> State:
+    """A block is full: it joins the history, which is judged anew."""
+    rows, _, edge, left = state.clock
+    if state.block.rows == 0.0:
+        return state._replace(clock=np.array([rows, 0.0, edge, left]))
+    n = len(monitor.problem.nodes)
+    history = with_block(unpacked(state.history, n), state.block, FORGETTING, edge)
+    verdict = verdict_of(monitor.problem, history, BLOCK)
+    if verdict.probabilities[0] < TRUSTED:
+        history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
+    edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
+    values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
+    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), packed(history), values)
+
+
+@dataclasses.dataclass(frozen=True)
+class Events:
+    """What has been reported: whether there is a change, and which cause; and what is about to be."""
+
+    changed: bool = False
+    cause: str | None = None
+    candidate: str | None = None
+    count: int = 0  # verdicts in a row that name the candidate
+
+    def after(self, monitor: Monitor, verdict: np.ndarray, t: float) -> tuple["Events", list[dict[str, Any]]]:
+        """What has been reported after a verdict (`monitor.State`) at t [s], and what it adds, as plain data."""
+        p, new = verdict[:-4], list[dict[str, Any]]()
+        now = self
+        if now.changed and p[0] >= TRUSTED:
+            now, new = Events(), [{"t": t, "event": "over"}]
+        if not now.changed and p[0] < ALARM:
+            now = Events(True)
+            new.append({"t": t, "event": "change"} | details(monitor, verdict))
+        if now.changed:
+            leading = 1 + int(np.argmax(p[1:]))
+            name = monitor.labels[leading]
+            sure = p[leading] >= NAMED
+            now = Events(True, now.cause, name if sure else None, now.count * (name == now.candidate) + sure)
+            if now.count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS) and name != now.cause:
+                now = dataclasses.replace(now, cause=name)
+                new.append({"t": t, "event": "cause"} | details(monitor, verdict))
+        return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
+
+
+def details(monitor: Monitor, verdict: np.ndarray) -> dict[str, Any]:
+    """The leading hypothesis that is not none: probability, magnitude, onset."""
+    p = verdict[:-4]
+    leading = 1 + int(np.argmax(p[1:]))
+    name, (q, low, high, onset) = monitor.labels[leading], verdict[-4:]
+    out = {"cause": name, "probability": p[leading], "none": p[0], "onset": onset}
+    if name == UNKNOWN:
+        return out
+    return out | {"magnitude": q, "low": low, "high": high, "unit": CATALOGUE[name].unit}
+
+
+def sentence(event: Mapping[str, Any]) -> str:
+    """An event in words."""
+    t = f"{event['t']:.1f} s:"
+    if event["event"] == "over":
+        return f"{t} the car agrees with the simulator again"
+    since = f"since {event['onset']:.1f} s"
+    if event["event"] == "change":
+        return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
+    others = f"; or {', '.join(event['or'])}, which would look alike" if event.get("or") else ""
+    return f"{t} {_cause(event)}, {since}{others}"
+
+
+def _cause(event: Mapping[str, Any]) -> str:
+    if event["cause"] == UNKNOWN:
+        return f"unknown cause, probability {event['probability']:.2f}"
+    interval = f"95 %: {event['low']:.3g} to {event['high']:.3g}"
+    unit = unit_suffix(event["unit"])
+    return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}), probability {event['probability']:.2f}"
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.6g}") if isinstance(value, float) else value

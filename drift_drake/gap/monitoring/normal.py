@@ -1,0 +1,172 @@
+"""What is normal for a watched car that the equations do not follow exactly: how scores scatter on its own logs.
+
+Scores of white innovations have the information as covariance. A real car's scatter more, and not in every direction
+alike: what they scatter beyond, by roots of information, is the excess that widens the monitor's scores wherever it
+judges (compare `gap.estimation.scores`, which does the same for a diagnosis of another day).
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import InvalidLogError, Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.sensors import NoiseLevels
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.plain_files import number, read_json
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.monitoring.evidence import Sums, no_sums
+from drift_drake.gap.monitoring.monitor import Monitor, make_monitor, row_taken
+from drift_drake.gap.monitoring.watch import WATCHED, monitor_of, rows_of
+
+BLOCK = 2.0  # [s]
+SHRUNK, SHRUNK_AT = 0.3, 24  # towards a diagonal, with so many blocks
+OTHER_DRIVES = 4.0  # by how much scores scatter more on other drives than between blocks of those that were learnt from
+LEAST = 4  # blocks
+SAME_PERIOD = 0.02  # relative: scores of other rates scatter otherwise
+SAME_MAGNITUDE = 0.01
+LARGEST = 1e9
+REMEDY = "write it with 'drift-drake identify --json'"
+
+
+class InvalidNormalScoresError(DriftDrakeError, ValueError):
+    """A calibration that nothing can be watched with; the message names the file and the remedy."""
+
+
+def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
+    """Sums of the full blocks of a run."""
+    state, out = monitor.start(), list[Sums]()
+    for row in rows_of(run):
+        state = row_taken(monitor, state, row.y, row.command, row.road)
+        if state.block.rows * monitor.bank.period >= BLOCK:
+            out.append(state.block)
+            state = state._replace(block=no_sums(len(monitor.problem.nodes)))
+    return out
+
+
+def excess_of(blocks: Sequence[Sums]) -> np.ndarray:
+    """Covariance [n, n] of blocks' scores beyond their information, by roots of information; symmetric, none below 0.
+
+    Raises:
+        ValueError: too few blocks.
+    """
+    if len(blocks) < LEAST:
+        raise ValueError(f"{len(blocks)} blocks; give at least {LEAST * BLOCK:g} s of normal driving")
+    root = np.sqrt([np.maximum(np.diag(block.information), 1e-12) for block in blocks])
+    score = np.array([block.score for block in blocks]) / root
+    white = np.mean([block.information / np.outer(r, r) for block, r in zip(blocks, root, strict=True)], axis=0)
+    found = score.T @ score / len(blocks)
+    shrink = min(SHRUNK * SHRUNK_AT / len(blocks), 0.9)
+    found = (1.0 - shrink) * found + shrink * np.diag(np.diag(found))
+    values, vectors = np.linalg.eigh(found - white)
+    return np.asarray(OTHER_DRIVES * (vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def with_normal(monitor: Monitor, runs: Sequence[Run]) -> Monitor:
+    """The monitor of a car whose normal drives are `runs`."""
+    blocks = [block for run in runs for block in block_sums(monitor, run)]
+    return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=excess_of(blocks)))
+
+
+@dataclasses.dataclass(frozen=True)
+class NormalScores:
+    """How a car's scores scatter on normal drives beyond white innovations, and what they were made with."""
+
+    period: float  # [s] of the logs
+    noise: dict[str, float]  # of the channels, by name
+    nodes: tuple[tuple[str, float], ...]  # the bank's cars: what they have, at which magnitude
+    excess: np.ndarray  # [n, n] `evidence.Problem.excess`
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, the inverse of `scores_from_data`."""
+        return dataclasses.asdict(self) | {
+            "nodes": [list(node) for node in self.nodes],
+            "excess": np.round(self.excess, 6).tolist(),
+        }
+
+
+def learn_normal_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> NormalScores:
+    """What is normal for a car, from logs of its own.
+
+    Raises:
+        InvalidLogError: no torque commands; ValueError: too little driving.
+    """
+    monitor = monitor_of(runs[0], vehicle, own)
+    levels = {name: float(np.sqrt(monitor.bank.noise[i])) for i, name in enumerate(CHANNELS) if monitor.used[i]}
+    return NormalScores(runs[0].period, levels, nodes_of(monitor), with_normal(monitor, runs).problem.excess)
+
+
+def calibrated_monitor(scores: NormalScores, run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
+    """The monitor of a calibrated car for a log of the same columns and rate.
+
+    Raises:
+        InvalidLogError: the log lacks a column of the calibration's logs, or has another rate;
+        InvalidNormalScoresError: the vehicle is not the one that was calibrated.
+    """
+    missing = [name for name in scores.noise if run.column(name) is None]
+    if missing or run.tau_cmd is None:
+        lacking = ", ".join([*missing, *(["tau_cmd"] if run.tau_cmd is None else [])])
+        raise InvalidLogError(f"{run.name}: has no column {lacking}, which the calibration's logs had; add it")
+    if abs(run.period / scores.period - 1.0) > SAME_PERIOD:
+        raise InvalidLogError(
+            f"{run.name}: a row each {run.period:g} s, the calibration's logs one each {scores.period:g} s; resample it"
+        )
+    monitor = make_monitor(vehicle, own, list(scores.noise), run.period, NoiseLevels(**scores.noise))
+    (names, magnitudes), (own_names, own_magnitudes) = (zip(*n, strict=True) for n in (scores.nodes, nodes_of(monitor)))
+    # A vehicle file rounds.
+    if names != own_names or not np.allclose(own_magnitudes, magnitudes, rtol=SAME_MAGNITUDE, atol=0.0):
+        raise InvalidNormalScoresError(
+            "the calibration's normal scores are of another vehicle file; give the two that one 'identify' wrote"
+        )
+    return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=scores.excess))
+
+
+def nodes_of(monitor: Monitor) -> tuple[tuple[str, float], ...]:
+    """What the bank's cars have."""
+    return tuple((node.name, node.magnitude) for node in monitor.problem.nodes)
+
+
+def read_normal_scores(path: str | Path) -> NormalScores:
+    """Reads them from a calibration's JSON.
+
+    Raises:
+        InvalidNormalScoresError: unreadable, not JSON, without any, or not what `identify` writes.
+    """
+    return normal_scores_of(read_json(path, InvalidNormalScoresError, REMEDY), path)
+
+
+def normal_scores_of(data: Any, path: str | Path) -> NormalScores:
+    """The same from the JSON's content; `path`: what is named in errors."""
+    found = data.get("watching") if isinstance(data, dict) else None
+    if found is None:
+        raise InvalidNormalScoresError(
+            f"{path}: has no normal scores to watch with: the logs it was made of had no torque commands, or less than "
+            f"8 s, or an older version wrote it; {REMEDY}, of logs with the column tau_cmd"
+        )
+    try:
+        return scores_from_data(found)
+    except (KeyError, TypeError, AttributeError):
+        raise InvalidNormalScoresError(f"{path}: 'watching' is not what 'identify' writes; {REMEDY}") from None
+    except ValueError as error:
+        raise InvalidNormalScoresError(f"{path}: watching: {error}; {REMEDY}") from None
+
+
+def scores_from_data(data: Mapping[str, Any]) -> NormalScores:
+    """What `NormalScores.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
+    unknown = sorted(set(data["noise"]) - set(WATCHED))
+    if unknown or not data["noise"]:
+        raise ValueError(f"noise must be of {', '.join(WATCHED)}")
+    noise = {name: number(value, lambda q: 0.0 < q < LARGEST) for name, value in data["noise"].items()}
+    nodes = tuple((str(name), number(magnitude)) for name, magnitude in data["nodes"])
+    excess = np.array(data["excess"], dtype=float)
+    if not nodes or excess.shape != (len(nodes), len(nodes)) or not np.all(np.abs(excess) < LARGEST):
+        raise ValueError(f"excess must hold {len(nodes)} by {len(nodes)} finite numbers")
+    if not np.allclose(excess, excess.T) or np.linalg.eigvalsh(excess)[0] < -1e-3 * max(
+        float(np.abs(excess).max()), 1.0
+    ):
+        raise ValueError("excess must be symmetric, without negative directions")
+    return NormalScores(number(data["period"], lambda q: 0.0 < q < 1.0), noise, nodes, excess)

@@ -1,0 +1,147 @@
+"""Simulated cases for developing and calibrating the diagnosis: a compiled plant, four manoeuvres, sensors' noise.
+
+The plant integrates `motion_with_effects` with every memory of its own by RK4 at 0.5 ms, apart from the diagnosis's
+filter (which treats actuators ahead of it and steps by 5 ms). `drake_cases` makes them with Drake plants instead;
+drivers and draws are shared.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.delays import commands_at, on_time, stamped
+from drift_drake.car.effects.magnitudes import (
+    MEMORIES,
+    Effects,
+    Memory,
+    reading_gains,
+)
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.scalar import fixed_tuple
+from drift_drake.car.sensors import LOG_ROW, NoiseLevels
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from experiments.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
+from experiments.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
+from experiments.benchmarks.truths import Truth, true_car
+
+FINE = 20  # integration steps a row
+RING = 7 + MEMORIES  # place of the driveline's ringing in the plant's state
+STATES = RING + 2
+LAGGED = slice(7, 11)  # places of what actuators and tyres lag by
+NOISE = {name: float(getattr(NoiseLevels(), name)) for name in LOG_ROW if name != "t"}
+
+
+@compiled
+def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any, out: Any) -> Any:
+    """z: r, v, beta, omega_r, psi, x, y, the effects' memory, ring, ring rate, a_x, a_y (outputs only)."""
+    memory = Memory(*fixed_tuple(z[7:RING], MEMORIES))
+    f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[5], z[6], z[4], delta, tau, constants, strange)
+    torque = rung_torque(tau, z[RING], strange)
+    rates, m = motion_with_effects(
+        z[0], z[1], z[2], z[3], z[4], memory, delta, torque, constants, effects, f_x, f_y, m_z
+    )
+    out[0], out[1], out[2], out[3] = rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot
+    out[4], out[5], out[6] = z[0], z[1] * np.cos(z[4] + z[2]), z[1] * np.sin(z[4] + z[2])
+    for i, rate in enumerate(m):
+        out[7 + i] = rate
+    out[RING], out[RING + 1] = ring_rates(z[RING], z[RING + 1], tau)
+    out[STATES], out[STATES + 1] = rates.a_x, rates.a_y
+
+
+@compiled
+def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, effects: Any, strange: Any) -> Any:
+    """From row to row + 1; commands up to row + 1 are known."""
+    h = PERIOD / FINE
+    n = STATES
+    k1, k2, k3, k4 = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
+    for i in range(FINE):
+        a, b, c = row + i / FINE, row + (i + 0.5) / FINE, row + (i + 1) / FINE
+        da, ta = commands_at(delta_cmd, tau_cmd, a, row + 1, PERIOD, effects)
+        db, tb = commands_at(delta_cmd, tau_cmd, b, row + 1, PERIOD, effects)
+        dc, tc = commands_at(delta_cmd, tau_cmd, c, row + 1, PERIOD, effects)
+        _rates(z, a * PERIOD, da, ta, constants, effects, strange, k1)
+        _rates(z + 0.5 * h * k1[:n], b * PERIOD, db, tb, constants, effects, strange, k2)
+        _rates(z + 0.5 * h * k2[:n], b * PERIOD, db, tb, constants, effects, strange, k3)
+        _rates(z + h * k3[:n], c * PERIOD, dc, tc, constants, effects, strange, k4)
+        z += h / 6.0 * (k1[:n] + 2.0 * k2[:n] + 2.0 * k3[:n] + k4[:n])
+    _rates(z, (row + 1) * PERIOD, dc, tc, constants, effects, strange, k1)
+    return k1[n], k1[n + 1]
+
+
+def simulate_run(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, name: str,
+             duration: float = 12.0) -> Run:  # fmt: skip
+    """One run of the car that `truth` describes, as its sensors log it."""
+    constants, effects = true_car(truth, vehicle)
+    motion = drive_rows(driver, constants, lambda _row: effects, make_strange(truth.strange), duration)
+    return sensed(*motion, effects, rng, name)
+
+
+def drive_rows(
+    driver: Driver, constants: Constants, effects: Callable[[int], Effects], strange: Strange, duration: float,
+    settles_at: int | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """States [rows, STATES], accelerations [rows, 2] and commands delta, tau [rows] of a drive, ended by a spin.
+
+    Args:
+        effects: of the car from a row to the next one; at -1 those that it has settled in before the drive;
+        settles_at: the row at which actuators and tyres that begin to lag do so from where they are.
+    """
+    rows, before = round(duration / PERIOD) + 1, on_time(effects(-1))
+    delta, tau = np.zeros(rows), np.zeros(rows)
+    state = driver.start()
+    delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
+    z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
+    z[:4] = state
+    z[7:RING] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, before)
+    z[RING] = tau[0]
+    _rates(z, 0.0, delta[0], tau[0], constants, before, strange, scratch)
+    states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
+    states[0], accelerations[0] = z, scratch[STATES:]
+    for row in range(rows - 1):
+        now = on_time(effects(row))
+        if row == settles_at:
+            z[LAGGED] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, now)[:4]
+        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
+        accelerations[row + 1] = _advance(z, row, delta, tau, constants, now, strange)
+        states[row + 1] = z
+        if abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST:
+            rows = row + 1
+            break
+    return states[:rows], accelerations[:rows], delta[:rows], tau[:rows]
+
+
+def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau: np.ndarray, effects: Effects,
+           rng: np.random.Generator, name: str, noise: float = 1.0) -> Run:  # fmt: skip
+    """What is logged of true states [rows, 7 or more] and commands: biased, late, `noise` times as noisy as usual."""
+    commands, kept = stamped({"delta_cmd": delta, "tau_cmd": tau}, effects, PERIOD)
+    states, accelerations = states[:kept], accelerations[:kept]
+    t = np.arange(kept) * PERIOD
+    by_r, by_v, by_beta, by_rim = reading_gains(effects)
+    true = {
+        "r": by_r * states[:, 0] + effects.gyro_bias,
+        "v": by_v * states[:, 1],
+        "beta": by_beta * states[:, 2] + effects.sideslip_bias,
+        "omega_r": by_rim * states[:, 3],
+        "psi": states[:, 4],
+        "x": states[:, 5],
+        "y": states[:, 6],
+        "ax": accelerations[:, 0],
+        "ay": accelerations[:, 1],
+    }
+    columns: dict[str, Any] = {}
+    for column, values in true.items():
+        late = np.interp(t - effects.sensor_latency, t, values)
+        columns[column] = late + noise * NOISE[column] * rng.standard_normal(len(t))
+    return Run(name=name, t=t, delta_cmd=commands["delta_cmd"], tau_cmd=commands["tau_cmd"], **columns)
+
+
+def make_case(truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, duration: float = 12.0,
+              manoeuvres: Sequence[str] = MANOEUVRES) -> list[Run]:  # fmt: skip
+    """A run of each manoeuvre by one car (`drivers.driven`)."""
+    return driven(
+        manoeuvres,
+        lambda kind, name: simulate_run(Driver(kind, rng, vehicle), truth, vehicle, rng, name, duration),
+    )

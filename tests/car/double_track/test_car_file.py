@@ -1,0 +1,75 @@
+"""A double-track car in a file: read back as it was, and what is wrong with a file in one sentence."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from drift_drake.car.double_track.car_file import holds_double_track, read_double_track, write_double_track
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+
+EFFECTS = Effects(steering_lag=0.06, drivetrain_friction=40.0)
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_it_is_read_back_to_the_bit(tmp_path: Path, name: str) -> None:
+    car = CARS[name].replace(differential_preload=60.0, differential_share=0.3)
+    path = tmp_path / "car.yaml"
+    write_double_track(path, car, EFFECTS)
+    assert holds_double_track(path)
+    assert read_double_track(path) == (car, EFFECTS)
+    write_double_track(path, car)
+    assert read_double_track(path) == (car, Effects())
+
+
+def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
+    path = tmp_path / "car.yaml"
+    write_double_track(path, CARS["coupe"])
+    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, which 'drift-drake drive'"):
+        read_vehicle(path)
+    write_vehicle(path, VehicleParameters())
+    assert not holds_double_track(path)
+    with pytest.raises(InvalidVehicleError, match=r"no double-track car; write its parameters under 'double_track:'"):
+        read_double_track(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        (("double_track", "mass"), "heavy", "double_track: mass (m) is 'heavy'; give a finite number in kg"),
+        (("double_track", "mass"), None, "double_track: mass (m) is None; give a finite number in kg"),
+        (("double_track", "weight"), 1.0, "double_track: unknown key 'weight'; known keys are ackermann, "),
+        (("double_track", "front_tire", "shape"), 2.5, "front_tire.shape (C) is 2.5; give 1 to below 2"),
+        (("double_track", "front_tire", "grip"), 1.0, "unknown key 'front_tire.grip'"),
+        (("double_track", "rear_tire"), 3.0, "double_track: 'rear_tire' must hold 'name: value' lines"),
+        (("double_track",), [1], "double_track: 'double_track' must hold 'name: value' lines"),
+        (("colour",), 1.0, "unknown key 'colour'; known keys are double_track, effects"),
+        (("effects", "lateral_load_transfer"), 0.1, "lateral_load_transfer cannot be put on a double-track car"),
+        (("effects", "steering_lag"), -1.0, "effects.steering_lag is -1 s; no vehicle's is outside 0 to"),
+        (("double_track", "gravity"), 60.0, "gravity is 60; no vehicle's is outside 0.5 to 30"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, place: tuple[str, ...], value: object, said: str) -> None:
+    path = tmp_path / "car.yaml"
+    write_double_track(path, CARS["coupe"], EFFECTS)
+    data = yaml.safe_load(path.read_text())
+    at = data
+    for key in place[:-1]:
+        at = at[key]
+    at[place[-1]] = value
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(InvalidVehicleError) as raised:
+        read_double_track(path)
+    assert str(path) in str(raised.value)
+    assert said in str(raised.value)
+
+
+def test_a_parameter_that_is_missing_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "car.yaml"
+    write_double_track(path, CARS["coupe"])
+    path.write_text("".join(line for line in path.read_text().splitlines(True) if "cg_height" not in line))
+    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: double_track: missing cg_height; add a line"):
+        read_double_track(path)

@@ -1,0 +1,94 @@
+"""`drift-drake choose` as a user calls it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from drift_drake.car.double_track.car_file import read_double_track
+from drift_drake.car.double_track.parameters import CARS
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import COLUMNS
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.cli.main import main
+from drift_drake.common.interruption import BAD_INPUT
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.gather import gather
+from drift_drake.drive.gathering.plan import plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.gap.choose.choice import Choice, Findings
+from drift_drake.gap.choose.identified import IdentifiedCar
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory, model: BayesianModel) -> Path:
+    """An informative plan driven twice by a vehicle that no model was trained on."""
+    config, folder = GatheringConfig(starts=1, max_iterations=20), tmp_path_factory.mktemp("choose")
+    plan = plan_drive(model, model.prior(), config, config.alpha)
+    for seed in range(2):
+        table, _ = gather(plan, draw_effects("validation", 0, 98001), VehicleParameters(), config, seed)
+        table[[name for name in COLUMNS if name in table]].to_csv(folder / f"run_{seed}.csv", index=False)
+    return folder
+
+
+def test_the_logs_of_a_car_say_which_model_may_drive_it(
+    logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, found = tmp_path / "identified.yaml", tmp_path / "choice.json"
+    assert main(["choose", str(logs), "--out", str(out), "--json", str(found)]) == 0
+    said, choice = capsys.readouterr().out, json.loads(found.read_text())
+    assert ("drive with the identified car: " in said) == (choice["believed"] == "identified")
+    assert "; no car" not in said
+    assert f"{out}: the car that the logs identify" in said
+    assert choice["doubts"] == []
+    assert choice["forecast_error"] < 0.05
+    assert choice["tracks"] == 1
+    vehicle, effects = read_vehicle(out)
+    assert vehicle.mass == pytest.approx(choice["vehicle"]["mass"])
+    assert effects.steering_lag == pytest.approx(choice["effects"].get("steering_lag", 0.0))
+
+
+def test_logs_too_short_identify_no_car(logs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, short = tmp_path / "identified.yaml", tmp_path / "run_0.csv"
+    pd.read_csv(logs / "run_0.csv").iloc[:350].to_csv(short, index=False)
+    assert main(["choose", str(short), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "; no car was identified" in said
+    assert f"{out}: not written, since no car was identified" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda table: table.drop(columns="beta"), "run run_0 has no column beta"),
+        (lambda table: table.iloc[::2], "the rows of run run_0 are 0.02 s apart; what is usual was measured on rows"),
+    ],
+)
+def test_a_log_that_cannot_be_asked_is_said_so(
+    change: Callable[[pd.DataFrame], pd.DataFrame],
+    said: str,
+    logs: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = tmp_path / "run_0.csv"
+    change(pd.read_csv(logs / "run_0.csv")).to_csv(path, index=False)
+    assert main(["choose", str(path)]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+
+
+def test_a_double_track_car_is_written_as_one(
+    logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    car, out = IdentifiedCar(CARS["saloon"], Effects(steering_lag=0.05)), tmp_path / "identified.yaml"
+    monkeypatch.setattr("drift_drake.gap.choose.choose.ask", lambda *_: Choice(Findings(car, 0.01), 0.012))
+    assert main(["choose", str(logs), "--out", str(out), "--json", str(tmp_path / "choice.json")]) == 0
+    assert "drive with the identified double-track car: " in capsys.readouterr().out
+    assert read_double_track(out) == car
+    choice = json.loads((tmp_path / "choice.json").read_text())
+    assert (choice["tracks"], choice["vehicle"]["front_tire"]["shape"]) == (2, 1.25)

@@ -1,0 +1,94 @@
+"""Hypotheses judged at the changed car: magnitudes exact for what is put into a log, the right one ahead."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car, judged, stated
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+
+SINGLE = ("steering_offset",)
+
+
+def change(name, magnitude, beside=None):
+    return Hypothesis((name,), np.array([magnitude]), np.eye(1), 0.0, 0.0, beside=beside or {})
+
+
+@pytest.fixture(scope="module")
+def offset_by(other_car, searched):
+    """A function: an offset [rad] put into a day's steering commands to the offset that is fitted."""
+    day = other_car.day({}, 5)[:2]
+
+    def fitted(q):
+        search = searched([dataclasses.replace(run, delta_cmd=run.delta_cmd - q) for run in day], SINGLE)
+        return judged(search, [change("steering_offset", 1.04 * q)])[0]
+
+    return fitted
+
+
+def test_what_is_put_into_the_commands_is_found_as_exactly_where_it_is_large(offset_by):
+    # The logs as they are have an offset of their own, which is beside the one put in.
+    up, down, small = (offset_by(q) for q in (0.05, -0.05, 0.015))
+    own = 0.5 * (up.magnitudes[0] + down.magnitudes[0])
+    assert up.magnitudes[0] - own == pytest.approx(0.05, rel=0.01)
+    assert small.magnitudes[0] - own == pytest.approx(0.015, abs=5e-4)
+    # A steering ratio that is not quite known makes a large offset of the commands less certain, on either side.
+    assert up.covariance[0, 0] == pytest.approx(down.covariance[0, 0], rel=0.15)
+    assert small.covariance[0, 0] < up.covariance[0, 0]
+
+
+def test_the_most_likely_magnitude_is_a_fixed_point(late_day):
+    at = late_day.ranked.leading
+    again = stated(late_day.search, dataclasses.replace(at, magnitudes=0.9 * at.magnitudes))
+    deviation = np.sqrt(at.covariance[0, 0])
+    assert abs(again.magnitudes[0] - at.magnitudes[0]) < 0.2 * deviation
+    assert np.sqrt(again.covariance[0, 0]) == pytest.approx(deviation, rel=0.1)
+
+
+def test_what_is_beside_a_cause_is_fitted_too(late_day):
+    (alone,) = judged(late_day.search, [change("steering_delay", 0.08)])
+    (beside,) = judged(late_day.search, [change("steering_delay", 0.08, {"mass_error": 0.05})])
+    assert set(beside.beside) == {"mass_error"}
+    assert beside.beside["mass_error"] != 0.05
+    assert beside.covariance.shape == (1, 1)
+    assert beside.covariance[0, 0] == pytest.approx(alone.covariance[0, 0], rel=0.3)
+    assert beside.magnitudes[0] == pytest.approx(alone.magnitudes[0], rel=0.1)
+
+
+def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_not(late_day):
+    right, wrong = judged(late_day.search, [change("rear_stiffness_error", -0.3), change("steering_delay", 0.07)])
+    assert right.names == ("steering_delay",)
+    assert right.nats < 0.5 * len(late_day.search.normal.expected)  # half a chi-squared of as many scores, in the mean
+    assert wrong.nats > right.nats + 10.0
+    assert right.log_evidence > wrong.log_evidence
+
+
+def test_the_search_at_the_changed_car_starts_from_it(late_day):
+    search, h = late_day.search, change("steering_delay", 0.08)
+    there = changed_car(search, h)
+    np.testing.assert_allclose(there.day.errors, search.day.errors_with({"steering_delay": 0.08}))
+    np.testing.assert_allclose(there.day.errors_with({"steering_delay": -0.08}), search.day.errors, atol=1e-9)
+    assert there.ranges.keys() == search.ranges.keys()
+
+
+def test_a_hypothesis_that_the_logs_do_not_show_is_left_out(other_car, searched):
+    # A limit of the steering's rate that no command comes near does nothing to any prediction.
+    search = searched(other_car.runs[1:], ("steering_rate_limit",))
+    search.ranges["steering_rate_limit"] = dataclasses.replace(search.ranges["steering_rate_limit"], high=1e3)
+    assert judged(search, [change("steering_rate_limit", 900.0)]) == []
+
+
+def test_what_is_stated_trusts_contrasts_of_scores_less(late_day):
+    (at,) = judged(late_day.search, [change("steering_delay", 0.08)])
+    said = stated(late_day.search, at)
+    assert said.covariance[0, 0] > at.covariance[0, 0]
+    assert (said.nats, said.log_evidence) == (at.nats, at.log_evidence)
+    assert abs(said.magnitudes[0] - 0.08) < 2.0 * np.sqrt(said.covariance[0, 0])
+
+
+def test_what_contrasts_alone_show_is_stated_with_them(late_day, monkeypatch):
+    """Were contrasts worth nothing, the interval would hold zero, and a worse cause would be named in its place."""
+    at = late_day.ranked.leading
+    monkeypatch.setattr("drift_drake.gap.diagnosis.calibrated.changed_car.APART", 1e6)
+    assert stated(late_day.search, at) is at

@@ -1,0 +1,86 @@
+"""Predictions of the double-track car over windows: the plant's, its own states carried along what is measured."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from drift_drake.gap.estimation.double_track_windows import double_track_errors
+from drift_drake.gap.estimation.windows import HORIZONS, LARGEST_ERROR, WindowedRun, windowed
+
+EFFECTS = Effects(steering_lag=0.06, torque_lag=0.1)
+LIVELY = CARS["coupe"].replace(differential_preload=40.0, differential_share=0.2)
+
+
+def rolled(car: DoubleTrackParameters, effects: Effects = EFFECTS, duration: float = 3.0) -> Run:
+    """A slalom under power with nothing but what is true in its readings, by the plant's integrator."""
+    rows = round(duration / PERIOD) + 1
+    t = PERIOD * np.arange(rows)
+    delta, tau = 0.25 * np.sin(4.0 * t), 150.0 + 120.0 * np.sin(2.5 * t)
+    p = car.constants()
+    z, _ = start(np.array([0.0, 10.0, 0.0, 10.0]), (delta[0], tau[0]), p, effects)
+    states = [z]
+    for row in range(rows - 1):
+        z, _ = advance(z, row, delta, tau, p, effects)
+        states.append(z)
+    found = {name: np.array(states)[:, LOG_STATES.index(name)] for name in ("r", "v", "beta", "omega_r", "psi")}
+    return Run(name="slalom", t=t, delta_cmd=delta, tau_cmd=tau, **found)
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return rolled(LIVELY)
+
+
+@pytest.fixture(scope="module")
+def seen(run: Run) -> WindowedRun:
+    """Its windows, from the states themselves: no sensor's noise to smooth."""
+    found = windowed(run)
+    return dataclasses.replace(found, start_y=found.y)
+
+
+def test_the_true_car_is_predicted_from_what_is_measured_alone(seen: WindowedRun) -> None:
+    """By another integrator, and with wheels, roll and slips that nobody measured: they settle into the true ones."""
+    found = double_track_errors([seen], LIVELY.constants(), EFFECTS)
+    assert found.shape == (len(seen.starts), HORIZONS, 5)
+    assert np.abs(found).max(axis=(0, 1)) == pytest.approx([0.0] * 5, abs=5e-3)
+    assert np.ptp(seen.y[:, 3] - seen.y[:, 1]) > 2.0  # the rear wheels do spin
+
+
+def test_another_car_is_not(seen: WindowedRun) -> None:
+    """An open differential, and the height of the centre of gravity, each show."""
+    for change in ({"differential_share": 0.0, "differential_preload": 0.0}, {"cg_height": 0.35}):
+        found = double_track_errors([seen], LIVELY.replace(**change).constants(), EFFECTS)
+        assert np.abs(found[:, -1]).max(axis=0).max() > 0.05
+
+
+def test_sensors_errors_that_are_known_are_taken_off(seen: WindowedRun) -> None:
+    biased = seen.y + np.array([0.02, 0.0, -0.03, 0.0, 0.0])
+    off = dataclasses.replace(seen, y=biased, start_y=biased)
+    right = double_track_errors([seen], LIVELY.constants(), EFFECTS)
+    known = double_track_errors([off], LIVELY.constants(), EFFECTS._replace(gyro_bias=0.02, sideslip_bias=-0.03))
+    np.testing.assert_allclose(known, right, atol=1e-9)
+    assert np.abs(double_track_errors([off], LIVELY.constants(), EFFECTS)).max() > 0.02
+
+
+def test_what_is_not_measured_counts_for_nothing(run: Run) -> None:
+    found = windowed(dataclasses.replace(run, psi=None))
+    errors = double_track_errors([found], LIVELY.constants(), EFFECTS)
+    assert not errors[..., 4].any()
+    assert errors[..., 0].any()
+
+
+def test_a_run_without_torque_is_refused(run: Run) -> None:
+    with pytest.raises(ValueError, match="tau_cmd is missing; a double-track car is predicted under its torque"):
+        double_track_errors([windowed(dataclasses.replace(run, tau_cmd=None))], LIVELY.constants(), EFFECTS)
+
+
+def test_a_prediction_that_diverges_is_bounded(seen: WindowedRun) -> None:
+    light = LIVELY.constants()._replace(wheel_inertia=1e-4)
+    found = double_track_errors([seen], light, EFFECTS)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() <= LARGEST_ERROR

@@ -1,0 +1,90 @@
+"""The regression run by run against dense linear algebra over all runs."""
+
+import numpy as np
+import pytest
+
+from drift_drake.gap.estimation.regression import (
+    Responses,
+    equations,
+    left_over,
+    regress,
+    solve_equations,
+    summed_equations,
+)
+
+PARAMETERS, SHARED = 9, 3  # own parameters, of which the first are every run's
+CHANNELS = np.array([0, 0, 1, 1, 2, 4])
+
+
+def runs(shared):
+    """Three runs; each also has two own parameters of its own."""
+    rng = np.random.default_rng(0)
+    push = rng.normal(size=CHANNELS.size)
+    out = []
+    for i, rows in enumerate((60, 40, 50)):
+        columns = np.array([*range(SHARED), SHARED + 2 * i, SHARED + 2 * i + 1])
+        d, j = rng.normal(size=(rows, CHANNELS.size)), rng.normal(size=(rows, columns.size))
+        push = push if shared else rng.normal(size=CHANNELS.size)
+        out.append(Responses(d, CHANNELS, j, columns, rng.normal(size=rows) + 3.0 * d @ push))
+    return out
+
+
+def dense(parts, shared):
+    """(derivatives by [own parameters, weights], innovations, channel of each weight)."""
+    own = np.zeros((sum(len(part.residual) for part in parts), PARAMETERS))
+    weights = np.zeros((len(own), CHANNELS.size * (1 if shared else len(parts))))
+    at = 0
+    for i, part in enumerate(parts):
+        rows = slice(at, at + len(part.residual))
+        own[rows, part.columns] = part.own
+        first = 0 if shared else CHANNELS.size * i
+        weights[rows, first : first + CHANNELS.size] = part.weights
+        at += len(part.residual)
+    channel_of = np.tile(CHANNELS, weights.shape[1] // CHANNELS.size)
+    return np.hstack([own, weights]), np.concatenate([part.residual for part in parts]), channel_of
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_mode_is_that_of_the_dense_equations(shared):
+    parts = runs(shared)
+    of = equations(parts, PARAMETERS, shared)
+    jacobian, e, channel_of = dense(parts, shared)
+    np.testing.assert_array_equal(of.channel_of, channel_of)
+    rng = np.random.default_rng(1)
+    prior, precision = rng.uniform(0.1, 2.0, PARAMETERS), rng.uniform(0.1, 2.0, channel_of.size)
+    theta = rng.normal(size=PARAMETERS)
+    gradient = of.gradient + prior * theta
+    found = solve_equations(of, gradient, prior, precision)
+    matrix = jacobian.T @ jacobian + np.diag(np.append(prior, precision))
+    right = jacobian.T @ e + np.append(prior * theta, np.zeros(channel_of.size))
+    expected = -np.linalg.solve(matrix, right)
+    got = np.concatenate([found.own, *found.weights])
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.variance, np.diag(np.linalg.inv(matrix))[PARAMETERS:], rtol=1e-9)
+    evidence = -0.5 * right @ expected - 0.5 * np.linalg.slogdet(matrix)[1] + 0.5 * np.sum(np.log(precision))
+    assert found.log_evidence == pytest.approx(evidence, rel=1e-9)
+    left = e + jacobian @ expected
+    assert left_over(of, found.own, found.weights) == pytest.approx(left @ left, rel=1e-9)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_what_the_weights_remove_is_found(shared):
+    """All of the innovations but noise of one are the weights'."""
+    of = equations(runs(shared), PARAMETERS, shared)
+    found = regress(of, np.zeros(PARAMETERS), np.ones(PARAMETERS))
+    assert found.gain > 100.0
+    assert found.removed == pytest.approx(1.0 - 150.0 / of.squares, abs=0.1)
+    assert found.scales[3] == 1.0  # of a channel without weights
+    assert found.weights.size == of.channel_of.size
+
+
+def test_equations_of_shared_weights_add_up():
+    parts = runs(shared=True)
+    whole, added = (
+        equations(parts, PARAMETERS, True),
+        summed_equations([equations([p], PARAMETERS, True) for p in parts]),
+    )
+    np.testing.assert_allclose(added.own, whole.own)
+    np.testing.assert_allclose(added.weights[0].cross, whole.weights[0].cross)
+    np.testing.assert_allclose(added.weights[0].gradient, whole.weights[0].gradient)
+    assert added.squares == pytest.approx(whole.squares)

@@ -1,0 +1,130 @@
+"""A double-track car from nine seconds of lively driving: what is found, and what is never no car."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.car.double_track.nearest import nearest_double_track
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, flattened, start
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.double_track_windows import double_track_errors
+from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
+from drift_drake.gap.identification.double_track import EFFECTS, OWN, _car, _unknown, identify_double_track
+from drift_drake.gap.identification.identify import identify
+from experiments.benchmarks.compiled_cases import NOISE
+
+TRUE = Effects(steering_lag=0.05, torque_lag=0.12)
+CAR = CARS["coupe"].replace(cg_height=0.56, differential_preload=80.0, differential_share=0.25)
+
+
+def driven(car: DoubleTrackParameters, seed: int, duration: float = 4.5) -> Run:
+    """A lively drive along a lane, with sensors' noise: the driver turns the wheel against the course."""
+    rng, rows = np.random.default_rng(seed), round(duration / PERIOD) + 1
+    t = PERIOD * np.arange(rows)
+    phase, rate = rng.uniform(0.0, 6.0), rng.uniform(3.6, 4.6)
+    delta, tau = np.zeros(rows), np.zeros(rows)
+    p = car.constants()
+    z, _ = start(np.array([0.0, 9.0, 0.0, 9.0]), (0.0, 100.0), p, TRUE)
+    states = [z]
+    for row in range(rows - 1):
+        swing = 0.3 * np.sin(rate * t[row] + phase) * min(2.0 * t[row], 1.0)
+        delta[row + 1] = np.clip(swing - 0.8 * (z[4] + z[2]) - 0.25 * z[0], -0.6, 0.6)
+        tau[row + 1] = 180.0 + 150.0 * np.sin(2.7 * t[row] + phase)
+        z, _ = advance(z, row, delta, tau, p, TRUE)
+        states.append(z)
+    columns = {name: np.array(states)[:, LOG_STATES.index(name)] for name in ("r", "v", "beta", "omega_r", "psi")}
+    read = {name: values + NOISE[name] * rng.standard_normal(rows) for name, values in columns.items()}
+    return Run(name=f"drive_{seed}", t=t, delta_cmd=delta, tau_cmd=tau, **read)
+
+
+@pytest.fixture(scope="module")
+def drives() -> list[Run]:
+    return [driven(CAR, seed) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="module")
+def seen(drives: list[Run]) -> list[WindowedRun]:
+    return [windowed(run) for run in drives]
+
+
+@pytest.fixture(scope="module")
+def found(seen: list[WindowedRun]) -> tuple[DoubleTrackParameters, Effects]:
+    return identify_double_track(seen, VehicleParameters())
+
+
+def test_drives_are_lively(drives: list[Run]) -> None:
+    for run in drives:
+        assert run.beta is not None
+        assert np.abs(run.beta).max() > 0.1
+        assert np.percentile(np.abs(run.v * run.r), 95) > 8.0
+
+
+def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
+    found: tuple[DoubleTrackParameters, Effects],
+) -> None:
+    fresh = [windowed(driven(CAR, seed)) for seed in (3, 4)]
+    car, effects = found
+    true = forecast_error(double_track_errors(fresh, CAR.constants(), TRUE))
+    assert forecast_error(double_track_errors(fresh, car.constants(), effects)) < 1.3 * true
+    guess = nearest_double_track(VehicleParameters())
+    assert forecast_error(double_track_errors(fresh, guess.constants(), Effects())) > 5.0 * true
+
+
+def test_no_single_track_car_predicts_them_so(
+    drives: list[Run], seen: list[WindowedRun], found: tuple[DoubleTrackParameters, Effects]
+) -> None:
+    single = identify(drives, VehicleParameters(), known=(), criterion="likelihood")
+    single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
+    assert forecast_error(double_track_errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
+
+
+def test_lags_and_the_locking_differential_are_found(found: tuple[DoubleTrackParameters, Effects]) -> None:
+    car, effects = found
+    assert effects.steering_lag == pytest.approx(TRUE.steering_lag, abs=0.01)
+    assert effects.torque_lag == pytest.approx(TRUE.torque_lag, abs=0.02)
+    locking = car.differential_preload + car.differential_share * 2000.0
+    assert locking == pytest.approx(CAR.differential_preload + CAR.differential_share * 2000.0, rel=0.3)
+
+
+@pytest.mark.slow
+def test_sensors_that_are_off_are_found_with_it(drives: list[Run]) -> None:
+    off = [windowed(dataclasses.replace(run, r=run.r + 0.02, beta=run.beta - 0.03)) for run in drives]
+    car, effects = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"))
+    assert effects.gyro_bias == pytest.approx(0.02, abs=0.004)
+    assert effects.sideslip_bias == pytest.approx(-0.03, abs=0.004)
+    plain, none = identify_double_track(off, VehicleParameters())
+    errors_of = [
+        forecast_error(double_track_errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))
+    ]
+    assert errors_of[0] < 0.5 * errors_of[1]
+
+
+def test_the_unknowns_move_what_they_are_named_for() -> None:
+    first = nearest_double_track(VehicleParameters()).constants()
+    nothing = dict.fromkeys((*EFFECTS, *OWN), 0.0)
+    same, none = _car(first, nothing)
+    assert none == Effects()
+    np.testing.assert_allclose(flattened(same), flattened(first), rtol=1e-12)
+    for name, one in OWN.items():
+        unknown = _unknown(name, first)
+        assert (unknown.low <= 0.0 <= unknown.high, unknown.prior) == (True, 1.0)
+        car, _ = _car(first, nothing | {name: 0.5})
+        changed = {field for field in car._fields if getattr(car, field) != getattr(same, field)}
+        expected = {"roll_stiffness": {"front_roll_stiffness", "rear_roll_stiffness"},
+                    "front_roll_share": {"front_roll_stiffness", "rear_roll_stiffness"}}.get(name)  # fmt: skip
+        assert changed == (expected or ({name} if name in car._fields else {"front_tire", "rear_tire"})), name
+        if name in car._fields:
+            before, after = getattr(first, name), getattr(car, name)
+            assert after == pytest.approx(before * np.exp(0.5 * one.deviation) if one.relative
+                                          else before + 0.5 * one.deviation)  # fmt: skip
+
+
+def test_wheels_are_never_heavier_than_the_axle_that_they_are_a_part_of() -> None:
+    first = nearest_double_track(VehicleParameters()).constants()
+    heavy = {"wheel_inertia": 4.0, "drivetrain_inertia_error": -0.7}
+    car, _ = _car(first, dict.fromkeys((*EFFECTS, *OWN), 0.0) | heavy)
+    assert 2.0 * car.wheel_inertia < 0.3 * first.rear_axle_inertia

@@ -1,0 +1,91 @@
+"""Import names the one cause: units that a mapping states wrongly, clocks, and a run that is given twice."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from importing_bench import WHEELBASE, rows
+
+from drift_drake.cli.import_logs import summary
+from drift_drake.gap.logs.importing.checks import column_doubts
+from drift_drake.gap.logs.importing.clock_doubts import clock_doubts
+from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+
+NAMES = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")
+SI = {"x": "m", "y": "m", "psi": "rad", "r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s", "ax": "m/s^2",
+      "ay": "m/s^2", "delta_cmd": "rad"}  # fmt: skip
+
+
+def imported(folder, table, names=NAMES, clock="s", **units):
+    table.to_csv(folder / "drive.csv", index=False)
+    signals = {name: {"column": name, "unit": units.get(name, SI[name])} for name in names}
+    data = {"clocks": {"c": {"column": "t", "unit": clock}}, "signals": signals, "wheelbase": WHEELBASE}
+    return import_recordings([folder / "drive.csv"], mapping_from_dict(data))
+
+
+def test_km_per_hour_mapped_as_mph_is_one_sentence(tmp_path):
+    table = pd.DataFrame(rows(noise=1.0))
+    table["v"] *= 3.6
+    _, report = imported(tmp_path, table, v="mph")
+    (remark,) = report.remarks
+    assert "column v looks like km/h converted as if they were mph" in remark
+    assert "give its unit as km/h in the mapping" in remark
+
+
+def test_a_clock_in_us_read_as_ns_is_the_cause(tmp_path):
+    table = pd.DataFrame(rows(noise=1.0))
+    table["t"] = np.round(1e6 * table["t"])
+    with pytest.raises(InvalidRecordingError, match=r"looks like us \(100 Hz\); give its unit as us"):
+        imported(tmp_path, table, clock="ns")
+
+
+@pytest.mark.parametrize(("unit", "size"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+def test_clocks_in_their_unit_are_not_doubted(unit, size):
+    for rate in (10.0, 100.0, 1000.0):
+        assert clock_doubts("t", np.arange(500) / rate, unit) == []
+    wrong = clock_doubts("t", np.arange(500) * 0.01 / size, "s")
+    assert wrong == [] if unit == "s" else f"it looks like {unit} " in wrong[0]
+
+
+def test_packed_times_are_doubted():
+    seconds = 3500.0 + np.arange(0.0, 240.0, 0.1)
+    packed = 1e4 * (seconds // 3600) + 100.0 * (seconds % 3600 // 60) + seconds % 60
+    (sentence,) = clock_doubts("time", packed, "s")
+    assert "jumps by 40 each time" in sentence
+    assert clock_doubts("time", seconds, "s") == []
+    gap = np.where(seconds > 3600.0, seconds + 40.0, seconds)
+    assert clock_doubts("time", gap + 3.0, "s") == []
+
+
+def test_columns_that_cannot_be_checked_are_named(tmp_path):
+    table = pd.DataFrame(rows(noise=1.0))
+    _, report = imported(tmp_path, table, ("r", "v", "delta_cmd"))
+    assert report.remarks == []
+    assert "no other column tells whether" in summary(report)
+    (tmp_path / "all").mkdir()
+    _, report = imported(tmp_path / "all", table)
+    assert summary(report).endswith("Signs and units: nothing looks wrong.")
+
+
+def test_a_recording_given_twice_counts_once(tmp_path):
+    table = pd.DataFrame(rows(noise=1.0))
+    _, report = imported(tmp_path, table)
+    table.to_csv(tmp_path / "again.csv", index=False)
+    mapping = mapping_from_dict({"clocks": {"c": {"column": "t"}},
+                                 "signals": {name: {"column": name, "unit": SI[name]} for name in NAMES}})  # fmt: skip
+    runs, report = import_recordings([tmp_path / "drive.csv", tmp_path / "again.csv"], mapping)
+    assert [run.name for run in runs] == [run.name for run in report.runs] == ["drive"]
+    assert any("again is rows of drive once more: counted once" in remark for remark in report.remarks)
+
+
+def test_a_spin_is_no_heading_with_another_zero():
+    t = np.arange(0.0, 20.0, 0.01)
+    beta = np.where(t > 4.0, np.clip((t - 4.0) * 0.3, 0.0, 2.4), 0.0)
+    course = 0.4 * np.sin(0.5 * t)
+    v = np.full(len(t), 9.0)
+    swing = np.gradient(course, 0.01)
+    x, y = (np.cumsum(v * side) * 0.01 for side in (np.cos(course), np.sin(course)))
+    r, delta = swing - np.gradient(beta, 0.01), 0.1 * np.sin(t)
+    columns = {"x": x, "y": y, "psi": course - beta, "r": r, "v": v, "beta": beta, "delta_cmd": delta}
+    assert not any("off its heading" in text for text in column_doubts({"t": t} | columns, 0.01))

@@ -1,0 +1,48 @@
+"""`drift-drake import`: what it writes, prints and refuses."""
+
+import json
+
+import pytest
+import yaml
+from test_importing_importer import PLAIN, plain_table
+
+from drift_drake.car.log.table import read_case
+from drift_drake.cli.main import main
+
+
+@pytest.fixture
+def files(tmp_path):
+    plain_table().to_csv(tmp_path / "lap.csv", index=False)
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(PLAIN))
+    return tmp_path
+
+
+def arguments(files, *more):
+    return ["import", str(files / "lap.csv"), "--mapping", str(files / "mine.yaml"), "--out", str(files / "out"), *more]
+
+
+def test_a_case_is_written(files, capsys):
+    assert main(arguments(files)) == 0
+    (run,) = read_case(files / "out")
+    assert len(run) == 2401
+    said = capsys.readouterr().out
+    assert "run_0: lap, 0.00 to 24.00 s, 2401 rows" in said
+    assert "nothing looks wrong" in said
+    report = json.loads((files / "out" / "import.json").read_text())
+    assert report["runs"][0]["recording"] == "lap"
+    assert report["mapping"]["signals"]["vx"]["unit"] == "km/h"
+
+
+def test_the_report_as_json(files, capsys):
+    assert main(arguments(files, "--json", "-")) == 0
+    assert json.loads(capsys.readouterr().out)["remarks"] == []
+
+
+def test_bad_input_is_one_sentence_and_exit_code_2(files, capsys):
+    assert main([*arguments(files)[:2], "--mapping", "nothing.yaml", "--out", str(files / "out")]) == 2
+    assert "nothing.yaml: cannot be read" in capsys.readouterr().err
+    assert main(arguments(files)) == 0
+    assert main(arguments(files)) == 2
+    error = capsys.readouterr().err
+    assert "holds runs already; give a new folder" in error
+    assert error.count("\n") == 1

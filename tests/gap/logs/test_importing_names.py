@@ -1,0 +1,149 @@
+"""What columns' names are taken for, and what they are not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from importing_bench import rows
+
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.guess import guessed_mapping
+from drift_drake.gap.logs.importing.names import LIMIT, RULES, fit, is_handwheel
+from drift_drake.gap.logs.wording.conversion import factor
+
+MEANT = {
+    "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"
+    "|Gyro Yaw Velocity"
+    "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
+    "|yaw [deg/s]|yaw_rate_deg_s|r",
+    "v": "speed|VehSpeed|vehicle_speed|VehSpd|Ground Speed|GPS Speed (km/h)|Speed (m/s) *gps|vCar|v|v [km/h]|speed_mph"
+    "|SpeedKmh|speedkmh|Speed (kts)|v_knots|Geschwindigkeit|Fahrzeuggeschwindigkeit|v_Fzg|vitesse véhicule|vitesse"
+    "|drive.drive.speed|velocity kmh|speed_over_ground|Speed (GPS)",
+    "vx": "vx|vel_x|v_x|twist.linear.x|velocity[0]|velocity.x|vx_mps",
+    "vy": "vy|twist.linear.y|velocity[1]|v_lat",
+    "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
+    "ay": "ay|acc_y [g]|AccY|LatAcc|G Force Lat|gLat|lateral_acc|Lateral G|lat_g|Querbeschl.|Querbeschleunigung"
+    "|accélération latérale|accel transversale|linear_acceleration.y|imu.acceleration[1]",
+    "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
+    "|Steering Wheel Angle|SWA"
+    "|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage|steering_angle_cmd|StrWhlAng|Steering Pos",
+    "omega_r": "wheel_speed_rl|wheelspeedrr|WheelSpdRR|ws_rl|omega_r|rear_wheel_speed|Raddrehzahl hinten links"
+    "|Radgeschwindigkeit HL|vitesse roue AR gauche|wheel_rpm_rl|wheel rr (km/h)|Wheel Speed LR",
+    "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg",
+    "beta": "beta|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive",
+    "tau_cmd": "tau|engine_torque|motor_torque_cmd|Motormoment|couple moteur|Antriebsmoment [Nm]",
+    "x": "x|pos_x|position.x|x_m|x [m]|pos[0]",
+    "time": "time|t|Time|timestamp|Zeit [s]|Zeitstempel|temps|time_ms|header.stamp|elapsed_time|UTC|Uhrzeit|log_time",
+}
+NONE = [  # names of no quantity of the log
+    "desired_yaw_rate", "yaw_rate_target", "yaw_rate_setpoint", "Sollgierrate", "yaw_rate_offset", "yaw_rate_limit",
+    "yaw_acceleration", "roll_rate", "gyro_x", "imu.angular_velocity.x", "GyroY", "pitch_rate", "Wankrate",
+    "engine_speed", "EngineSpeed", "motor_speed", "Motordrehzahl", "régime moteur", "vitesse moteur", "wind_speed",
+    "Windgeschwindigkeit", "vitesse du vent", "target_speed", "speed_limit", "Sollgeschwindigkeit",
+    "vitesse consigne", "speed_accuracy", "speed_error", "fan_speed", "turbo_speed", "average_speed", "max_speed",
+    "lap_time", "steering_rate", "steering_torque", "steering_velocity", "Lenkradmoment", "Lenkwinkelgeschwindigkeit",
+    "couple volant", "vitesse volant", "steering_offset", "steering_angle_rate", "steering_angle_velocity",
+    "wheel_speed_fl", "WheelSpeedFR", "front_wheel_speed", "Raddrehzahl vorne links", "vitesse roue AV gauche",
+    "ws_fr", "slip_angle_front", "brake_torque", "engine_torque_limit", "orientation.x", "mag.x",
+    "angular_acceleration.y", "heading_accuracy", "speed_time", "vel_n", "counter", "gear",
+    "airspeed",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("quantity", sorted(MEANT))
+def test_names(quantity):
+    for name in MEANT[quantity].split("|"):
+        ranks = {key: found[0] for key in RULES if (found := fit(key, name)) is not None}
+        assert quantity in ranks, name
+        assert min(ranks, key=lambda key: ranks[key]) == quantity, (name, ranks)
+        assert ranks[quantity] < LIMIT
+
+
+@pytest.mark.parametrize("name", NONE)
+def test_names_of_other_things(name):
+    assert not {key: found for key in RULES if (found := fit(key, name)) is not None}
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "quantity"),
+    [("speed", "rpm", "v"), ("speed", "%", "v"), ("yaw", "deg/s", "psi"), ("yaw_rate", "deg", "r"),
+     ("steering", "Nm", "delta_cmd"),
+     ("steering", "deg/s", "delta_cmd"), ("ay", "rad/s", "ay"), ("torque", "V", "tau_cmd"), ("speed_rpm", "", "v"),
+     ("steering_pct", "", "delta_cmd"), ("steer_bar", "", "delta_cmd")],
+)  # fmt: skip
+def test_a_unit_of_another_dimension_rules_a_column_out(name, unit, quantity):
+    assert fit(quantity, name) is None or unit
+    assert fit(quantity, name, unit) is None
+
+
+def test_a_topic_of_something_else_is_named_and_not_taken():
+    assert fit("v", "speed", topic="/engine")[0] >= LIMIT
+    assert fit("v", "speed", topic="/drive")[0] < fit("v", "speed", topic="/ackermann_cmd")[0] < LIMIT
+    assert fit("v", "data", topic="/vehicle/speed")[0] < LIMIT
+    assert fit("r", "yaw_rate", topic="/engine_bus")[0] < LIMIT
+
+
+def test_the_steering_wheel_is_told_from_the_road_wheel():
+    assert all(map(is_handwheel, ["steering_wheel", "Lenkradwinkel", "angle volant", "SWA", "SteeringWheelAngle"]))
+    assert not any(map(is_handwheel, ["road_wheel", "steering_angle", "roadwheel_steer", "delta"]))
+
+
+def table(**columns):
+    exact = rows()
+    return Topic("", pd.DataFrame({"time": exact["t"]} | columns))
+
+
+def test_of_several_columns_the_motion_decides():
+    exact = rows()
+    noise = np.random.default_rng(0).standard_normal(len(exact["t"]))
+    content, _, notes = guessed_mapping(
+        [table(yaw_rate_1=noise, yaw_rate_2=exact["r"], speed=exact["v"], ay=exact["ay"], steering=exact["delta_cmd"])]
+    )
+    assert content["signals"]["r"]["column"] == "yaw_rate_2"
+    assert any(note.startswith("r is taken from yaw_rate_2; it may also be yaw_rate_1") for note in notes)
+
+
+def test_a_dead_column_is_not_taken_where_another_moves():
+    exact = rows()
+    content, _, _ = guessed_mapping([table(speed=0.0 * exact["v"], gps_speed=exact["v"], yaw_rate=exact["r"])])
+    assert content["signals"]["v"]["column"] == "gps_speed"
+
+
+@pytest.mark.parametrize("speed", ["m/s", "km/h", "mph", "kn"])
+@pytest.mark.parametrize("rate", ["rad/s", "deg/s"])
+@pytest.mark.parametrize("acceleration", ["m/s^2", "g"])
+def test_units_that_nothing_states_are_told_by_the_motion(speed, rate, acceleration):
+    exact = rows(noise=0.3)
+    content, _, notes = guessed_mapping(
+        [table(yaw_rate=exact["r"] / factor(rate), speed=exact["v"] / factor(speed), steering=exact["delta_cmd"],
+               lateral_acc=exact["ay"] / factor(acceleration))]
+    )  # fmt: skip
+    signals = content["signals"]
+    assert (signals["v"]["unit"], signals["r"]["unit"], signals["ay"]["unit"]) == (speed, rate, acceleration)
+    changed = [unit for unit in (speed, rate, acceleration) if unit not in ("m/s", "rad/s", "m/s^2")]
+    assert all(any(f"in {unit}" in note for note in notes) for unit in changed)
+
+
+def test_degrees_of_steering_and_a_wheel_s_turning_are_told_by_the_motion():
+    exact = rows()
+    content, _, _ = guessed_mapping(
+        [table(yaw_rate=exact["r"], speed=exact["v"], steering=np.degrees(exact["delta_cmd"]),
+               wheel_speed_rl=exact["omega_r"] / 0.31)]
+    )  # fmt: skip
+    assert content["signals"]["delta_cmd"]["unit"] == "deg"
+    assert content["signals"]["omega_r"]["unit"] == "rad/s"
+    assert content["signals"]["omega_r"]["radius"] == pytest.approx(0.31, rel=0.05)
+
+
+def test_a_compass_heading_is_told_by_its_turning():
+    exact = rows()
+    columns = {"yaw_rate": exact["r"], "speed": exact["v"], "heading": np.degrees(-exact["psi"]) % 360.0}
+    content, _, _ = guessed_mapping([table(**columns)])
+    assert content["signals"]["psi"] == {"column": "heading", "unit": "deg", "frame": "ned"}
+
+
+def test_velocities_of_a_fixed_frame_are_no_body_s():
+    exact = rows()
+    course = exact["psi"] + exact["beta"]
+    columns = {"velocity_x": exact["v"] * np.cos(3.0 * course), "velocity_y": exact["v"] * np.sin(3.0 * course)}
+    content, _, _ = guessed_mapping([table(speed=exact["v"], yaw_rate=exact["r"], **columns)])
+    assert {"v", "r"} == set(content["signals"])

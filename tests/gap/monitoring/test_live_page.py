@@ -1,0 +1,55 @@
+"""The monitor's page: what it shows, that it loads itself anew while a log grows, and that a browser draws it."""
+
+import numpy as np
+import pytest
+from browser import needs_browser, opened
+
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.cli.main import main
+from drift_drake.gap.monitoring.live_page import LEADING, bands, page
+
+
+@pytest.fixture(scope="module")
+def watched_page(tmp_path_factory, changed_run):
+    folder = tmp_path_factory.mktemp("page")
+    VehicleParameters().to_yaml(folder / "car.yaml")
+    write_run(changed_run, folder / "run_0.csv")
+    path = folder / "watch.html"
+    arguments = ["watch", str(folder / "run_0.csv"), "--vehicle", str(folder / "car.yaml"), "--page", str(path)]
+    assert main(arguments) == 0
+    return path
+
+
+def test_the_page_of_a_log_shows_what_was_reported(watched_page, changed_run):
+    text = watched_page.read_text()
+    assert "rear_stiffness_error" in text
+    assert "the car has changed" in text
+    assert 'http-equiv="refresh"' not in text  # it is over
+    assert len(text) < 100_000
+    assert f"{changed_run.t[-1]:.1f} s</span>" in text
+
+
+def test_a_page_of_a_log_that_grows_loads_itself_anew(monitor):
+    p = np.zeros(len(monitor.labels))
+    p[0] = 1.0
+    text = page("log", monitor.labels, [(0.1 * i, p) for i in range(5000)], [], True)
+    assert 'http-equiv="refresh"' in text
+    assert "nothing has changed" in text
+    assert 'http-equiv="refresh"' in page("log", monitor.labels, [], [], True)  # before the first verdict
+
+
+def test_bands_fill_the_chart(monitor):
+    p = np.random.default_rng(0).dirichlet(np.ones(len(monitor.labels)), 20)
+    found = bands(monitor.labels, np.arange(20.0), p)
+    assert [band.name for band in found[:1] + found[-2:]] == ["none", "others", "unknown"]
+    assert len(found) == LEADING + 3
+    assert sum(band.last for band in found) == pytest.approx(1.0)
+    assert found[-1].points.split()[0] == "0.0,0.0"  # the top
+
+
+@needs_browser
+def test_a_browser_draws_it(watched_page):
+    pages, console = opened(watched_page)
+    assert console == []
+    assert all(page["tooWide"] <= 0 for page in pages)

@@ -11,7 +11,7 @@ from experiments.structure import Tree
 
 MODULES = {
     "diagnosis/day.py": """
-from drift_drake.car.log.table import Run, read
+from drift_drake.logs.table import Run, read
 
 def start():
     read()
@@ -21,8 +21,8 @@ def start():
 def own():
     return read()
 """,
-    "car/log/table.py": """
-from drift_drake.gap.diagnosis import day
+    "logs/table.py": """
+from drift_drake.diagnosis import day
 
 MOST, LEAST = 3, 1
 _OWN: int = 2
@@ -37,7 +37,7 @@ class Run:
     def used(self):
         return helper()
 """,
-    "car/single_track/plant.py": """
+    "vehicle/plant.py": """
 def row(x, h):
     return x + h / 6.0 * (1.0 + 2.0 * x)
 """,
@@ -56,13 +56,13 @@ def tree(tmp_path: Path) -> Tree:
 def test_a_walk_enters_each_function_once(tree: Tree) -> None:
     stays = Walk(tree).stays(("diagnosis/day", "start"))
     # read and its helper; back, own; back and into Run.used; back.
-    assert stays == ["diagnosis/day", "car/log/table", "diagnosis/day", "car/log/table", "diagnosis/day"]
+    assert stays == ["diagnosis/day", "logs/table", "diagnosis/day", "logs/table", "diagnosis/day"]
 
 
 def test_loops_constants_and_integrators_are_counted(tree: Tree) -> None:
     assert folder_loops(tree) == [["diagnosis", "logs"]]
     assert constants(tree) == 3
-    assert runge_kuttas(tree) == ["car/single_track/plant:row"]
+    assert runge_kuttas(tree) == ["vehicle/plant:row"]
 
 
 def test_differences_are_named_and_times_are_none() -> None:

@@ -24,8 +24,8 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "drift_drake" / "logs" / "importing" / "units.py").write_text("def f(a, b):\n    return a + b * 2\n")
     texts = {
         "logs/test_importing_units.py": "", "logs/test_other.py": "",
-        "model/test_far.py": "from drift_drake.gap.logs.importing import units\n",
-        "docs/test_page.py": "from drift_drake.gap.logs.importing import units\n",
+        "model/test_far.py": "from drift_drake.logs.importing import units\n",
+        "docs/test_page.py": "from drift_drake.logs.importing import units\n",
     }  # fmt: skip
     for name, text in texts.items():
         (tmp_path / "tests" / name).parent.mkdir(parents=True, exist_ok=True)

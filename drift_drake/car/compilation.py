@@ -59,6 +59,17 @@ def _drop_stale_caches() -> None:
 
 
 @cache
+def _drop_stale_caches_of(source: Path) -> None:
+    """The same for a file outside the package, such as an experiment's: it rests on the package as a whole."""
+    if PACKAGE not in source.parents:
+        newest = max(file.stat().st_mtime for file in PACKAGE.rglob("*.py"))
+        for index in (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi"):
+            with suppress(FileNotFoundError):
+                if index.stat().st_mtime < newest:
+                    index.unlink()
+
+
+@cache
 def _cache_folder() -> str:
     """Where compiled functions are kept: numba's own choice, but where other packages' functions are compiled in."""
     installed = fingerprint(installed_tyres())
@@ -71,6 +82,7 @@ def _cache_folder() -> str:
 def compiled(function: Function) -> Function:
     """Compiles a function for floats: IEEE arithmetic (no fast-math), so that a run replays to the bit."""
     _drop_stale_caches()
+    _drop_stale_caches_of(Path(function.__code__.co_filename))
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     result: Function = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     numba.config.CACHE_DIR = before

@@ -94,3 +94,14 @@ def test_a_cache_is_stale_once_a_file_that_it_rests_on_is_newer(tmp_path, monkey
     monkeypatch.setattr(compilation, "PACKAGE", package)
     compilation._drop_stale_caches.__wrapped__()
     assert index.exists() == stays
+
+
+@pytest.mark.parametrize("newer", [True, False])
+def test_a_cache_outside_the_package_is_stale_once_the_package_is_newer(tmp_path, newer):
+    source, index = tmp_path / "own.py", tmp_path / "__pycache__" / "own.step-3.py311.nbi"
+    index.parent.mkdir()
+    index.touch()
+    last = max(file.stat().st_mtime for file in PACKAGE.rglob("*.py"))
+    os.utime(index, (last - 1.0, last - 1.0) if newer else (last + 1.0, last + 1.0))
+    compilation._drop_stale_caches_of(source)
+    assert index.is_file() != newer

@@ -106,4 +106,4 @@ def test_the_report_names_the_page() -> None:
 @pytest.mark.slow
 def test_a_page_is_checked_in_a_clean_clone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(PageCommandsConfig(pages=("docs/structure.md",), out=tmp_path))
-    assert "| docs/structure.md | 1 | 0 | 0 | 0 |" in capsys.readouterr().out
+    assert "| docs/structure.md | 2 | 0 | 0 | 0 |" in capsys.readouterr().out

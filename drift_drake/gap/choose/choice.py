@@ -146,10 +146,10 @@ def _another_car(
     if car_error(best, judged) <= limit:
         return best
     tell("on two tracks", 1.0 - 2.0 / stages)
-    double = identified_double_track(judged, first_guess)
+    double, near = identified_double_track(judged, first_guess) or (None, None)
     if car_error(double, judged) > limit:
         tell("on two tracks with sensors that are off", 1.0 - 1.0 / stages)
-        off = identified_double_track(judged, first_guess, BIASES)
+        off, _ = identified_double_track(judged, first_guess, BIASES, near) or (None, None)
         # Two unknowns more are nearer, whatever is wrong with the logs; sensors that are off are far nearer.
         if car_error(off, judged) < NEARER * car_error(double, judged):
             double = off

@@ -5,7 +5,7 @@ most driven cars have. A car may have one thing more, such as a steering that is
 `ONE_MORE` is then fitted beside the others. And it may follow no single-track equations: a double-track car is fitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,17 +103,25 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
 
 
 def identified_double_track(
-    judged: Sequence[WindowedRun], first_guess: VehicleParameters, more: Sequence[str] = ()
-) -> IdentifiedCar | None:
+    judged: Sequence[WindowedRun],
+    first_guess: VehicleParameters,
+    more: Sequence[str] = (),
+    near: Mapping[str, float] | None = None,
+) -> tuple[IdentifiedCar, dict[str, float]] | None:
     """The double-track car that predicts the drives best; None where they are too short or identify none.
 
     Args:
-        more: effects that it may have beside those of `gap.identification.double_track`.
+        more: effects that it may have in addition to those of `gap.identification.double_track`.
+        near: magnitudes of one identified without these, to start from.
+
+    Returns:
+        The car, and the magnitudes of all that was unknown of it.
     """
     if sum(len(run.starts) for run in judged) < LEAST_WINDOWS:
         return None
     try:
         with np.errstate(all="ignore"):
-            return IdentifiedCar(*identify_double_track(judged, first_guess, more))
+            vehicle, effects, found = identify_double_track(judged, first_guess, more, near)
     except (InvalidVehicleError, np.linalg.LinAlgError):
         return None
+    return IdentifiedCar(vehicle, effects), found

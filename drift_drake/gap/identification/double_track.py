@@ -66,13 +66,25 @@ OWN = {
 """The tyres' are those of all four; stiffnesses and friction differ between the axles by effects of the catalogue."""
 
 
+class DoubleTrackFit(NamedTuple):
+    """A double-track car as logs show it."""
+
+    vehicle: DoubleTrackParameters
+    effects: Effects  # that are none of its parameters
+    found: dict[str, float]  # magnitudes of all that was unknown, to start another fit from
+
+
 def identify_double_track(
-    runs: Sequence[WindowedRun], first_guess: VehicleParameters, more: Sequence[str] = ()
-) -> tuple[DoubleTrackParameters, Effects]:
-    """The double-track car that predicts the runs best, with the effects that are none of its parameters.
+    runs: Sequence[WindowedRun],
+    first_guess: VehicleParameters,
+    more: Sequence[str] = (),
+    near: Mapping[str, float] | None = None,
+) -> DoubleTrackFit:
+    """The double-track car that predicts the runs best.
 
     Args:
-        more: effects that may be there beside `EFFECTS`, such as a sensor's bias.
+        more: effects that may be there in addition to `EFFECTS`, such as a sensor's bias.
+        near: magnitudes of a fit without them (`DoubleTrackFit.found`), to start from in place of the first guess.
 
     Raises:
         InvalidVehicleError: what predicts best is no car.
@@ -88,10 +100,12 @@ def identify_double_track(
     def predicted(found: Mapping[str, float]) -> Array:
         return double_track_errors(dense, *_car(constants, found))
 
-    fit = robust_fit(predicted, unknowns, EVIDENCE, widths=WIDTHS)
-    car, effects = _car(constants, dict(zip(fit.names, (float(q) for q in fit.theta), strict=True)))
+    start = None if near is None else np.array([near.get(u.name, u.start) for u in unknowns])
+    fit = robust_fit(predicted, unknowns, EVIDENCE, start, WIDTHS if near is None else WIDTHS[-1:])
+    found = dict(zip(fit.names, (float(q) for q in fit.theta), strict=True))
+    car, effects = _car(constants, found)
     rest = Effects()._replace(**{name: getattr(effects, name) for name in (*NO_PARAMETERS, *more)})
-    return guess.with_constants(changed_constants(car, effects)), rest
+    return DoubleTrackFit(guess.with_constants(changed_constants(car, effects)), rest, found)
 
 
 def _dense(run: WindowedRun) -> WindowedRun:

@@ -187,10 +187,13 @@ def test_a_car_is_asked_for_more_only_where_it_is_not_yet_known(
         known = errors.get(asked[-1])
         return known and IdentifiedCar(VehicleParameters(), Effects()._replace(aero_drag=known))
 
-    def double(_runs: object, _guess: object, more: tuple[str, ...] = ()) -> IdentifiedCar | None:
+    def double(
+        _runs: object, _guess: object, more: tuple[str, ...] = (), near: dict[str, float] | None = None
+    ) -> tuple[IdentifiedCar, dict[str, float]] | None:
         asked.append("biased" if more else "double")
+        assert near == ({"mass_error": 0.1} if more and "double" in errors else None)
         known = errors.get(asked[-1])
-        return known and IdentifiedCar(CARS["coupe"], Effects()._replace(aero_drag=known))
+        return known and (IdentifiedCar(CARS["coupe"], Effects()._replace(aero_drag=known)), {"mass_error": 0.1})
 
     monkeypatch.setattr(choice_module, "identified", single)
     monkeypatch.setattr(choice_module, "identified_double_track", double)

@@ -13,7 +13,14 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.double_track_windows import double_track_errors
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
-from drift_drake.gap.identification.double_track import EFFECTS, OWN, _car, _unknown, identify_double_track
+from drift_drake.gap.identification.double_track import (
+    EFFECTS,
+    OWN,
+    DoubleTrackFit,
+    _car,
+    _unknown,
+    identify_double_track,
+)
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
 
@@ -52,7 +59,7 @@ def seen(drives: list[Run]) -> list[WindowedRun]:
 
 
 @pytest.fixture(scope="module")
-def found(seen: list[WindowedRun]) -> tuple[DoubleTrackParameters, Effects]:
+def found(seen: list[WindowedRun]) -> DoubleTrackFit:
     return identify_double_track(seen, VehicleParameters())
 
 
@@ -64,10 +71,10 @@ def test_drives_are_lively(drives: list[Run]) -> None:
 
 
 def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
-    found: tuple[DoubleTrackParameters, Effects],
+    found: DoubleTrackFit,
 ) -> None:
     fresh = [windowed(driven(CAR, seed)) for seed in (3, 4)]
-    car, effects = found
+    car, effects, _ = found
     true = forecast_error(double_track_errors(fresh, CAR.constants(), TRUE))
     assert forecast_error(double_track_errors(fresh, car.constants(), effects)) < 1.3 * true
     guess = nearest_double_track(VehicleParameters())
@@ -75,15 +82,15 @@ def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
 
 
 def test_no_single_track_car_predicts_them_so(
-    drives: list[Run], seen: list[WindowedRun], found: tuple[DoubleTrackParameters, Effects]
+    drives: list[Run], seen: list[WindowedRun], found: DoubleTrackFit
 ) -> None:
     single = identify(drives, VehicleParameters(), known=(), criterion="likelihood")
     single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
     assert forecast_error(double_track_errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
 
 
-def test_lags_and_the_locking_differential_are_found(found: tuple[DoubleTrackParameters, Effects]) -> None:
-    car, effects = found
+def test_lags_and_the_locking_differential_are_found(found: DoubleTrackFit) -> None:
+    car, effects, _ = found
     assert effects.steering_lag == pytest.approx(TRUE.steering_lag, abs=0.01)
     assert effects.torque_lag == pytest.approx(TRUE.torque_lag, abs=0.02)
     locking = car.differential_preload + car.differential_share * 2000.0
@@ -93,10 +100,10 @@ def test_lags_and_the_locking_differential_are_found(found: tuple[DoubleTrackPar
 @pytest.mark.slow
 def test_sensors_that_are_off_are_found_with_it(drives: list[Run]) -> None:
     off = [windowed(dataclasses.replace(run, r=run.r + 0.02, beta=run.beta - 0.03)) for run in drives]
-    car, effects = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"))
+    plain, none, near = identify_double_track(off, VehicleParameters())
+    car, effects, _ = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"), near)
     assert effects.gyro_bias == pytest.approx(0.02, abs=0.004)
     assert effects.sideslip_bias == pytest.approx(-0.03, abs=0.004)
-    plain, none = identify_double_track(off, VehicleParameters())
     errors_of = [
         forecast_error(double_track_errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))
     ]

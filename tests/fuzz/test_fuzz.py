@@ -101,6 +101,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         recording=np.eye(2),
         offset=0.0 * CHANNEL_SCALES,
         level=CHANNEL_SCALES,
+        noise=np.zeros((3, 5)),
     ).as_data(),
 }
 MAPPING = yaml.safe_load("""

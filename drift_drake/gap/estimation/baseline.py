@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.gap.estimation.noise_levels import log_levels
 from drift_drake.gap.estimation.normal import Normal, capped_squares
 from drift_drake.gap.estimation.prediction_constants import (
     CALIBRATED,
@@ -312,6 +313,7 @@ def learn_normal(
         left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
         left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
         offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
+        noise=log_levels(day.runs, white=True),
     )  # fmt: skip
     return Learnt(normal, pulled, apart)
 

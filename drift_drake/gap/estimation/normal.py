@@ -52,6 +52,7 @@ class Normal:
     recording: np.ndarray  # covariance of the effects from one recording to the next, in units [n, n]
     offset: np.ndarray  # median errors [HORIZONS, channels]
     level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
+    noise: np.ndarray  # logarithms of the white noise of each recording's channels [K, channels] (`noise_levels`)
 
     def squares(self, e: np.ndarray, cap: float = WORST) -> np.ndarray:
         """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
@@ -101,6 +102,7 @@ def _check_normal(normal: Normal) -> None:
         "standard": (2, len(DRIVING)),
         "left_out": (recordings,),
         "left_out_none": (recordings,),
+        "noise": (len(normal.noise), len(PREDICTED)),
     }
     shapes |= dict.fromkeys(("expected", "information"), (scores,))
     shapes |= dict.fromkeys(("covariance", "left_open"), (scores, scores))

@@ -13,6 +13,7 @@ ELSE = 1.0  # prior odds that something else is there too, given a cause
 SIZES = (0.5, 1.0, 3.0)  # [units] standard deviations of a partial effect that is there
 WIDER = np.exp(np.linspace(np.log(2.0), np.log(300.0), 20))  # times the scatter, that an unknown gap may have
 OF_PARTIAL = 0.8  # share of what is unknown that is a partial effect or a free direction, the rest being anything
+OF_NOISE = 0.1  # share of what is unknown that changes the noise on readings, half of it that alone
 SECOND = 8.0  # [nats] that a second cause must bring beyond its prior: the first one's shape is not exact either
 HALF = 0.5  # share of a gap that a cause must explain to be named with something else
 WORTH_A_PAIR = 1.1  # squared distance from normal per score that the best single leaves, below which no pair is tried

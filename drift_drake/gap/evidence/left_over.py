@@ -11,7 +11,7 @@ import numpy as np
 
 from drift_drake.gap.estimation.baseline import Scatter
 from drift_drake.gap.estimation.partial import Partial, partial_effects
-from drift_drake.gap.evidence.constants import OF_PARTIAL, SIZES, WIDER
+from drift_drake.gap.evidence.constants import OF_NOISE, OF_PARTIAL, SIZES, WIDER
 
 
 class LeftOver(NamedTuple):
@@ -43,6 +43,18 @@ def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slop
     by_direction = log_mean(gains, 0)
     both = np.logaddexp(np.log(OF_PARTIAL) + log_mean(by_direction, 0), np.log(1.0 - OF_PARTIAL) + anything)
     return LeftOver(float(both), there[int(np.argmax(by_direction))])
+
+
+def with_noise(gain: float, noise: float | None) -> float:
+    """Log evidence of something else being there too, which may have changed the noise on readings.
+
+    Args:
+        gain: of the scores (`LeftOver.gain`); noise: log evidence of changed noise; None where it is not judged.
+    """
+    if noise is None:
+        return gain
+    there = np.log(0.5 * OF_NOISE) + noise + np.logaddexp(0.0, gain)
+    return float(np.logaddexp(np.log(1.0 - OF_NOISE) + gain, there))
 
 
 def widened(squared: float, count: int) -> float:

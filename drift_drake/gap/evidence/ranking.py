@@ -9,6 +9,7 @@ import numpy as np
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE, THRESHOLDS
 from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.left_over import with_noise
 from drift_drake.gap.evidence.posterior import (
     NONE,
     UNKNOWN,
@@ -43,7 +44,7 @@ class DayRanked(Ranked[Hypothesis]):
 
 def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, doubt: float = 0.0,
-    false_alarms: float = FALSE_ALARMS,
+    false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> DayRanked:  # fmt: skip
     """Probabilities of hypotheses, of each with something else too, and of `unknown`.
 
@@ -51,7 +52,8 @@ def ranked(
         hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing;
         catalogue: number of effects that were considered;
         doubt: probability that no hypothesis can be judged at all, which is `unknown`'s;
-        false_alarms: rate at which a day without an effect may be said to have a gap.
+        false_alarms: rate at which a day without an effect may be said to have a gap;
+        noise: log evidence that the noise on readings has changed; None where it is not judged.
     """
     values: dict[str, float] = {}
     best: dict[str, Hypothesis] = {}
@@ -61,11 +63,13 @@ def ranked(
         if name not in best or value > values[name]:
             best[name], values[name] = h, value
         if h.names and h.left_over is not None:
-            both = value + np.log(ELSE) + h.left_over.gain / warm
+            both = value + np.log(ELSE) + with_noise(h.left_over.gain, noise) / warm
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
     none = best[NONE]
     if none.left_over is not None:
-        values[UNKNOWN] = (none.log_evidence + none.left_over.gain) / warm + float(np.log(constants.prior_unknown))
+        values[UNKNOWN] = (none.log_evidence + with_noise(none.left_over.gain, noise)) / warm + float(
+            np.log(constants.prior_unknown)
+        )
     return concluded_from(values, list(best.values()), doubt, false_alarms)
 
 

@@ -1,0 +1,75 @@
+"""How noisy the readings of each channel are, and whether a day's are as noisy as its baseline's.
+
+A wheel speed that is suddenly coarse, another sensor, or a filter in the recorder change no mean of the errors, but the
+noise. It is judged where the baseline's own is white: what is left of a smoothed signal is the car's motion.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import t as student
+
+from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun
+from drift_drake.gap.logs.noise import CLIP, DIFFERENCES, white_noise_level
+
+NOT_WHITE = 0.0  # stands for a level where noise is not white
+OF_WHITE = -0.8  # correlation of white noise's neighbouring fourth differences: -56 / 70
+APART = 0.08  # from it, that is still white; a recording of 10 s at 100 Hz scatters by 0.02
+SCATTER, COUNTS = (
+    0.25,
+    4.0,
+)  # of a level's logarithm between recordings before these are seen, and recordings it is worth
+CHANGES = 1.2  # standard deviation of a logarithm that has changed: threefold
+LEAST_ROWS = 200
+FURTHEST = 3.0  # of a logarithm: of a coarse signal most differences are zero
+
+
+def is_white(values: np.ndarray) -> bool:
+    """Whether the noise on a signal [n] is white: by its neighbouring fourth differences."""
+    fourth = np.diff(values, n=DIFFERENCES)
+    spread = float(np.median(np.abs(fourth - np.median(fourth)))) / 0.6744897501960817
+    bounded = np.clip(fourth, -CLIP * spread, CLIP * spread)
+    power = float(bounded @ bounded)
+    return power > 0.0 and abs(float(bounded[1:] @ bounded[:-1]) / power - OF_WHITE) < APART
+
+
+def log_levels(runs: Sequence[WindowedRun], white: bool) -> np.ndarray:
+    """Logarithms of the noise [recordings, channels] by recording, of all `PREDICTED`; `NOT_WHITE` where there is none.
+
+    Args:
+        white: leave out recordings' channels whose noise is not white.
+    """
+    recordings = sorted({run.recording for run in runs})
+    out = np.full((len(recordings), len(PREDICTED)), NOT_WHITE)
+    for k, recording in enumerate(recordings):
+        parts = [run for run in runs if run.recording == recording and len(run.y) >= LEAST_ROWS]
+        for i in range(len(PREDICTED)):
+            seen = [run.y[:, i] for run in parts if run.used[i]]
+            if seen and not (white and not all(map(is_white, seen))):
+                levels = [np.log(max(white_noise_level(y), 1e-12)) for y in seen]
+                out[k, i] = float(np.average(levels, weights=[len(y) for y in seen]))
+    return out
+
+
+def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the noise on a day's readings has changed.
+
+    Args:
+        baseline: white `log_levels` [recordings, channels]; runs: of the day.
+
+    Returns:
+        By channel the logarithm of the ratio to the baseline's and the log evidence of a change over that of none, from
+        normal distributions whose variance the baseline's recordings teach (Student's t); zero where it is not judged.
+    """
+    day, count = log_levels(runs, white=False), len(baseline)
+    ratios, evidence = np.zeros(len(PREDICTED)), np.zeros(len(PREDICTED))
+    for i in range(len(PREDICTED)):
+        now = day[day[:, i] != NOT_WHITE, i]
+        if count and len(now) and np.all(baseline[:, i] != NOT_WHITE):
+            own = baseline[:, i] - baseline[:, i].mean()
+            free = COUNTS + count - 1.0
+            variance = (COUNTS * SCATTER**2 + float(own @ own)) / free * (1.0 + 1.0 / count)
+            ratios[i] = np.clip(now.mean() - baseline[:, i].mean(), -FURTHEST, FURTHEST)
+            same, other = (student.logpdf(ratios[i], free, scale=np.sqrt(v)) for v in (variance, variance + CHANGES**2))
+            evidence[i] = other - same
+    return ratios, evidence
